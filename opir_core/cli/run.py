@@ -1,6 +1,6 @@
 """`opir run`: simulate a scene; write events, truth, tracks and manifest; print the summary.
 
-The summary has the totals, a table of sensors, targets and tracks, and the files written.
+The summary has the totals, a sentence per target, tables of sensors, targets and tracks, and the files written.
 """
 
 import argparse
@@ -12,6 +12,7 @@ from typing import Any
 
 from attrs import asdict
 
+from opir_core.cli.answers import answers, point_text
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, progress, table
 from opir_core.errors import Problem, SceneError, unwritable
@@ -140,7 +141,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
 
 
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
-    """Return the summary as tables."""
+    """Return the summary as sentences and tables."""
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
     head = (
@@ -149,6 +150,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
     )
     parts = [
         head,
+        "\n".join(answers(outcome.summary)),
         table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
         _target_table(targets, is_delayed=is_delayed),
         _listed(_TRACK_HEAD, [_track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
@@ -162,9 +164,6 @@ def _listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: S
     omitted = f"\n... and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
     return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
 
-
-#: From this area on, km², no decimals are printed.
-_WHOLE_KM2 = 10.0
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
 _TRACK_HEAD = ("track", "type", "from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
@@ -206,29 +205,7 @@ def _track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     chance = row["type_probability"]
     reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
     times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
-    return (str(row["track_id"]), reported, *times, _point_text(row["launch"]), _point_text(row["impact"]))
-
-
-def _point_text(point: Mapping[str, Any] | None) -> str:
-    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated.
-
-    The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's law.
-    """
-    if point is None:
-        return "-"
-    lat_deg, lon_deg = point["lat_deg"], point["lon_deg"]
-    place = f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
-    return f"{place} at {point['time_s']:.1f} s{_spread_text(point)}"
-
-
-def _spread_text(point: Mapping[str, Any]) -> str:
-    if point.get("sigma_km") is not None:
-        return f" (sigma {point['sigma_km']:.1f} km)"
-    if point.get("region_95_km2") is not None:
-        area_km2 = point["region_95_km2"]
-        short = float(f"{area_km2:.2g}")
-        return f" (95 % in {grouped(round(short)) if short >= _WHOLE_KM2 else f'{short:g}'} km2)"
-    return "" if point["semi_major_95_km"] is None else f" ({point['semi_major_95_km']:.1f} km)"
+    return (str(row["track_id"]), reported, *times, point_text(row["launch"]), point_text(row["impact"]))
 
 
 def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:

@@ -150,6 +150,16 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
     return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
 
 
+def whole_flights(plan: Plan) -> Targets:
+    """Return the launches of a plan's scene with positions known up to impact, whichever sensors there are.
+
+    Other hot sources are left out, and so are targets that a live run added.
+    """
+    scene, rows = plan.scene, _rows_by_model(plan.scene)
+    trajectories = [_trajectories(scene, plan.host, places, True) for places in rows]
+    return join_targets([target.id for target in scene.targets], trajectories, rows)
+
+
 def _models(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
 ) -> dict[str, Any]:
@@ -253,17 +263,23 @@ def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sour
 
 def _targets(scene: Scene, host: Host, sensors: Sequence[Sensor], sources: "Sequence[Sources]") -> Targets:
     """Return all targets, each model's in one batch: the scene's launches, then the emitters of its sources."""
-    rows: dict[str, list[int]] = {}
-    for place, target in enumerate(scene.targets):
-        rows.setdefault(target.model.name, []).append(place)
+    places = _rows_by_model(scene)
     free_flight = any(sensor.follows_bodies for sensor in sensors)
-    trajectories = [_trajectories(scene, host, places, free_flight) for places in rows.values()]
-    ids, places = [target.id for target in scene.targets], [*rows.values()]
+    trajectories = [_trajectories(scene, host, rows, free_flight) for rows in places]
+    ids = [target.id for target in scene.targets]
     for source in sources:
         places.append(list(range(len(ids), len(ids) + len(source.ids))))
         ids += source.ids
         trajectories.append(source.trajectories)
     return join_targets(ids, trajectories, places)
+
+
+def _rows_by_model(scene: Scene) -> list[list[int]]:
+    """Return the numbers of the scene's launches, one list for each target model."""
+    rows: dict[str, list[int]] = {}
+    for place, target in enumerate(scene.targets):
+        rows.setdefault(target.model.name, []).append(place)
+    return [*rows.values()]
 
 
 def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: bool) -> Trajectories:

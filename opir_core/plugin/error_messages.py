@@ -28,6 +28,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "sensor_models.LEO-WIDE",
     ),
     "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
+    "opir-report": ("commands.report",),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
     "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),

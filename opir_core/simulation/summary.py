@@ -1,6 +1,6 @@
 """The summary of a run, counted window by window, so that memory does not grow with its duration."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ class Tally:
         self._looks = 0
         self._tracks = 0
         self._latest = LatestTracks()
+        #: Detections by target and track.
+        self._held: dict[tuple[int, int], int] = {}
         self._noise = np.zeros(shape[0], dtype=np.int64)
         self._detections = np.zeros(shape, dtype=np.int64)
         self._first_s = np.full(shape, np.inf)
@@ -52,6 +54,7 @@ class Tally:
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         self._latest.take(window.tracks)
         seen, target = window.detections, window.truth.target
+        self._count_held(target, seen.track)
         is_noise = target < 0
         columns: tuple[Any, ...] = (seen.sensor, target, seen.time_ns, seen.reported_type, seen.confidence)
         rows = np.flatnonzero(~is_noise)
@@ -86,6 +89,21 @@ class Tally:
         self._reported += reported.reshape(targets, types)
         np.maximum.at(self._confidence, target, confidence)
 
+    def _count_held(self, target: IndexArray, track: IntArray) -> None:
+        """Count detections (n,) of targets by the tracks that hold them."""
+        held = np.flatnonzero((track >= 0) & (target >= 0))
+        if not len(held):
+            return
+        both, count = np.unique((target[held].astype(np.int64) << 32) | track[held], return_counts=True)
+        for pair, number in zip(both.tolist(), count.tolist(), strict=True):
+            key = pair >> 32, pair & 0xFFFFFFFF
+            self._held[key] = self._held.get(key, 0) + number
+
+    def _track_of(self, target: int, tracks: Collection[int]) -> int | None:
+        """Return the reported track with the most detections of a target, the first of equals, or None."""
+        held = {track: number for (own, track), number in self._held.items() if own == target and track in tracks}
+        return max(sorted(held), key=lambda track: held[track]) if held else None
+
     def counts(self) -> Mapping[str, int]:
         """Return the run's totals."""
         return {
@@ -99,6 +117,8 @@ class Tally:
 
     def summary(self) -> Mapping[str, Any]:
         """Return the totals and one row per sensor, target and track, as plain values."""
+        tracks = self._latest.rows()
+        numbers = {row["track_id"] for row in tracks}
         return {
             "counts": self.counts(),
             "sensors": [
@@ -113,8 +133,11 @@ class Tally:
                 }
                 for row, sensor in enumerate(self._sensors)
             ],
-            "targets": [self._target_row(row) for row in range(len(self._targets.ids))],
-            "tracks": self._latest.rows(),
+            "targets": [
+                {**self._target_row(row), "track_id": self._track_of(row, numbers)}
+                for row in range(len(self._targets.ids))
+            ],
+            "tracks": tracks,
         }
 
     def _target_row(self, row: int) -> Mapping[str, Any]:

@@ -24,8 +24,8 @@ LONG = {
         "docs/how-to/score-tracks.md",
     ),
     *(
+        "docs/how-to/report.md",
         "docs/how-to/serve.md",
-        "docs/tutorials/fusion-pipeline.md",
         "docs/how-to/stone-soup.md",
         "docs/reference/event-extensions.md",
         "plugins/opir_stonesoup/README.md",

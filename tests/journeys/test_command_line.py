@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -78,6 +79,43 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(
     ]
     assert {event["sensor_type"] for event in events} == {"DSP", "SBIRS-GEO", "NEXTGEN-GEO"}
     assert all(name in done.stdout for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"))
+
+
+def test_a_run_says_first_who_saw_what_and_where_it_goes(
+    pacific: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    folder, done = pacific
+    truth = {row["target_id"]: row for row in lines(folder / "events.truth.jsonl") if row["record"] == "target"}
+    ids = {
+        row["detection_id"]: row["target_id"] for row in lines(folder / "events.truth.jsonl") if "detection_id" in row
+    }
+    answers = dict(line.split(": ", 1) for line in done.stdout.splitlines()[2 : 2 + len(truth)])
+    first = {}
+    for event in lines(folder / "events.jsonl"):
+        first.setdefault(ids[event["detection_id"]], event["sensor_id"])
+    for name, row in truth.items():
+        told = answers[f"{name} ({row['type']})"]
+        assert told.startswith(f"first seen by {first[name]} after ")
+        assert f"reported {row['type']}" in told
+        if "from" in told:
+            north, east = re.search(r"from ([\d.]+) N ([\d.]+) [EW]", told).groups()
+            assert float(north) == pytest.approx(row["launch"]["lat_deg"], abs=0.02)
+            assert float(east) == pytest.approx(abs(row["launch"]["lon_deg"]), abs=0.02)
+    assert done.stdout.index(f"{name} (") < done.stdout.index("sensor ")
+
+
+def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> None:
+    scene = tmp_path / "raid.yaml"
+    target = {"type": "SRBM", "launch": {"lat_deg": 10.0, "lon_deg": 120.0}, "aim": {"lat_deg": 12.0, "lon_deg": 121.0}}
+    hidden = {**target, "launch": {"lat_deg": 10.0, "lon_deg": -60.0}, "aim": {"lat_deg": 12.0, "lon_deg": -61.0}}
+    targets = [{"id": f"T{number}", **(target if number else hidden)} for number in range(9)]
+    sensors = [{"model": "DSP", "id": "D", "orbital_slot_deg": 120.0}]
+    head = {"scene": "raid", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "seed": 1}
+    scene.write_text(json.dumps({**head, "sensors": sensors, "targets": targets}), encoding="utf-8")
+    told = opir("run", str(scene), "--sink", "null").stdout.splitlines()[2:9]
+    assert told[0] == "T0 (SRBM): not detected"
+    assert [line.partition(" ")[0] for line in told[1:6]] == ["T1", "T2", "T3", "T4", "T5"]
+    assert told[6] == "... and 3 more targets"
 
 
 def test_a_terminal_sees_progress_and_the_table_stays_clean(
@@ -208,10 +246,12 @@ LATE = ("--set", "sensors[0].reporting={downlink: {mean_s: 2}, processing: {mean
 def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: Opir) -> None:
     prompt, late = opir("run", FIRST_LIGHT), opir("run", FIRST_LIGHT, *LATE)
     assert "end to end" not in prompt.stdout
-    head, row = (late.stdout.splitlines()[number] for number in (5, 6))
+    head, row = (late.stdout.splitlines()[number] for number in (7, 8))
     assert head.split("  ")[:2] == ["target", "type"]
     assert head.index("end to end s") > head.index("latency s")
     first_s, report_s = map(float, row.split()[3:5])
+    assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in late.stdout
+    assert "reported after" not in prompt.stdout
     assert first_s + 2.0 < report_s < first_s + 2.0 + 5.0 + 4 * 1.5
     events = lines(Path("events.jsonl"))
     assert len(events) == 750

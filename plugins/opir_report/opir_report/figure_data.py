@@ -1,0 +1,45 @@
+"""The data of a figure: columns of equal length, by name, and their file."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.errors import unwritable
+
+
+@frozen(eq=False)
+class FigureData:
+    """Columns (n,) by name; units are in the names."""
+
+    columns: Mapping[str, np.ndarray[Any, Any]]
+
+    @classmethod
+    def of_rows(cls, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> "FigureData":
+        """Return the columns of rows of plain values."""
+        parts = list(zip(*rows, strict=True)) or [()] * len(names)
+        return cls({name: np.asarray(part) for name, part in zip(names, parts, strict=True)})
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        """Return a column."""
+        return self.columns[name]
+
+    def where(self, rows: Any) -> "FigureData":
+        """Return some of the rows."""
+        return FigureData({name: column[rows] for name, column in self.columns.items()})
+
+    def write(self, path: Path) -> None:
+        """Write the columns to a Parquet file; raises `SinkError` where that is not possible."""
+        import pyarrow
+        from pyarrow import parquet
+
+        table = pyarrow.table({name: pyarrow.array(column.tolist()) for name, column in self.columns.items()})
+        try:
+            parquet.write_table(table, path)
+        except OSError as error:
+            raise unwritable("the data of a figure", path, error) from error

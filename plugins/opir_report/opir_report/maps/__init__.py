@@ -1,0 +1,1 @@
+"""Maps: projections, coastlines and graticules."""

@@ -1,0 +1,184 @@
+"""The ground of a map: sea, land, graticule with labels, and the axes' limits."""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+
+from opir_core.arrays import FloatArray
+from opir_report.maps.clipping import clipped
+from opir_report.maps.projections import MapProjection, RegionProjection, WorldProjection, nice_step
+from opir_report.palette import COAST, GRID, LAND, MUTED, SEA
+
+_STEPS_DEG = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+_KM_PER_DEG = 111.195
+#: Closed curves with no more points enclose nothing.
+_FEWEST = 3
+#: Points of a line of the graticule, and places across a map at which the graticule's extent is found.
+_LINE_POINTS, _SAMPLES = 121, 25
+#: Least distance of the labels below a map, as a share of its width.
+_APART = 0.07
+
+
+@cache
+def coast_rings() -> tuple[FloatArray, ...]:
+    """Return the rings of land, closed, latitude and longitude in rad, with land on the left."""
+    document = json.loads((Path(__file__).parent / "coast.json").read_text(encoding="utf-8"))
+    rings = [
+        np.radians(np.array(ring, dtype=np.float64).reshape(-1, 2)[::-1, ::-1] / 10.0) for ring in document["rings"]
+    ]
+    return tuple(np.concatenate([ring, ring[:1]]) if (ring[0] != ring[-1]).any() else ring for ring in rings)
+
+
+def filled(axes: Axes, projection: MapProjection, rings: list[FloatArray], **style: Any) -> None:
+    """Fill what lies on the left of rings (n, 2) of latitudes and longitudes, within the limits of the axes."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    curves = [clipped(curve, *limits) for ring in rings for curve in projection.rings(ring)]
+    curves = [curve for curve in curves if len(curve) > _FEWEST]
+    if curves:
+        codes = [[Outline.MOVETO, *[Outline.LINETO] * (len(curve) - 2), Outline.CLOSEPOLY] for curve in curves]
+        axes.add_patch(PathPatch(Outline(np.concatenate(curves), np.concatenate(codes)), **style))
+
+
+def drawn_line(axes: Axes, projection: MapProjection, line: FloatArray, **style: Any) -> None:
+    """Draw a line (n, 2) of latitudes and longitudes."""
+    parts = projection.lines(line)
+    gap = np.full((1, 2), np.nan)
+    joined = [piece for part in parts for piece in (part, gap)][:-1]
+    if joined:
+        axes.plot(*np.concatenate(joined).T, **style)
+
+
+def drawn_world(axes: Axes, projection: WorldProjection) -> None:
+    """Draw the ground of a map of the whole Earth."""
+    axes.set(xlim=(-180.0, 180.0), ylim=(-90.0, 90.0), aspect="equal", facecolor=SEA)
+    _land(axes, projection)
+    first = np.ceil((projection.longitude_deg - 180.0) / 60.0) * 60.0
+    meridians = np.arange(first, projection.longitude_deg + 180.0 + 1e-9, 60.0)
+    axes.set_xticks(meridians - projection.longitude_deg, [longitude_text(each) for each in meridians])
+    parallels = np.arange(-60.0, 61.0, 30.0)
+    axes.set_yticks(parallels, [latitude_text(each) for each in parallels])
+    axes.grid(True, color=GRID)
+    _frame(axes)
+
+
+def drawn_region(
+    axes: Axes, projection: RegionProjection, places: FloatArray, ratio: float, least_km: float, parts: int = 9
+) -> None:
+    """Draw the ground of a map of points (n, 2), with a margin and at least so wide.
+
+    `ratio` is width over height, `parts` the most meridians of the graticule.
+    """
+    flat = projection.points(places[:, 0], places[:, 1])
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    middle, span = 0.5 * (low + high), 1.25 * (high - low)
+    width = max(float(span[0]), ratio * float(span[1]), least_km)
+    half = 0.5 * np.array([width, width / ratio])
+    (west, south), (east, north) = middle - half, middle + half
+    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=SEA)
+    _land(axes, projection)
+    _graticule(axes, projection, nice_step(width / _KM_PER_DEG, parts, _STEPS_DEG))
+    _frame(axes)
+
+
+def _land(axes: Axes, projection: MapProjection) -> None:
+    filled(axes, projection, list(coast_rings()), facecolor=LAND, edgecolor=COAST, linewidth=0.5, zorder=0.5)
+
+
+def _frame(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(True)
+    axes.tick_params(length=2.5, labelsize=8)
+
+
+def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> None:
+    """Draw meridians and parallels, and label them where they cross the lower and the left edge."""
+    axes.grid(False)
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    parallels, meridians = _seen(projection, (west, east), (south, north), step_deg)
+    ticks: tuple[list[tuple[float, str]], list[tuple[float, str]]] = ([], [])
+    along = np.linspace(max(parallels[0], -89.9), min(parallels[-1], 89.9), _LINE_POINTS)
+    around = np.linspace(meridians[0], meridians[-1], _LINE_POINTS)
+    for longitude in meridians.tolist():
+        part = projection.points(np.radians(along), np.full(len(along), np.radians(longitude)))
+        axes.plot(*part.T, color=GRID, linewidth=0.6, zorder=0.7)
+        ticks[0].extend((x, longitude_text(longitude)) for x in _crossings(part[:, ::-1], south, west, east))
+    for latitude in parallels.tolist():
+        part = projection.points(np.full(len(around), np.radians(latitude)), np.radians(around))
+        axes.plot(*part.T, color=GRID, linewidth=0.6, zorder=0.7)
+        ticks[1].extend((y, latitude_text(latitude)) for y in _crossings(part, west, south, north))
+    for place, kept in (
+        (axes.set_xticks, _apart(ticks[0], _APART * (east - west))),
+        (axes.set_yticks, _apart(ticks[1], 0.0)),
+    ):
+        place([value for value, _ in kept], [text for _, text in kept])
+    if len(ticks[1]) < 2:
+        _label_inside(axes, projection, parallels)
+    axes.set(xlim=(west, east), ylim=(south, north))
+
+
+def _apart(ticks: list[tuple[float, str]], least: float) -> list[tuple[float, str]]:
+    """Return the ticks that are at least so far from the one before, in order."""
+    kept: list[tuple[float, str]] = []
+    for tick in sorted(ticks):
+        if not kept or tick[0] - kept[-1][0] >= least:
+            kept.append(tick)
+    return kept
+
+
+def _label_inside(axes: Axes, projection: RegionProjection, parallels: FloatArray) -> None:
+    """Write latitudes beside the meridian of the centre, where parallels do not cross the map's left edge."""
+    centre = np.full(len(parallels), projection.centre[1])
+    for place, latitude in zip(projection.points(np.radians(parallels), centre), parallels.tolist(), strict=True):
+        if abs(latitude) < 90.0:
+            style: dict[str, Any] = {"fontsize": 7, "color": MUTED, "clip_on": True, "annotation_clip": True}
+            axes.annotate(latitude_text(latitude), place, (3, 2), textcoords="offset points", **style)
+
+
+def _seen(
+    projection: RegionProjection, x: tuple[float, float], y: tuple[float, float], step_deg: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the parallels and meridians, degrees, that cover what a map shows; all meridians if it shows a pole."""
+    across = np.meshgrid(np.linspace(*x, _SAMPLES), np.linspace(*y, _SAMPLES))
+    places = np.degrees(projection.places(np.stack([each.ravel() for each in across], axis=1)))
+    centre_deg = np.degrees(projection.centre[1])
+    east = np.mod(places[:, 1] - centre_deg + 180.0, 360.0) - 180.0
+    low, high = float(east.min()) + centre_deg, float(east.max()) + centre_deg
+    pole = projection.points(np.radians(np.array([90.0, -90.0])), np.zeros(2))
+    has_pole = (pole[:, 0] > x[0]) & (pole[:, 0] < x[1]) & (pole[:, 1] > y[0]) & (pole[:, 1] < y[1])
+    if has_pole.any():
+        low, high = -180.0, 180.0 - 2.0 * step_deg
+    bottom = -90.0 if has_pole[1] else float(places[:, 0].min())
+    top = 90.0 if has_pole[0] else float(places[:, 0].max())
+    return _multiples(bottom, top, step_deg), _multiples(low, high, step_deg)
+
+
+def _multiples(low: float, high: float, step: float) -> FloatArray:
+    """Return the multiples of a step from the last one below to the first one above."""
+    return np.arange(np.floor(low / step), np.ceil(high / step) + 1.0) * step
+
+
+def _crossings(line: FloatArray, edge: float, low: float, high: float) -> list[float]:
+    """Return the second coordinates, within [low, high], where a line (n, 2) has its first one equal to `edge`."""
+    off = line[:, 0] - edge
+    rows = np.flatnonzero(off[:-1] * off[1:] < 0.0)
+    share = off[rows] / (off[rows] - off[rows + 1])
+    found = line[rows, 1] + share * (line[rows + 1, 1] - line[rows, 1])
+    return [value for value in found.tolist() if low <= value <= high]
+
+
+def longitude_text(longitude_deg: float) -> str:
+    """Return a whole longitude as text, `150° W`."""
+    east = (longitude_deg + 180.0) % 360.0 - 180.0
+    side = "" if round(east, 2) in (0.0, -180.0, 180.0) else (" E" if east > 0.0 else " W")
+    return f"{abs(round(east, 2)):g}°{side}"
+
+
+def latitude_text(latitude_deg: float) -> str:
+    """Return a whole latitude as text, `30° N`."""
+    side = "" if round(latitude_deg, 2) == 0.0 else (" N" if latitude_deg > 0.0 else " S")
+    return f"{abs(round(latitude_deg, 2)):g}°{side}"

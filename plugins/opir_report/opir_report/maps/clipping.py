@@ -1,0 +1,39 @@
+"""Closed curves in the plane, cut to a rectangle, so that a file does not hold what its map does not show."""
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray
+
+#: How far beyond a rectangle curves are cut, as a share of its sides: the cuts are not seen.
+_MARGIN = 0.02
+
+
+def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -> FloatArray:
+    """Return a closed curve (n, 2) cut to a rectangle, closed; empty where nothing is left.
+
+    One side after another (Sutherland and Hodgman, Communications of the ACM 17 (1974), 32): winding numbers inside the
+    rectangle stay the same.
+    """
+    for axis, (low, high) in enumerate((x, y)):
+        margin = _MARGIN * (high - low)
+        for edge, sign in ((low - margin, 1.0), (high + margin, -1.0)):
+            curve = _half_plane(curve, sign * (curve[:, axis] - edge))
+            if not len(curve):
+                return curve
+    return curve
+
+
+def _half_plane(curve: FloatArray, above: FloatArray) -> FloatArray:
+    """Return the part of a closed curve (n, 2) with `above` (n,) not negative, closed along the edge."""
+    inside: BoolArray = above >= 0.0
+    if inside.all() or not len(curve):
+        return curve
+    if not inside.any():
+        return curve[:0]
+    start = np.flatnonzero(inside[:-1] != inside[1:])
+    share = above[start] / (above[start] - above[start + 1])
+    crossing = curve[start] + share[:, None] * (curve[start + 1] - curve[start])
+    # Points stay in the order of the curve: its own at whole places, crossings between them.
+    places = np.concatenate([np.flatnonzero(inside), start + 0.5])
+    points = np.concatenate([curve[inside], crossing])[np.argsort(places, kind="stable")]
+    return points if (points[0] == points[-1]).all() else np.concatenate([points, points[:1]])

@@ -1,0 +1,133 @@
+"""An HTML page of sections with figures: self-contained, without scripts, light and dark, fit for print."""
+
+import re
+from collections.abc import Sequence
+from html import escape
+
+from attrs import frozen
+
+from opir_report.figure_data import FigureData
+from opir_report.pages.style import style_sheet
+from opir_report.palette import ROLES
+
+#: Nothing is fetched: styles are in the page, and pictures are data.
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+_COLOUR = re.compile("|".join(ROLES))
+
+
+@frozen(eq=False)
+class ReportFigure:
+    """A figure: its id, the SVG, a caption that says what it shows, and its data, if there are any."""
+
+    name: str
+    svg: str
+    caption: str
+    data: FigureData | None = None
+
+
+@frozen(eq=False)
+class ReportTable:
+    """A table: caption, column heads and rows of text; the first column heads the rows."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@frozen(eq=False)
+class ReportSection:
+    """A section: id, title, an introduction as plain text, then figures and tables."""
+
+    name: str
+    title: str
+    text: str
+    parts: Sequence[ReportFigure | ReportTable] = ()
+
+
+@frozen(eq=False, kw_only=True)
+class ReportPage:
+    """A page: title, a line below it, sentences that sum it up, sections, and the last line."""
+
+    title: str
+    subtitle: str
+    summary: Sequence[str]
+    sections: Sequence[ReportSection]
+    footer: str
+
+    def figures(self) -> list[ReportFigure]:
+        """Return all figures of the page."""
+        return [part for section in self.sections for part in section.parts if isinstance(part, ReportFigure)]
+
+    def html(self, data_folder: str | None) -> str:
+        """Return the page as HTML; the figures' data are linked in `data_folder`, if there is one."""
+        title = escape(self.title)
+        contents = "".join(f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in self.sections)
+        summary = "".join(f"<li>{escape(line)}</li>" for line in self.summary)
+        sections = "\n".join(_section(each, data_folder) for each in self.sections)
+        return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="color-scheme" content="light dark">
+<meta name="referrer" content="no-referrer">
+<title>{title}</title>
+<style>{style_sheet()}</style>
+</head>
+<body>
+<header>
+<h1>{title}</h1>
+<p>{escape(self.subtitle)}</p>
+</header>
+<nav aria-label="Contents"><ol>{contents}</ol></nav>
+<main>
+<section id="summary" aria-label="Summary"><ul class="summary">{summary}</ul></section>
+{sections}
+</main>
+<footer><p>{escape(self.footer)}</p></footer>
+</body>
+</html>
+"""
+
+
+def _section(section: ReportSection, data_folder: str | None) -> str:
+    parts = "\n".join(
+        _figure(part, data_folder) if isinstance(part, ReportFigure) else _table(part) for part in section.parts
+    )
+    text = f"<p>{escape(section.text)}</p>\n" if section.text else ""
+    return f'<section id="{section.name}">\n<h2>{escape(section.title)}</h2>\n{text}{parts}\n</section>'
+
+
+def _figure(figure: ReportFigure, data_folder: str | None) -> str:
+    link = ""
+    if data_folder is not None and figure.data is not None:
+        path = f"{data_folder}/{figure.name}.parquet"
+        link = f' <a href="{escape(path)}">Data: {escape(path)}</a>'
+    caption = f"<figcaption>{escape(figure.caption)}{link}</figcaption>"
+    scroll = f'<div class="scroll" role="region" aria-label="Figure {escape(figure.name)}" tabindex="0">'
+    return f'<figure id="figure-{figure.name}">\n{scroll}{themed(figure.svg)}</div>\n{caption}\n</figure>'
+
+
+def _table(table: ReportTable) -> str:
+    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.head)
+    rows = "\n".join(_row(row) for row in table.rows)
+    return (
+        f'<div class="scroll" role="region" aria-label="{escape(table.caption)}" tabindex="0"><table>'
+        f"<caption>{escape(table.caption)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _row(row: Sequence[str]) -> str:
+    cells = "".join(f"<td{_kind(cell)}>{escape(cell)}</td>" for cell in row[1:])
+    return f'<tr><th scope="row">{escape(row[0])}</th>{cells}</tr>'
+
+
+def _kind(cell: str) -> str:
+    """Return the class of a cell that starts as a number."""
+    return ' class="n"' if cell[:1].isdigit() or cell[:1] in "-–" else ""
+
+
+def themed(svg: str) -> str:
+    """Return an SVG with the palette's colours as CSS variables, which differ in dark mode."""
+    return _COLOUR.sub(lambda found: f"var(--{ROLES[found[0]][0]}, {found[0]})", svg)

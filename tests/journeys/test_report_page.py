@@ -1,0 +1,71 @@
+"""The report in a browser without a network: no request, no complaint, no overflow, in light, dark and print."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from opir_report import write_run_report
+from playwright.sync_api import Browser, sync_playwright
+from reported_runs import scored_run
+
+pytestmark = pytest.mark.browser
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if found is None and os.environ.get("OPIR_BROWSER") != "required":
+        pytest.skip("no Chromium: apt-get install chromium")
+    assert found, "no Chromium: apt-get install chromium"
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run_report(scored_run(), tmp_path_factory.mktemp("page") / "report.html")[0]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_report_opens_without_a_network(browser: Browser, report: Path, width: int, scheme: str) -> None:
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True)
+    page = context.new_page()
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: said.append(request.url) if request.url != report.as_uri() else None)
+    page.goto(report.as_uri())
+    assert not said
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    ink, paper = page.evaluate(
+        "[getComputedStyle(document.documentElement).color, _paper()]".replace("_paper()", _PAPER)
+    )
+    assert (brightness(ink) > brightness(paper)) == (scheme == "dark")
+    # The pictures follow the page.
+    assert page.evaluate("getComputedStyle(document.querySelector('svg text')).fill") == ink
+    context.close()
+
+
+_INK = "getComputedStyle(document.documentElement).color"
+_PAPER = "getComputedStyle(document.documentElement).backgroundColor"
+
+
+def brightness(colour: str) -> int:
+    """Return the sum of the parts of `rgb(1, 2, 3)`."""
+    return sum(int(part) for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
+
+
+def test_print_is_light_and_no_picture_is_cut(browser: Browser, report: Path) -> None:
+    page = browser.new_context(color_scheme="dark", offline=True).new_page()
+    page.goto(report.as_uri())
+    page.emulate_media(media="print")
+    assert brightness(page.evaluate(_PAPER)) > 700
+    assert page.evaluate("getComputedStyle(document.querySelector('figure')).breakInside") == "avoid"
+    assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
