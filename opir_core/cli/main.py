@@ -36,9 +36,13 @@ exit codes:
   3    component missing, ambiguous or broken
   4    a model returned invalid values, or a conformance test failed
   5    an output failed
+  6    a supervised service failed or was stuck
   130  interrupted
   141  the reader of standard output stopped reading
 """
+
+#: The option of every command that prints tracebacks.
+DEBUG = "--debug"
 
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
@@ -47,27 +51,35 @@ _BROKEN_PIPE = 141
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
+    is_debugged = DEBUG in words
+    arguments, is_core = None, False
     try:
-        parser, commands = _empty_parser()
-        given = next((word for word in words if not word.startswith("-")), None)
-        if given in COMMANDS:
-            _add_arguments(commands.choices[given], given)
-        elif "--version" not in words:
-            _add_plugin_commands(commands, given)
-        arguments = parser.parse_args(words)
+        arguments, is_core = _parsed([word for word in words if word != DEBUG])
         return int(arguments.run(arguments))
     except KeyboardInterrupt:
         return _INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         return _BROKEN_PIPE
-    except Exception as error:
-        from opir_core.errors import OpirError
+    except BaseException as error:
+        # argparse ends the program with SystemExit, and so may commands of plugins.
+        is_meant = isinstance(error, SystemExit) and not (arguments is not None and is_core)
+        if is_meant or (is_debugged and not hasattr(error, "exit_code")):
+            raise
+        from opir_core.cli.error_report import report
 
-        if not isinstance(error, OpirError):
-            raise error
-        print(f"opir: {error}", file=sys.stderr)  # noqa: T201
-        return error.exit_code
+        return report(error)
+
+
+def _parsed(words: Sequence[str]) -> tuple[argparse.Namespace, bool]:
+    """Return the parsed arguments, and whether the command is the core's own."""
+    parser, commands = _empty_parser()
+    given = next((word for word in words if not word.startswith("-")), None)
+    if given in COMMANDS:
+        _add_arguments(commands.choices[given], given)
+    elif "--version" not in words:
+        _add_plugin_commands(commands, given)
+    return parser.parse_args(words), given in COMMANDS
 
 
 def full_parser() -> argparse.ArgumentParser:
@@ -86,6 +98,7 @@ def _empty_parser() -> tuple[argparse.ArgumentParser, Any]:
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument(DEBUG, action="store_true", help="print the traceback of an internal error")
     parser.add_argument("--version", action="version", version=f"opir {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, (_, summary) in COMMANDS.items():

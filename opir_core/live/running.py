@@ -6,10 +6,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-import numpy as np
-from attrs import define, evolve, field, frozen
+from attrs import evolve, frozen
 
-from opir_core.arrays import IntArray
 from opir_core.errors import OpirError
 from opir_core.interfaces.records import Window
 from opir_core.live.changes import (
@@ -24,17 +22,17 @@ from opir_core.live.changes import (
     wait_until,
 )
 from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPosition, launch_in_lap, past_error
+from opir_core.live.status import Counts, LiveStatus
+from opir_core.live.watchdog import Progress, RunningCall, progress_of
 from opir_core.output.delivery import counter_of, opened_sink
-from opir_core.output.sink_thread import SinkStatus, SinkThread
+from opir_core.output.sink_thread import SinkThread
 from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_mapping
-from opir_core.scene.scene import Scene
+from opir_core.scene.scene import WAIT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.report_order import ReportOrder, quiet_window
-
-#: Upper edges, s, of the histogram of lateness; a last bin has all later cycles.
-LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 
 
 @frozen(eq=False)
@@ -50,98 +48,22 @@ class LiveWindow:
     plan: Plan
 
 
-@frozen
-class SensorStatus:
-    """Detections of a sensor; the last one's scene time is None before the first."""
-
-    id: str
-    type: str
-    detections: int
-    last_detection_s: float | None
-
-
-@frozen
-class LiveStatus:
-    """State and counts of a live run. States: starting, running, ended, stopped, failed."""
-
-    state: str
-    error: str | None
-    time_ns: int
-    cycle: int
-    lap: int
-    speed: float | None
-    late_s: float
-    latest_s: float
-    late_cycles: int
-    late_counts: tuple[int, ...]
-    late_total_s: float
-    looks: int
-    detections: int
-    targets: int
-    targets_launched: int
-    sensors: tuple[SensorStatus, ...]
-    sinks: tuple[SinkStatus, ...]
-
-
-@define(eq=False)
-class Counts:
-    """Counts of a live run; only the run's thread changes them."""
-
-    detections_by_sensor: IntArray
-    last_ns: IntArray
-    time_ns: int = 0
-    cycle: int = 0
-    looks: int = 0
-    detections: int = 0
-    late_s: float = 0.0
-    latest_s: float = 0.0
-    late_total_s: float = 0.0
-    late_cycles: int = 0
-    late_counts: list[int] = field(factory=lambda: [0] * (len(LATE_EDGES_S) + 1))
-
-    @classmethod
-    def of(cls, sensors: int) -> "Counts":
-        """Return zero counts for a number of sensors."""
-        return cls(np.zeros(sensors, dtype=np.int64), np.full(sensors, -1, dtype=np.int64))
-
-    def take(self, window: Window) -> None:
-        """Count a window's looks and detections."""
-        detections = window.detections
-        self.looks += window.looks
-        self.detections += len(detections)
-        self.detections_by_sensor += np.bincount(detections.sensor, minlength=len(self.last_ns))
-        np.maximum.at(self.last_ns, detections.sensor, detections.time_ns)
-
-    def ended(self, time_ns: int, late_s: float, allowed_s: float) -> None:
-        """Count a cycle up to scene time `time_ns` and its lateness; over `allowed_s` it missed its deadline."""
-        self.time_ns = time_ns
-        self.cycle += 1
-        self.late_s = max(late_s, 0.0)
-        self.latest_s = max(self.latest_s, self.late_s)
-        self.late_total_s += self.late_s
-        self.late_cycles += late_s > allowed_s
-        self.late_counts[int(np.searchsorted(LATE_EDGES_S, self.late_s))] += 1
-
-    def sensors(self, plan: Plan) -> tuple[SensorStatus, ...]:
-        """Return the status of each sensor."""
-        rows = zip(plan.sensors, self.detections_by_sensor.tolist(), self.last_ns.tolist(), strict=True)
-        return tuple(
-            SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None)
-            for sensor, count, last in rows
-        )
-
-
 _NS = 1_000_000_000
 
 
 @frozen(kw_only=True)
 class LiveSettings:
-    """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle, looping."""
+    """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle, looping.
+
+    A run is unready if no cycle ends for `unready_after_s`, and stuck after `dead_after_s`.
+    """
 
     speed: float | None = 1.0
     cycle_ns: int = 50_000_000
     loop: bool = False
     maximum_targets: int = 1_000
+    unready_after_s: float = 5.0
+    dead_after_s: float = 120.0
 
 
 class LiveRun:
@@ -170,6 +92,8 @@ class LiveRun:
         self._changes = ChangeQueue(self._stopping)
         self._state = "starting"
         self._error: str | None = None
+        #: Time of the monotonic clock at which the last cycle ended.
+        self._beat_s = time.monotonic()
         self._thread = threading.Thread(target=self._work, name="opir-engine", daemon=True)
 
     def start(self) -> None:
@@ -188,6 +112,7 @@ class LiveRun:
         if self._lap_plans is not None:
             self._lap_plans.prepare(1)
         self._pace.start()
+        self._beat_s = time.monotonic()
         self._thread.start()
 
     def halt(self) -> None:
@@ -242,6 +167,7 @@ class LiveRun:
             late_cycles=counts.late_cycles,
             late_counts=tuple(counts.late_counts),
             late_total_s=counts.late_total_s,
+            cycle_age_s=self._cycle_age_s(),
             looks=counts.looks,
             detections=counts.detections,
             targets=int(is_active(plan, position.engine.time_ns).sum()),
@@ -249,6 +175,25 @@ class LiveRun:
             sensors=counts.sensors(plan),
             sinks=tuple(sink.status() for sink in self._sinks),
         )
+
+    def progress(self) -> Progress:
+        """Return the age of the last finished cycle, and the calls that take too long; never waits."""
+        age_s, settings = self._cycle_age_s(), self.settings
+        calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
+        calls += [
+            RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread) for sink in self._sinks
+        ]
+        return progress_of(calls, age_s, settings.unready_after_s, max(settings.dead_after_s, self._longest_wait_s()))
+
+    def _cycle_age_s(self) -> float:
+        """Return the time since the last cycle ended, s; 0 if the run is not running."""
+        return max(0.0, time.monotonic() - self._beat_s) if self._state == "running" else 0.0
+
+    def _longest_wait_s(self) -> float:
+        """Return the time, s, for which a full spool may hold the run, with a margin: such a run is not stuck."""
+        spools = [choice.spool for choice in self.plan.scene.outputs if choice.spool is not None]
+        waits_s = [spool.wait_s for spool in spools if spool.when_full == WAIT]
+        return max(waits_s) + 10.0 if waits_s else 0.0
 
     def settings_mapping(self) -> dict[str, Any]:
         """Return the present settings of the scene as plain data: its mapping without targets and sources."""
@@ -321,8 +266,8 @@ class LiveRun:
             while not self._stopping.is_set() and self._cycle():
                 pass
             self._state = "stopped" if self._stopping.is_set() else "ended"
-        except Exception as error:  # reported by status, health and exit code
-            self._error = str(error) if isinstance(error, OpirError) else f"{type(error).__name__}: {error}"
+        except BaseException as error:  # also SystemExit of a plugin; reported by status, health and exit code
+            self._error = str(error) if isinstance(error, OpirError) else described_error(error)
             self._state = "failed"
         for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
@@ -343,6 +288,7 @@ class LiveRun:
         self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
+        self._beat_s = time.monotonic()
         return True
 
     @property
@@ -392,13 +338,21 @@ class LiveRun:
             if is_late or change.lap != position.lap:
                 answer.set_exception(past_error(self.time_ns))
                 continue
-            change.engine.take_over(position.engine)
-            self._reports.use(change.engine.plan)
-            self._position = evolve(position, engine=change.engine)
-            if self._lap_plans is not None and change.base is not None:
-                self._lap_plans.prepare(position.lap + 1, change.base)
-            for choice in change.reopened:
-                sink = next(sink for sink in self._sinks if sink.path == choice.path)
-                plan, is_spooled = change.engine.plan, choice.spool is not None
-                sink.replace(partial(opened_sink, plan, choice), is_spooled=is_spooled, count=counter_of(plan, choice))
+            try:
+                self._apply(change, position)
+            except BaseException as error:  # who asked must not wait for ever
+                answer.set_exception(RefusedError(f"the run has failed: {described_error(error)}"))
+                raise
             answer.set_result(self._counts.cycle)
+
+    def _apply(self, change: Change, position: RunPosition) -> None:
+        """Replace the engine, the laps to come and the outputs that change."""
+        change.engine.take_over(position.engine)
+        self._reports.use(change.engine.plan)
+        self._position = evolve(position, engine=change.engine)
+        if self._lap_plans is not None and change.base is not None:
+            self._lap_plans.prepare(position.lap + 1, change.base)
+        for choice in change.reopened:
+            sink = next(sink for sink in self._sinks if sink.path == choice.path)
+            plan, is_spooled = change.engine.plan, choice.spool is not None
+            sink.replace(partial(opened_sink, plan, choice), is_spooled=is_spooled, count=counter_of(plan, choice))

@@ -17,6 +17,7 @@ from opir_core.interfaces.optional import BufferingSink, DeadlineSink, Monitored
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
+from opir_core.plugin.error_messages import described_error
 
 #: Maximum number of windows in the queue of a sink without a spool.
 QUEUED_WINDOWS = 200
@@ -31,7 +32,10 @@ _REPLACEMENT_S = 2.5
 
 @frozen
 class SinkStatus:
-    """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it."""
+    """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
+
+    `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none.
+    """
 
     path: str
     name: str
@@ -44,6 +48,7 @@ class SinkStatus:
     recovered: int
     queued_windows: int
     waits: int
+    busy_s: float
     error: str | None
 
 
@@ -157,8 +162,21 @@ class SinkThread(OpenSink):
         self._queue: queue.Queue[Window | _Replacement | None] = queue.Queue(QUEUED_WINDOWS)
         self._waits = 0
         self._deadline_s = math.inf
+        #: Time of the monotonic clock at which the present call of the sink began.
+        self._busy_since_s: float | None = None
         self._thread = threading.Thread(target=self._work, name=f"opir-{path}", daemon=True)
         self._thread.start()
+
+    @property
+    def busy_s(self) -> float:
+        """Duration, s, of the sink's present call in its thread; 0 if there is none."""
+        since_s = self._busy_since_s
+        return 0.0 if since_s is None else max(0.0, time.monotonic() - since_s)
+
+    @property
+    def thread(self) -> int | None:
+        """The identifier of the sink's thread."""
+        return self._thread.ident
 
     def write(self, window: Window, stopping: threading.Event) -> None:
         """Spool or queue a window; waits for room until there is some, the sink has failed or the run is stopped."""
@@ -208,6 +226,7 @@ class SinkThread(OpenSink):
             **{each: getattr(counts, each) for each in COUNTS},
             queued_windows=self._queue.qsize(),
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
+            busy_s=self.busy_s,
             error=self.error,
         )
 
@@ -224,15 +243,19 @@ class SinkThread(OpenSink):
 
     def _work(self) -> None:
         self._try(self._empty_queue)
+        self._busy_since_s = time.monotonic()
         self._try(self._end)
+        self._busy_since_s = None
         self._count_replacements(self._replacements)
 
     def _empty_queue(self) -> None:
         while (item := self._queue.get()) is not None:
+            self._busy_since_s = time.monotonic()
             if isinstance(item, Window):
                 self._pass(item)
             else:
                 self._change(item)
+            self._busy_since_s = None
 
     def _try(self, work: Callable[[], None]) -> bool:
         """Return whether a call raised nothing; a defect of one sink must not end the run."""
@@ -240,8 +263,8 @@ class SinkThread(OpenSink):
             work()
         except SinkError as error:
             self._fail(str(error))
-        except Exception as error:
-            self._fail(f"{self.name}: {type(error).__name__}: {error}")
+        except BaseException as error:  # also SystemExit: a sink must not end its thread unnoticed
+            self._fail(f"{self.name}: {described_error(error)}")
         else:
             return True
         return False

@@ -2,6 +2,8 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import PurePath
+from sys import stdlib_module_names
+from types import FrameType
 
 from attrs import frozen
 
@@ -166,26 +168,43 @@ def one_line(text: str) -> str:
     return line if len(line) <= _LONGEST_WORDS else f"{line[:_LONGEST_WORDS]}…"
 
 
+def place_of_frame(frame: FrameType) -> str:
+    """Return the line that a thread executes, from its innermost frame, chosen as for a raised exception."""
+    lines = []
+    outer: FrameType | None = frame
+    while outer is not None:
+        lines.append((outer, outer.f_lineno))
+        outer = outer.f_back
+    return _place_among(reversed(lines))
+
+
 def _place(error: BaseException) -> str:
+    """Return the line of the traceback that is shown."""
+    lines, trace = [], error.__traceback__
+    while trace is not None:
+        lines.append((trace.tb_frame, trace.tb_lineno))
+        trace = trace.tb_next
+    return _place_among(lines)
+
+
+def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
     """Return the innermost line of the first package outside the core, else the innermost line of the core.
 
-    Lines of the host, of the import system and of numpy and scipy do not count.
+    Lines of the host, of Python's own library, of numpy and scipy do not count.
     """
-    trace, of_core, of_plugin, package = error.__traceback__, "", "", None
-    while trace is not None:
-        frame = trace.tb_frame
+    of_core, of_plugin, package = "", "", None
+    for frame, number in lines:
         path = PurePath(frame.f_code.co_filename)
-        line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
-        trace = trace.tb_next
+        line = f"{'/'.join(path.parts[-2:])}, line {number}"
         folder = path.parent.parts
-        if not _LIBRARIES.isdisjoint(folder) or str(path).startswith("<frozen "):
+        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if not _LIBRARIES.isdisjoint(folder) or str(path).startswith("<frozen ") or root in stdlib_module_names:
             continue
         if any(folder[-len(own) :] == own for own in _MACHINERY):
             continue
         if path.is_relative_to(_CORE):
             of_core = line
             continue
-        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
         package = package or root
         of_plugin = line if root == package else of_plugin
     return of_plugin or of_core

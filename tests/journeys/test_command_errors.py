@@ -175,4 +175,4 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
         main(["--help"])
     listed = set(re.findall(r"^  (\d+)  +\w", capsys.readouterr().out, re.MULTILINE))
     errors = (OpirError, SceneError, PluginError, ModelError, SinkError)
-    assert listed == {"0", "130", "141", *(str(error.exit_code) for error in errors)}
+    assert listed == {"0", "6", "130", "141", *(str(error.exit_code) for error in errors)}

@@ -34,6 +34,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="maximum number of targets in the run (default 1000)",
     )
+    parser.add_argument(
+        "--unready-after",
+        type=_wait_s,
+        default=5.0,
+        metavar="S",
+        help="not ready if no cycle has ended for so long, or a sink has been in one call (default 5 s)",
+    )
+    parser.add_argument(
+        "--dead-after", type=_wait_s, default=120.0, metavar="S", help="not alive after so long (default 120 s)"
+    )
+    parser.add_argument(
+        "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
+    )
 
 
 def _speed(word: str) -> float | None:
@@ -51,6 +64,10 @@ def _speed(word: str) -> float | None:
 
 def _cycle_ms(word: str) -> float:
     return _within(word, 5.0, 1000.0, "a time of 5 to 1000 ms")
+
+
+def _wait_s(word: str) -> float:
+    return _within(word, 0.5, 86_400.0, "a time of 0.5 to 86400 s")
 
 
 def _targets(word: str) -> int:

@@ -15,6 +15,7 @@ from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
+from opir_core.plugin.error_messages import described_error
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
@@ -137,6 +138,8 @@ class Feed:
         self._thread = threading.Thread(target=self._work, name="opir-feed", daemon=True)
         self._dropped_before = 0
         self._status_due_s = 0.0
+        #: The error of encoding the last window; viewers miss that window.
+        self.error: str | None = None
         self.put = self._windows.put
 
     @property
@@ -178,7 +181,11 @@ class Feed:
     def _work(self) -> None:
         while not self._windows.is_over:
             live = self._windows.take(_STATUS_S)
-            frames = self._frames(live) if live is not None else []
+            try:
+                frames = self._frames(live) if live is not None else []
+                self.error = None if live is not None else self.error
+            except BaseException as error:  # the thread must not end unnoticed
+                self.error, frames = described_error(error), []
             if frames and self._clients and self._loop is not None and not self._loop.is_closed():
                 self._loop.call_soon_threadsafe(self._fan_out, frames)
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.live.running import LATE_EDGES_S, LiveStatus
+from opir_core.live.status import LATE_EDGES_S, LiveStatus
 from opir_core.output.sink_thread import SinkStatus
 from opir_http.service import Service
 
@@ -25,6 +25,7 @@ def metrics_text(service: Service) -> str:
             [({}, status.late_cycles)],
         ),
         _late(status),
+        _metric("opir_cycle_age_seconds", "gauge", "Time since the last finished cycle", [({}, status.cycle_age_s)]),
         _metric("opir_looks_total", "counter", "Looks processed", [({}, status.looks)]),
         _metric("opir_detections_total", "counter", "Detections", sensors),
         _metric("opir_targets", "gauge", "Targets in the run", [({}, status.targets)]),
@@ -55,10 +56,15 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
     for name, words in counters.items():
         samples = [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
         yield _metric(f"opir_sink_events_{name}_total", "counter", f"Events {words} sinks", samples)
-    gauges = {"spooled": "Events in spools", "queued_windows": "Windows in the queues of sinks"}
+    gauges = {
+        "spooled": "Events in spools",
+        "queued_windows": "Windows in the queues of sinks",
+        "busy_s": "Duration of the present call of sinks",
+    }
     for name, words in gauges.items():
+        series = name.replace("busy_s", "busy_seconds")
         yield _metric(
-            f"opir_sink_{name}", "gauge", words, [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
+            f"opir_sink_{series}", "gauge", words, [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
         )
     up = [({"sink": sink.path}, float(sink.state == "open")) for sink in sinks]
     yield _metric("opir_sink_up", "gauge", "1 while the sink is open", up)

@@ -77,7 +77,7 @@ def document() -> dict[str, Any]:
             "/detections": {"get": _detections()},
             "/tracks": {"get": _tracks()},
             "/stream": {"get": _stream()},
-            "/health/live": {"get": _health("live", closed({"state": TEXT}))},
+            "/health/live": {"get": _health("live", closed({"state": TEXT, "reasons": listed(TEXT)}))},
             "/health/ready": {"get": _health("ready", closed({"ready": {"type": "boolean"}, "reasons": listed(TEXT)}))},
             "/metrics": {"get": _metrics()},
         },
@@ -177,8 +177,8 @@ def _stream() -> Schema:
 
 def _health(name: str, schema: Schema) -> Schema:
     words = {
-        "live": "Whether the simulation is alive",
-        "ready": "Whether the simulation runs, no sink has failed and no backlog grows",
+        "live": "Whether the simulation is alive: it has not failed and no call is stuck",
+        "ready": "Whether cycles end, no sink has failed and no backlog grows",
     }
     content = {_JSON: {"schema": schema}}
     answers = {

@@ -32,6 +32,8 @@ _KINDS = {
 _JSON = "application/json"
 #: Maximum age of cached documents, s.
 _CACHED_S = 0.05
+#: Time, s, in which the status must be available for readiness.
+_STATUS_S = 2.0
 _KEY_LENGTH = 200
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
@@ -87,13 +89,17 @@ def _health_routes(service: Service) -> list[Any]:
     @get("/health/live")
     async def live(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        state = service.run.state
-        return _json({"state": state}, 503 if state == "failed" else 200)
+        # Never waits: it answers while the engine, a sink or its counts are stuck.
+        state, reasons = service.run.state, service.run.progress().stuck
+        return _json({"state": state, "reasons": reasons}, 503 if state == "failed" or reasons else 200)
 
     @get("/health/ready")
     async def ready(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        is_ready, reasons = await readiness.get()
+        try:
+            is_ready, reasons = await asyncio.wait_for(readiness.get(), _STATUS_S)
+        except TimeoutError:
+            is_ready, reasons = False, [f"the status is not available within {_STATUS_S:g} s"]
         return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503)
 
     @get("/metrics")

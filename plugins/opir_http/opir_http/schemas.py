@@ -126,6 +126,7 @@ def status() -> Schema:
         "late_s": NUMBER,
         "latest_s": NUMBER,
         "late_cycles": COUNT,
+        "cycle_age_s": NUMBER,
     }
     counts = ("looks", "detections", "targets", "targets_launched", "tracks")
     viewers = ("connected", "dropped_frames", "dropped_windows")
@@ -201,7 +202,8 @@ def _sensor() -> Schema:
 def _sink() -> Schema:
     counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
     state = {"type": "string", "enum": ["open", "failed", "closed"]}
-    return closed({"path": TEXT, "name": TEXT, "state": state, **dict.fromkeys(counts, COUNT), "error": or_null(TEXT)})
+    numbers = dict.fromkeys(counts, COUNT) | {"busy_s": NUMBER}
+    return closed({"path": TEXT, "name": TEXT, "state": state, **numbers, "error": or_null(TEXT)})
 
 
 def _schema_of_field(attribute: Any) -> Schema:

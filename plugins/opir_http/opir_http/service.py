@@ -12,7 +12,8 @@ import numpy as np
 from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
-from opir_core.live.running import LiveRun, LiveStatus
+from opir_core.live.running import LiveRun
+from opir_core.live.status import LiveStatus
 from opir_core.output.events.text import timestamp_text
 from opir_core.output.sink_thread import SinkStatus
 from opir_http.feed import Feed
@@ -55,6 +56,7 @@ class Service:
                 "late_s": round(live.late_s, 6),
                 "latest_s": round(live.latest_s, 6),
                 "late_cycles": live.late_cycles,
+                "cycle_age_s": round(live.cycle_age_s, 6),
             },
             "counts": {
                 "looks": live.looks,
@@ -114,6 +116,9 @@ class Service:
         """Return whether the service is ready, and the reasons if not."""
         live = self.run.status()
         reasons = [] if live.state in ("running", "ended") else [f"the run has {live.state}"]
+        reasons += self.run.progress().delays
+        if self.feed.error is not None:
+            reasons.append(f"the stream has failed: {self.feed.error}")
         for sink in live.sinks:
             if sink.state == "failed":
                 reasons.append(f"the sink {sink.path} has failed")

@@ -5,16 +5,20 @@ import asyncio
 import os
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from opir_core.cli.scene_arguments import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
 from opir_core.live.loops import limit_pauses
-from opir_core.live.running import LiveRun, LiveSettings, LiveStatus
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.status import LiveStatus
+from opir_core.live.watchdog import Notifier, Watchdog
 from opir_core.plugin.host import Host
 from opir_http.gate import LOOPBACK, Gate
 from opir_http.routes import application
@@ -27,6 +31,9 @@ TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
 
 #: Time, s, after the stop signal for the sinks to empty their queues; the process ends within 5 s.
 STOP_S = 4.0
+
+#: The exit code of `--supervise` for a run that has failed or is stuck.
+STUCK = 6
 
 _LEAST_S = 1.0
 _SHORTEST_TOKEN = 16
@@ -42,13 +49,16 @@ def serve(arguments: argparse.Namespace) -> int:
     """Run the service until a signal stops it; return the exit code."""
     token = token_of(arguments)
     service = service_of(arguments)
+    on_stuck = partial(end_process, service.run) if arguments.supervise else None
+    watchdog = Watchdog(service.run, on_stuck, Notifier.of())
     with _bound(arguments) as listening:
         limit_pauses()
         service.run.start()
         asked_at_s = None
         try:
-            asked_at_s = asyncio.run(_served(service, token, listening, arguments.host))
+            asked_at_s = asyncio.run(_served(service, token, listening, arguments.host, watchdog.start))
         finally:
+            watchdog.stop()
             service.feed.stop()
             passed_s = 0.0 if asked_at_s is None else time.monotonic() - asked_at_s
             status = service.run.stop(within_s=max(_LEAST_S, STOP_S - passed_s))
@@ -74,6 +84,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         cycle_ns=round(arguments.cycle_ms * 1e6),
         loop=arguments.loop,
         maximum_targets=arguments.max_targets,
+        unready_after_s=arguments.unready_after,
+        dead_after_s=arguments.dead_after,
     )
     try:
         run = LiveRun(scene, plugins, live)
@@ -82,6 +94,27 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
     service = Service(run, settings)
     run.on_window = service.feed.put
     return service
+
+
+def end_process(run: LiveRun, reason: str) -> None:
+    """Print the reason, close the sinks as far as they can be within `STOP_S`, and end this process with `STUCK`.
+
+    The process ends without waiting for threads: one of them may never return.
+    """
+    sys.stderr.write(f"opir: {reason}; the supervisor ends the service with exit code {STUCK}\n")
+    sys.stderr.flush()
+    closing = threading.Thread(target=_report_stopped, args=(run,), name="opir-end", daemon=True)
+    closing.start()
+    closing.join(STOP_S + _LEAST_S)
+    os._exit(STUCK)
+
+
+def _report_stopped(run: LiveRun) -> None:
+    status = run.stop(within_s=STOP_S)
+    if status.error:
+        sys.stderr.write(f"opir: the run failed: {status.error}\n")
+    sys.stdout.write(final_report(status))
+    sys.stdout.flush()
 
 
 def token_of(arguments: argparse.Namespace) -> str | None:
@@ -126,13 +159,16 @@ def _bound(arguments: argparse.Namespace) -> socket.socket:
         raise ServeError(f"--host {arguments.host} --port {arguments.port} cannot be bound: {reason}") from None
 
 
-async def _served(service: Service, token: str | None, listening: socket.socket, host: str) -> float | None:
-    """Serve until a signal; return its time on the monotonic clock, s."""
+async def _served(
+    service: Service, token: str | None, listening: socket.socket, host: str, on_start: Callable[[], None]
+) -> float | None:
+    """Serve until a signal, and return its time on the monotonic clock, s; `on_start` is called once it serves."""
     name = f"[{host}]" if ":" in host else host
 
     def print_address() -> None:
         sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
         sys.stdout.flush()
+        on_start()
 
     server = server_of(service, token, print_address)
     await server.serve(sockets=[listening])

@@ -142,7 +142,7 @@ def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
 
 
 def test_health_tells_life_from_readiness(stand: Stand) -> None:
-    assert stand.ask("GET", "/health/live").json == {"state": "running"}
+    assert stand.ask("GET", "/health/live").json == {"state": "running", "reasons": []}
     assert stand.ask("GET", "/health/ready").json == {"ready": True, "reasons": []}
 
 

@@ -1,0 +1,19 @@
+"""How the command line reports an error: one message on standard error, and the exit code."""
+
+import sys
+
+from opir_core.errors import ModelError, OpirError
+from opir_core.plugin.error_messages import described_error
+
+
+def report(error: BaseException) -> int:
+    """Print an error as one message and return its exit code; what opir did not foresee is named with its line."""
+    if isinstance(error, OpirError):
+        message, code = str(error), error.exit_code
+    elif isinstance(error, SystemExit | GeneratorExit):
+        # An exit that nobody asked for must not look like success.
+        message, code = f"a component raised {described_error(error)}", ModelError.exit_code
+    else:
+        message, code = f"internal error: {described_error(error)}; with --debug the traceback is printed", 1
+    print(f"opir: {message}", file=sys.stderr)  # noqa: T201
+    return code

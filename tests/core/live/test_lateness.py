@@ -1,0 +1,73 @@
+"""Lateness under a clock of the test: what the status and the metrics say of it."""
+
+import time
+
+import pytest
+from live_scene import mapping
+from opir_http.metrics import metrics_text
+from opir_http.service import Service
+from opir_http.settings import HttpSettings
+
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import scene_from_mapping
+
+NS = 1_000_000_000
+#: Real time that each cycle takes, s, after it was due; a cycle of 0.1 s that takes longer delays the next.
+TAKEN_S = [0.004, 0.3, 0.02, 0.0, 0.02]
+#: Lateness by hand: due at 0.1, 0.2, 0.3; the second ends at 0.5, so the third (two cycles in one, for it owes 3) is
+#: due at 0.5 and ends at 0.52, the fourth is due at 0.6.
+LATE_S = [0.004, 0.3, 0.02, 0.0, 0.02]
+
+
+def test_lateness_is_told_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = Host.discover()
+    scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
+    clock_ns, taken = [77 * NS], iter(TAKEN_S)
+
+    def work(_window: object) -> None:
+        clock_ns[0] += round(next(taken) * NS)
+
+    run = LiveRun(scene, host, LiveSettings(cycle_ns=NS // 10), work)
+    service = Service(run, HttpSettings())
+    monkeypatch.setattr(time, "monotonic_ns", lambda: clock_ns[0])
+    run._pace.start()
+    run._pace.wait = lambda due_ns, _stopping: not clock_ns.__setitem__(0, max(clock_ns[0], 77 * NS + due_ns))  # type: ignore[method-assign]
+    seen = []
+    for _ in TAKEN_S:
+        run._cycle()
+        seen.append((run.status().late_s, run.status().latest_s))
+    late_s, latest_s = map(list, zip(*seen, strict=True))
+    assert late_s == pytest.approx(LATE_S, abs=1e-9)
+    assert latest_s == pytest.approx([0.004, 0.3, 0.3, 0.3, 0.3], abs=1e-9)
+    clock = service.status()["clock"]
+    assert (clock["late_s"], clock["latest_s"]) == (0.02, 0.3)
+    lines = dict(line.rsplit(" ", 1) for line in metrics_text(service).splitlines() if not line.startswith("#"))
+    buckets = {"0.0025": 1, "0.005": 2, "0.01": 2, "0.025": 4, "0.25": 4, "0.5": 5, "+Inf": 5}
+    for edge, count in buckets.items():
+        assert float(lines[f'opir_cycle_late_seconds_bucket{{le="{edge}"}}']) == count, edge
+    assert float(lines["opir_cycle_late_seconds_sum"]) == pytest.approx(sum(LATE_S), abs=1e-9)
+    assert float(lines["opir_cycle_late_seconds_count"]) == 5
+
+
+def test_a_cycle_later_than_the_shortest_scan_period_misses_its_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = Host.discover()
+    sensors = [
+        {"model": "generic-scanner", "id": "A", "orbital_slot_deg": 0.0, "scan_period_ms": 200.0},
+        {"model": "generic-scanner", "id": "B", "orbital_slot_deg": 9.0, "scan_period_ms": 900.0},
+    ]
+    scene = scene_from_mapping(mapping(outputs=["null"], sensors=sensors), host=host)
+    clock_ns, taken = [0], iter([0.199, 0.0, 0.0, 0.201, 0.0])
+
+    def work(_window: object) -> None:
+        clock_ns[0] += round(next(taken) * NS)
+
+    run = LiveRun(scene, host, LiveSettings(cycle_ns=NS // 10), work)
+    monkeypatch.setattr(time, "monotonic_ns", lambda: clock_ns[0])
+    run._pace.start()
+    run._pace.wait = lambda due_ns, _stopping: not clock_ns.__setitem__(0, max(clock_ns[0], due_ns))  # type: ignore[method-assign]
+    missed = []
+    for _ in range(5):
+        run._cycle()
+        missed.append(run.status().late_cycles)
+    assert missed == [0, 0, 0, 1, 1]

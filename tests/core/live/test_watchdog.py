@@ -1,0 +1,159 @@
+"""A live run is watched: calls that hang or end their thread are noticed while they last, cycles that end are told."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_scene import mapping
+from rogue_components import Hang, raising, rogue_host
+from waiting import until
+
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.watchdog import Notifier, Progress, Watchdog
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import scene_from_mapping
+
+QUICK = LiveSettings(speed=50.0, cycle_ns=10_000_000, unready_after_s=0.2, dead_after_s=0.6)
+
+PARTS = {
+    "tracker": ("opir_trackers", "kepler-arc", "step", {"tracker": "rogue"}),
+    "model": ("opir_detection_models", "constant", "pair_probability", {"detection": "rogue"}),
+    "confidence": ("opir_confidence_models", "weighted", "confidence", {"confidence": "rogue"}),
+    "sink": ("opir_sinks", "memory", "write", {"outputs": [{"rogue": {}}, "null"]}),
+}
+
+
+@contextmanager
+def running(host: Host, settings: LiveSettings = QUICK, **changes: Any) -> Iterator[LiveRun]:
+    run = LiveRun(scene_from_mapping(mapping(**changes), host=host), host, settings)
+    run.start()
+    try:
+        yield run
+    finally:
+        run.stop(within_s=0.5)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_call_that_hangs_is_noticed_while_it_lasts(part: str) -> None:
+    hook, sound, method, changes = PARTS[part]
+    hang = Hang()
+    with running(rogue_host(hook, sound, method, hang), **changes) as run:
+        try:
+            until(hang.begun.is_set)
+            until(lambda: run.progress().delays)
+            assert run.state == "running"
+            until(lambda: run.progress().stuck)
+            assert "rogue_components.py, line" in run.progress().stuck[0]
+            assert (run.status().sinks[0].busy_s > 0.5) == (part == "sink")
+        finally:
+            hang.end()
+
+
+def test_a_sink_that_hangs_is_named_and_the_engine_goes_on_until_its_queue_is_full() -> None:
+    hang = Hang()
+    with running(rogue_host("opir_sinks", "memory", "write", hang), outputs=[{"rogue": {}}]) as run:
+        try:
+            until(lambda: run.progress().stuck)
+            told = run.progress()
+            assert told.stuck[0].startswith("the sink outputs[0] has not returned for 0.")
+            assert told.cycle_age_s < 0.2
+        finally:
+            hang.end()
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), GeneratorExit(), KeyboardInterrupt(), MemoryError("all")])
+@pytest.mark.parametrize("part", PARTS)
+def test_whatever_a_component_raises_is_told(part: str, error: BaseException) -> None:
+    hook, sound, method, changes = PARTS[part]
+    with running(rogue_host(hook, sound, method, raising(error)), **changes) as run:
+        if part == "sink":
+            until(lambda: run.status().sinks[0].state == "failed")
+            told, state = run.status().sinks[0].error or "", "running"
+            until(lambda: run.status().sinks[1].delivered > 0)
+        else:
+            until(lambda: run.state == "failed")
+            told, state = run.status().error or "", "failed"
+        assert run.state == state
+        assert type(error).__name__ in told
+        assert "rogue_components.py, line" in told
+
+
+def test_a_full_spool_that_may_hold_the_run_does_not_make_it_stuck(tmp_path: Path) -> None:
+    spool = {"path": str(tmp_path / "spool"), "when_full": "wait", "wait_s": 300.0}
+    hang = Hang()
+    host = rogue_host("opir_trackers", "kepler-arc", "step", hang)
+    outputs = [{"jsonl": {"path": str(tmp_path / "events"), "spool": spool}}]
+    with running(host, tracker="rogue", outputs=outputs) as run:
+        try:
+            until(lambda: run.progress().cycle_age_s > 1.0)
+            assert run.progress().delays
+            assert not run.progress().stuck
+        finally:
+            hang.end()
+
+
+def test_who_asks_for_a_change_that_fails_gets_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    from opir_core.simulation.engine import Engine
+
+    with running(Host.discover()) as run:
+        monkeypatch.setattr(Engine, "take_over", lambda *_: raising(SystemExit(0))(None))
+        with pytest.raises(Exception, match="the run has failed: SystemExit"):
+            run.configure(run.settings_mapping() | {"confidence": "always"})
+        until(lambda: run.state == "failed")
+
+
+class Pretended:
+    """A run with a given progress."""
+
+    state = "running"
+
+    def __init__(self) -> None:
+        self.now = Progress()
+
+    def progress(self) -> Progress:
+        return self.now
+
+
+@pytest.mark.parametrize("kind", ["path", "abstract"])
+def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) -> None:
+    name = str(tmp_path / "notify") if kind == "path" else f"@opir-test-{time.monotonic_ns()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(name if kind == "path" else f"\0{name[1:]}")
+        listening.settimeout(10.0)
+        run, reasons = Pretended(), list[str]()
+        notifier = Notifier.of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "100000"})
+        watchdog = Watchdog(run, reasons.append, notifier)
+        watchdog.start()
+        assert listening.recv(99) == b"READY=1"
+        assert {listening.recv(99) for _ in range(3)} == {b"WATCHDOG=1"}
+        run.now = Progress(9.0, ("slow",), ("stuck here",))
+        until(lambda: reasons)
+        told = [listening.recv(99)]
+        while told[-1] == b"WATCHDOG=1":
+            told.append(listening.recv(99))
+        assert told[-1] == b"STATUS=stuck here"
+        watchdog.stop()
+        assert listening.recv(99) == b"STOPPING=1"
+        assert reasons == ["stuck here"]
+
+
+def test_a_service_manager_that_is_away_or_means_another_process_is_ignored(tmp_path: Path) -> None:
+    Notifier.of({}).send("READY=1")
+    Notifier.of({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).send("READY=1")
+    assert Notifier.of({"WATCHDOG_USEC": "100000", "WATCHDOG_PID": "1"}).within_s is None
+    assert Notifier.of({"WATCHDOG_USEC": "soon"}).within_s is None
+
+
+def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
+    run, reasons = Pretended(), list[str]()
+    run.now = Progress(9.0, ("slow",))
+    watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02))
+    watchdog.start()
+    threading.Event().wait(0.2)
+    watchdog.stop()
+    assert reasons == []

@@ -1,0 +1,88 @@
+"""Health of a service whose run is stuck, and the supervisor that ends it."""
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from http_service import SCENE, serving
+from rogue_components import Hang, rogue_host
+from waiting import until, within
+
+WORDS = ("--speed", "20", "--unready-after", "0.5", "--dead-after", "1.5")
+TRACKED = SCENE + "tracker: rogue\n"
+
+
+def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Path) -> None:
+    hang = Hang()
+    host = rogue_host("opir_trackers", "kepler-arc", "step", hang)
+    with serving(tmp_path, *WORDS, scene=TRACKED, host=host) as stand:
+        try:
+            assert stand.ask("GET", "/health/live").status == 200
+            until(lambda: stand.ask("GET", "/health/ready").status == 503)
+            assert stand.ask("GET", "/health/ready").json["reasons"][0].startswith("no cycle has ended for ")
+            until(lambda: stand.ask("GET", "/health/live").status == 503)
+            live = stand.ask("GET", "/health/live").json
+            assert live["state"] == "running"
+            assert "rogue_components.py, line" in live["reasons"][0]
+            assert stand.ask("GET", "/status").json["clock"]["cycle_age_s"] > 1.5
+            assert b"opir_cycle_age_seconds " in stand.ask("GET", "/metrics").body
+        finally:
+            hang.end()
+
+
+def test_readiness_answers_when_the_counts_of_a_sink_do_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("opir_http.routes._STATUS_S", 0.3)
+    hang = Hang()
+    with serving(tmp_path, *WORDS) as stand:
+        monkeypatch.setattr(stand.service.run._sinks[0], "status", lambda: hang(None))
+        answer = stand.ask("GET", "/health/ready")
+        hang.end()
+        assert (answer.status, answer.json["reasons"]) == (503, ["the status is not available within 0.3 s"])
+
+
+def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with serving(tmp_path, *WORDS) as stand:
+
+        def failing(*_given: object) -> None:
+            raise SystemExit(0)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(stand.service.feed, "_frames", failing)
+            until(lambda: stand.ask("GET", "/health/ready").status == 503)
+            assert "the stream has failed: SystemExit" in stand.ask("GET", "/health/ready").json["reasons"][0]
+        before = stand.service.feed.history.total
+        until(lambda: stand.service.feed.history.total > before)
+        until(lambda: stand.ask("GET", "/health/ready").status == 200)
+
+
+@pytest.mark.parametrize(
+    ("deed", "told"), [("hang", "no cycle has ended for "), ("SystemExit", "the run has failed"), ("MemoryError", "")]
+)
+def test_the_supervisor_ends_the_process_with_its_own_code(tmp_path: Path, deed: str, told: str) -> None:
+    (tmp_path / "scene.yaml").write_text(TRACKED, encoding="utf-8")
+    script = Path(__file__).parents[2] / "support" / "rogue_service.py"
+    rogue = [sys.executable, str(script), "opir_trackers", "kepler-arc", "step", deed]
+    words = ["serve", str(tmp_path / "scene.yaml"), "--port", "0", "--supervise", *WORDS]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(10.0)
+        systemd = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+        process = subprocess.Popen(
+            [*rogue, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **systemd}
+        )
+        try:
+            out, error = within(60.0, process.communicate)
+        finally:
+            process.kill()
+        notes = [manager.recv(99)]
+        while not notes[-1].startswith(b"STATUS="):
+            notes.append(manager.recv(999))
+    assert process.returncode == 6
+    assert f"opir: {told}" in error
+    assert "Traceback" not in error
+    assert "(null): " in out
+    assert notes[0] == b"READY=1"
+    assert set(notes[1:-1]) <= {b"WATCHDOG=1"}

@@ -1,0 +1,89 @@
+"""Components of a plugin that misbehave in one method: they hang, raise what they should not, or return nonsense."""
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from attrs import evolve
+
+from opir_core.plugin import hookimpl
+from opir_core.plugin.components import CATALOGUE
+from opir_core.plugin.host import Host
+
+#: Takes what the method returns when it behaves, and returns what it returns here, or raises.
+Deed = Callable[[Any], Any]
+
+
+class Rogue:
+    """A plugin with the component `rogue` of one hook: a sound component with one method that misbehaves."""
+
+    def __init__(self, hook: str, sound: str, method: str, deed: Deed) -> None:
+        component = Host.discover().component(hook, sound)
+
+        def build(config: Any, context: Any) -> Any:
+            return deed(component.build(config, context)) if method == "build" else spoilt(build_sound(config, context))
+
+        def build_sound(config: Any, context: Any) -> Any:
+            return component.build(config, context)
+
+        def spoilt(part: Any) -> Any:
+            return with_deed(part, method, deed)
+
+        made = evolve(component, name="rogue", build=build)
+        setattr(self, hook, hookimpl(self._yielding(made), specname=hook))
+        assert hook in CATALOGUE
+
+    @staticmethod
+    def _yielding(component: Any) -> Callable[[], Iterator[Any]]:
+        def yielding() -> Iterator[Any]:
+            yield component
+
+        return yielding
+
+
+def with_deed(part: Any, method: str, deed: Deed) -> Any:
+    """Return a part like another, except for one method or attribute."""
+
+    def delegate(name: str) -> Any:
+        if callable(getattr(part, name)):
+            return lambda _self, *given, **named: getattr(part, name)(*given, **named)
+        return property(lambda _self: getattr(part, name))
+
+    members = {name: delegate(name) for name in dir(part) if not name.startswith("_")}
+    if callable(getattr(part, method)):
+        members[method] = lambda _self, *given, **named: deed(getattr(part, method)(*given, **named))
+    else:
+        members[method] = property(lambda _self: deed(getattr(part, method)))
+    return type("RoguePart", (), members)()
+
+
+def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
+    """Return a host of the installed plugins and the component `rogue` of a hook, with a method that misbehaves."""
+    host = Host.discover()
+    host.register(Rogue(hook, sound, method, deed), "rogue")
+    return host
+
+
+class Hang:
+    """A deed that does not return until `end` is called."""
+
+    def __init__(self) -> None:
+        self._over = threading.Event()
+        self.begun = threading.Event()
+
+    def __call__(self, answer: Any) -> Any:
+        self.begun.set()
+        self._over.wait(60.0)
+        return answer
+
+    def end(self) -> None:
+        self._over.set()
+
+
+def raising(error: BaseException) -> Deed:
+    """Return a deed that raises."""
+
+    def deed(_answer: Any) -> Any:
+        raise error
+
+    return deed
