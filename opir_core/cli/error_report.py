@@ -15,5 +15,5 @@ def report(error: BaseException) -> int:
         message, code = f"a component raised {described_error(error)}", ModelError.exit_code
     else:
         message, code = f"internal error: {described_error(error)}; with --debug the traceback is printed", 1
-    print(f"opir: {message}", file=sys.stderr)  # noqa: T201
+    sys.stderr.write(f"opir: {message}\n")
     return code

@@ -116,7 +116,7 @@ class Watchdog:
         threading.Thread(target=self._work, name="opir-watchdog", daemon=True).start()
 
     def stop(self) -> None:
-        """End the checks; systemd is told that the service stops."""
+        """End the checks and notify systemd that the service stops."""
         self._stopping.set()
         self.notifier.send("STOPPING=1")
 
