@@ -1,10 +1,10 @@
 # Everyday commands, one line each.
 PLUGINS = $(wildcard ./plugins/*/)
 
-.PHONY: install test all explore lint types format ci mutants benchmarks
+.PHONY: install test all explore lint types format ci site mutants benchmarks
 
 install:
-	python -m pip install -e ".[test,lint]" $(addprefix -e ,$(PLUGINS))
+	python -m pip install -e ".[test,lint,docs]" $(addprefix -e ,$(PLUGINS))
 
 test:
 	python -m pytest
@@ -23,6 +23,9 @@ format:
 
 types:
 	python -m mypy
+
+site:
+	python -m sphinx -W --keep-going --quiet -b html docs build/site
 
 ci:
 	bash .ci/run

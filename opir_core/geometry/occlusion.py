@@ -120,16 +120,24 @@ class _Dip(NamedTuple):
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
+def grazing_height_m(
+    observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, *, exact_above_m: float = -np.inf
+) -> FloatArray:
     """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
 
     Ends count: without a minimum between them it is the height of the lower end. Negative
     where the segment runs through the Earth. Exact up to rounding: 5e-9 m near the Earth, 3e-8 m with an end at
-    geostationary distance. Not finite: `nan`.
+    geostationary distance. Not finite: `nan`. A height below `exact_above_m` may be replaced by an upper bound that is
+    below it too, which costs no search.
     """
     dip = _dip(observer_ecef_m, target_ecef_m)
     height = select(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
-    return _with_depths(height, observer_ecef_m, target_ecef_m, dip.is_between & (dip.line_height < 0.0))
+    searched = dip.is_between & (dip.line_height < 0.0)
+    if exact_above_m > -np.inf:
+        bound_m = _closest_m(observer_ecef_m, target_ecef_m) - _B
+        is_deep = searched & (bound_m < exact_above_m)
+        height, searched = select(is_deep, bound_m, height), searched & ~is_deep
+    return _with_depths(height, observer_ecef_m, target_ecef_m, searched)
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -147,6 +155,19 @@ def is_occluded(
     searched = dip.is_between & (dip.line_height < 0.0) & (margin < 0.0)
     height = _with_depths(dip.line_height, observer_ecef_m, target_ecef_m, searched)
     return (dip.is_between & (height < margin)) | np.isnan(dip.end_height)
+
+
+def _closest_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
+    """Return the least distance of segments (..., 3) from the Earth's centre, m.
+
+    Their height there is at most this minus the polar radius, for the sphere of that radius lies in the ellipsoid.
+    """
+    ox, oy, oz = components(observer_ecef_m)
+    tx, ty, tz = components(target_ecef_m)
+    dx, dy, dz = tx - ox, ty - oy, tz - oz
+    share = -(ox * dx + oy * dy + oz * dz) / (dx * dx + dy * dy + dz * dz + NEVER_ZERO)
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
+    return length(ox + share * dx, oy + share * dy, oz + share * dz)
 
 
 def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:

@@ -168,12 +168,16 @@ class TargetPath:
         """Return positions (n, 3) of targets (n,) at any times (n,)."""
         target = pair.astype(np.int32)
         start_s, end_s = self.targets.ignition_s[target], self.end_s[target]
-        position = self.targets.position_ecef_m(target, np.clip(time_s, start_s, end_s))
-        early_s, late_s = np.minimum(time_s - start_s, 0.0), np.maximum(time_s - end_s, 0.0)
-        extended: FloatArray = (
-            position + self.velocity_in_m_s[target] * early_s[:, None] + self.velocity_out_m_s[target] * late_s[:, None]
-        )
-        return extended
+        within_s = np.minimum(np.maximum(time_s, start_s), end_s)
+        position = self.targets.position_ecef_m(target, within_s)
+        # Only the outer cells of a pair reach beyond the observed time.
+        beyond = np.flatnonzero(time_s != within_s)
+        if beyond.size:
+            who, over_s = target[beyond], (time_s[beyond] - within_s[beyond])[:, None]
+            velocity = np.where(over_s < 0.0, self.velocity_in_m_s[who], self.velocity_out_m_s[who])
+            position = position.copy()  # it may be a trajectory's own
+            position[beyond] += velocity * over_s
+        return position
 
 
 def _step_s(start_s: FloatArray, stop_s: FloatArray) -> FloatArray:

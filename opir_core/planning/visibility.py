@@ -36,6 +36,9 @@ _ACCELERATION_BOUND_M_S2 = 100.0
 #: Largest distance of a position from the chord between two samples, m.
 CHORD_ERROR_M = _ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
 
+#: Heights of lines of sight this far below the ground need not be exact: all between two samples is hidden.
+_HIDDEN_M = -2.0 * CHORD_ERROR_M
+
 #: Lines of sight at least this far above the target's horizon need no grazing height.
 _WELL_ABOVE_RAD = 0.05
 
@@ -68,7 +71,7 @@ class Margins(Columns):
         above_rad = horizon_rad - sensor.minimum_elevation_rad
         grazing_m = np.full(len(horizon_rad), np.inf)
         low = np.flatnonzero(~(horizon_rad > _WELL_ABOVE_RAD))
-        grazing_m[low] = grazing_height_m(sensor_ecef_m[low], target_ecef_m[low])
+        grazing_m[low] = grazing_height_m(sensor_ecef_m[low], target_ecef_m[low], exact_above_m=_HIDDEN_M)
         return cls(horizon_rad, grazing_m, inside_rad, above_rad)
 
 

@@ -26,6 +26,7 @@ LONG = {
     *(
         "docs/how-to/report.md",
         "docs/how-to/serve.md",
+        "docs/tutorials/fusion-pipeline.md",
         "docs/how-to/stone-soup.md",
         "docs/reference/event-extensions.md",
         "plugins/opir_stonesoup/README.md",

@@ -161,6 +161,14 @@ def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, 
     assert is_occluded(observer, target) == is_occluded(target, observer)
 
 
+@given(positions, positions, st.floats(-2e6, 1e5))
+@example(np.array([4.2e7, 0.0, 0.0]), np.array([-4.2e7, 1e3, 0.0]), -1e5)
+@example(np.array([4.2e7, 0.0, 0.0]), np.array([0.0, 6.37e6, 0.0]), -10.0)
+def test_inexact_grazing_heights_are_upper_bounds_below_the_limit(observer, target, limit_m):
+    exact, quick = (grazing_height_m(observer, target, exact_above_m=limit) for limit in (-np.inf, limit_m))
+    assert quick == exact or exact - 1e-8 <= quick < limit_m
+
+
 @given(places, azimuths, st.floats(-np.pi / 2, -1e-3))
 def test_what_a_ray_meets_is_in_view_and_what_lies_behind_is_not(place, azimuth, elevation):
     latitude, longitude, height = place
