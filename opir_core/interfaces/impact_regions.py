@@ -1,11 +1,10 @@
 """Regions on the ground that contain an impact with a stated probability."""
 
-from math import cos, sin
-
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
 
 @frozen(eq=False)
@@ -25,7 +24,7 @@ class ImpactRegion:
     centre: tuple[float, float] | None = None
 
     def __eq__(self, other: object) -> bool:
-        """Return whether another region has the same figures and the same rings, point by point."""
+        """Return whether another region has the same figures, centre and rings, point by point."""
         return isinstance(other, ImpactRegion) and self._parts() == other._parts()
 
     def __hash__(self) -> int:
@@ -33,7 +32,7 @@ class ImpactRegion:
 
     def _parts(self) -> tuple[object, ...]:
         polygons = tuple(tuple(ring.tobytes() for ring in polygon) for polygon in self.polygons)
-        return self.containment, self.area_km2, polygons
+        return self.containment, self.area_km2, polygons, self.centre
 
     def contains(self, latitude_rad: float, longitude_rad: float) -> bool:
         """Return whether a point lies in the region.
@@ -44,41 +43,17 @@ class ImpactRegion:
         rings = [ring for polygon in self.polygons for ring in polygon]
         if not rings:
             return False
-        units = [_unit_vectors(ring[:, 0], ring[:, 1]) for ring in rings]
         if self.centre is None:
-            middle = np.add.reduce([unit.mean(axis=0) for unit in units])
+            middle = np.add.reduce([unit_vectors(ring).mean(axis=0) for ring in rings])
         else:
-            middle = _unit_vectors(*(np.array([angle]) for angle in self.centre))[0]
-        east, north, up = _axes(middle / np.linalg.norm(middle))
-        x, y = _projected(_unit_vectors(np.array([latitude_rad]), np.array([longitude_rad])), east, north, up)[
-            0
-        ].tolist()
+            middle = unit_vectors(np.array([self.centre]))[0]
+        chart = AzimuthalEquidistant.about(middle)
+        x, y = chart.points(np.array([[latitude_rad, longitude_rad]]))[0].tolist()
         inside = False
-        for unit in units:
-            corner = _projected(unit, east, north, up)
+        for ring in rings:
+            corner = chart.points(ring)
             (x0, y0), (x1, y1) = corner[:-1].T, corner[1:].T
             crosses = (y0 > y) != (y1 > y)
             slope = (x1 - x0)[crosses] / (y1 - y0)[crosses]
             inside ^= bool(np.count_nonzero(x0[crosses] + (y - y0[crosses]) * slope > x) % 2)
         return inside
-
-
-def _unit_vectors(latitude_rad: FloatArray, longitude_rad: FloatArray) -> FloatArray:
-    flat = np.cos(latitude_rad)
-    return np.stack([flat * np.cos(longitude_rad), flat * np.sin(longitude_rad), np.sin(latitude_rad)], axis=1)
-
-
-def _axes(up: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return east, north and up of a unit vector on the sphere; at a pole, those of longitude 0."""
-    longitude = float(np.arctan2(up[1], up[0]))
-    east = np.array([-sin(longitude), cos(longitude), 0.0])
-    return east, np.cross(up, east), up
-
-
-def _projected(unit: FloatArray, east: FloatArray, north: FloatArray, up: FloatArray) -> FloatArray:
-    """Return unit vectors (k, 3) as directions and angular distances from `up`, (k, 2) rad."""
-    flat = np.stack([unit @ east, unit @ north], axis=1)
-    sine = np.sqrt(np.add.reduce(flat * flat, axis=1))
-    angle = np.arctan2(sine, unit @ up)
-    plane: FloatArray = flat * (angle / np.maximum(sine, 1e-300))[:, None]
-    return plane

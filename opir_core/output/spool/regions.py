@@ -4,6 +4,7 @@ A tuple of regions that several rows share is stored once.
 """
 
 from collections.abc import Mapping, Sequence
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from opir_core.interfaces.impact_regions import ImpactRegion
 
 #: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each tuple, region, polygon
-#: and ring, the containments and areas of all regions, and all points, latitude_rad and longitude_rad.
-REGION_PARTS = ("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "points")
+#: and ring, containments, areas and centres (nan: none) of all regions, and all points, latitude_rad and longitude_rad.
+REGION_PARTS = ("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "centre", "points")
 
 
 def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
@@ -35,6 +36,7 @@ def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
         "ring_points": _lengths(rings),
         "containment": np.array([region.containment for region in regions], dtype=np.float64),
         "area_km2": np.array([region.area_km2 for region in regions], dtype=np.float64),
+        "centre": np.array([region.centre or (np.nan, np.nan) for region in regions], dtype=np.float64).reshape(-1, 2),
         "points": np.concatenate([np.empty((0, 2)), *rings]),
     }
 
@@ -44,8 +46,11 @@ def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
     rings = np.split(parts["points"], np.cumsum(parts["ring_points"]))[:-1]
     polygons = _grouped(rings, parts["rings"])
     shapes = _grouped(polygons, parts["polygons"])
-    figures = zip(parts["containment"].tolist(), parts["area_km2"].tolist(), shapes, strict=True)
-    regions = [ImpactRegion(containment=share, area_km2=area, polygons=shape) for share, area, shape in figures]
+    columns = (parts[name].tolist() for name in ("containment", "area_km2", "centre"))
+    regions = [
+        ImpactRegion(containment=share, area_km2=area, polygons=shape, centre=None if isnan(lat) else (lat, lon))
+        for share, area, (lat, lon), shape in zip(*columns, shapes, strict=True)
+    ]
     tuples = _grouped(regions, parts["regions"])
     column = np.empty(len(parts["of_row"]), dtype=np.object_)
     for row, number in enumerate(parts["of_row"].tolist()):

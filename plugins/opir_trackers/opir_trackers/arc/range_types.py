@@ -5,19 +5,8 @@ from math import erf
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry import geodetic_to_ecef
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_trackers.forecast.prior_boosts import priors
-
-_RADIUS_M = 6.371e6
-
-
-def ranges_m(launch: FloatArray, impact: FloatArray) -> FloatArray:
-    """Return great-circle distances (n,) between points (n, 3), latitude and longitude first."""
-    one, other = (geodetic_to_ecef(place[:, 0], place[:, 1], 0.0) for place in (launch, impact))
-    chord = np.sqrt(np.sum((one - other) ** 2, axis=1))
-    distance: FloatArray = 2.0 * _RADIUS_M * np.arcsin(np.minimum(0.5 * chord / _RADIUS_M, 1.0))
-    return distance
 
 
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:

@@ -8,13 +8,14 @@ from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
+from opir_core.geometry.sphere import great_circle_m
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import ranges_m, type_probabilities
+from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.forecast.prior_boosts import class_codes
@@ -161,7 +162,7 @@ class ArcTracker:
         tracks.burnout[rows] = np.concatenate([state, arcs.last_s[:, None]], axis=1)
         tracks.burnout_covariance[rows] = self._with_end(covariance, arcs)
         impact = impacts(arcs)
-        range_m = ranges_m(arcs.launch, impact)
+        range_m = great_circle_m(arcs.launch, impact)
         sigma_m = self._sigma_m(arcs, class_codes(range_m))
         shot = trajectory_parameters(state)
         pace = np.maximum(shot.speed_m_s * np.cos(shot.flight_path_angle_rad), 1.0)

@@ -12,18 +12,19 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray, ObjectArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
+from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.estimation.square_root import inverse_root
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_geodetic
+from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, unit_vectors
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
 from opir_trackers.forecast.prior_boosts import STAGES, class_codes, longest_gap_s, prior_boosts
-from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
+from opir_trackers.forecast.regions import regions
 
 #: Particles of a track.
 PARTICLES = 256
@@ -103,21 +104,13 @@ def forecasts(
     tilts = np.concatenate([_tilts()[:, :, : len(some.boost)] for some in parts], axis=2)
     out, later_s = flown_on(state, burns, tilts)
     place, when_s = _impacts(out, time_s + later_s, forces)
-    range_m = _ranges_m(np.where(np.isfinite(launch), launch, 0.0)[track], place)
+    range_m = great_circle_m(np.where(np.isfinite(launch), launch, 0.0)[track], place)
     weight = np.where(
         np.isfinite(launch[track, 0]) & (since_s < _NO_BOOST_S), _fits(range_m, prior.range_m[boost]), 1.0
     )
     weight = np.where(np.isfinite(when_s), weight, 0.0)
     bent = out if not forces.is_kepler else None
     return _gathered(track, place, when_s, weight, range_m, estimates, relights, bent, time_s + later_s, forces)
-
-
-def _ranges_m(launch: FloatArray, place: FloatArray) -> FloatArray:
-    """Return great-circle distances (p,), m, between latitudes and longitudes (p, 2 or more)."""
-    half = np.sin(0.5 * (place[:, 0] - launch[:, 0])) ** 2
-    half = half + np.cos(place[:, 0]) * np.cos(launch[:, 0]) * np.sin(0.5 * (place[:, 1] - launch[:, 1])) ** 2
-    range_m: FloatArray = 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
-    return range_m
 
 
 def _fits(range_m: FloatArray, prior_m: FloatArray) -> FloatArray:
@@ -293,8 +286,8 @@ def _shifted(
 
     Wide regions stay: the shift is some kilometres.
     """
-    centre = centre_of(place, weight)
-    plane = projected(place, centre)
+    chart = AzimuthalEquidistant.about(weight @ unit_vectors(place))
+    plane = chart.points(place)
     middle = weight @ plane
     if weight @ np.sum((plane - middle) ** 2, axis=1) > _WIDE_M**2:
         return place
@@ -302,13 +295,13 @@ def _shifted(
     there, _ = _impacts(state[row : row + 1], time_s[row : row + 1], forces, 1.0)
     if not np.isfinite(there).all():
         return place
-    return unprojected(plane + projected(there, centre) - plane[row], centre)
+    return chart.places(plane + chart.points(there) - plane[row])
 
 
 def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return mean, covariance, and the radii of ellipses that contain the points in the shares `TRACK_CONTAINMENTS`."""
-    centre = centre_of(place, weight)
-    plane = projected(place, centre)
+    chart = AzimuthalEquidistant.about(weight @ unit_vectors(place))
+    plane = chart.points(place)
     mean = weight @ plane
     columns = np.column_stack([plane - mean, when_s - weight @ when_s])
     covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
@@ -316,5 +309,5 @@ def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple
     distance = np.sqrt(np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1))
     order = np.argsort(distance)
     radii = np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])
-    latitude, longitude = unprojected(mean[None], centre)[0]
+    latitude, longitude = chart.places(mean[None])[0]
     return np.array([latitude, longitude, weight @ when_s]), covariance, radii

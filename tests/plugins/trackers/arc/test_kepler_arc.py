@@ -5,7 +5,7 @@ import pytest
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import ranges_m, type_probabilities
+from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.forecast.prior_boosts import class_codes
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
@@ -16,6 +16,7 @@ from opir_core.flight import propagate_kepler
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci, ecef_to_geodetic, eci_to_ecef, geodetic_to_ecef
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
+from opir_core.geometry.sphere import great_circle_m
 from opir_core.testing.doubles import stub_sensor
 
 SLOTS_DEG = np.array([-150.0, -90.0])
@@ -73,9 +74,9 @@ def true_impact():
 def assert_hits(arcs):
     """The impact is the true one to 1e-6 of the 3700 km flown and of the 700 s of flight."""
     found, true = impacts(arcs)[0], true_impact()
-    range_m = float(ranges_m(np.array([[np.radians(35.0), np.radians(-120.0), 0.0]]), true[None])[0])
+    range_m = float(great_circle_m(np.array([[np.radians(35.0), np.radians(-120.0), 0.0]]), true[None])[0])
     assert range_m > 3e6
-    assert ranges_m(found[None], true[None])[0] < 1e-6 * range_m
+    assert great_circle_m(found[None], true[None])[0] < 1e-6 * range_m
     assert abs(found[2] - true[2]) < 1e-6 * (true[2] - START_S)
 
 
@@ -157,7 +158,7 @@ def test_a_second_sensor_ends_the_assumption_of_heights():
     for _ in range(3):
         arcs = arc_fit.updated(arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True)
     # What was linearised about the assumed heights stays so: no longer to the metre, but the heights are gone.
-    before, after = (ranges_m(impacts(each)[:1], true_impact()[None])[0] for each in (alone, arcs))
+    before, after = (great_circle_m(impacts(each)[:1], true_impact()[None])[0] for each in (alone, arcs))
     assert after < 1e-3 * before
 
 

@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
+from opir_trackers.forecast.regions import regions
+
+from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
 RADIUS_M = 6378137.0
 
 
 def points_about(place: tuple[float, float], plane_m: np.ndarray) -> np.ndarray:
     """Return latitudes and longitudes of points (n, 2), m east and north of a place."""
-    return unprojected(plane_m, centre_of(np.array([place]), np.ones(1)))
+    return AzimuthalEquidistant.about(unit_vectors(np.array([place]))[0]).places(plane_m)
 
 
 def normal(count: int, sigmas_m: tuple[float, float], seed: int = 1) -> np.ndarray:
@@ -95,10 +97,3 @@ def test_points_at_one_place_have_regions_without_size() -> None:
     found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
     assert [region.containment for region in found] == [0.5, 0.9, 0.95]
     assert all(region.area_km2 < 1e-3 for region in found)
-
-
-def test_distances_and_directions_from_the_centre_are_kept() -> None:
-    centre = centre_of(np.array([[0.3, 0.4]]), np.ones(1))
-    north = projected(np.array([[0.3 + 0.2, 0.4]]), centre)
-    assert north[0] == pytest.approx([0.0, 0.2 * RADIUS_M], abs=1e-6)
-    assert unprojected(north, centre)[0] == pytest.approx([0.5, 0.4], abs=1e-14)

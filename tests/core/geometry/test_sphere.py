@@ -1,0 +1,43 @@
+"""The round Earth against geographiclib on a sphere, and areas against spherical caps."""
+
+import numpy as np
+import pytest
+from geographiclib.geodesic import Geodesic
+from hypothesis import given
+from hypothesis import strategies as st
+
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, map_area_m2, unit_vectors
+
+SPHERE = Geodesic(EARTH_EQUATORIAL_RADIUS_M, 0.0)
+places = st.tuples(st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi))
+
+
+@given(places, places)
+def test_directions_and_distances_are_those_of_geographiclib(
+    centre: tuple[float, float], place: tuple[float, float]
+) -> None:
+    there = SPHERE.Inverse(*np.degrees([*centre, *place]).tolist())
+    assert great_circle_m(np.array([centre]), np.array([place]))[0] == pytest.approx(there["s12"], abs=0.2)
+    chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
+    east, north = chart.points(np.array([place]))[0].tolist()
+    assert np.hypot(east, north) == pytest.approx(there["s12"], abs=0.2)
+    if 1.0 < there["s12"] < 2.0e7 and abs(centre[0]) < 1.57:
+        turn = np.arctan2(east, north) - np.radians(there["azi1"])
+        assert abs(np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi) * there["s12"] < 0.5 + 1e-6 * there["s12"]
+
+
+@given(places, places)
+def test_places_are_found_again(centre: tuple[float, float], place: tuple[float, float]) -> None:
+    chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
+    again = chart.places(chart.points(np.array([place])))
+    assert great_circle_m(again, np.array([place]))[0] < 0.2
+    assert great_circle_m(np.array([chart.centre]), np.array([centre]))[0] < 1e-6
+
+
+@pytest.mark.parametrize("radius_deg", [0.01, 5.0, 60.0, 120.0])
+def test_areas_of_circles_are_those_of_caps(radius_deg: float) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 721)
+    ring = np.radians(radius_deg) * EARTH_EQUATORIAL_RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    cap_m2 = 2.0 * np.pi * EARTH_EQUATORIAL_RADIUS_M**2 * (1.0 - np.cos(np.radians(radius_deg)))
+    assert map_area_m2(ring) == pytest.approx(cap_m2, rel=1e-4)
