@@ -61,10 +61,11 @@ class Hues:
         distinct = list(dict.fromkeys(names))
         is_alone = len(ids) <= len(SERIES)
         labels = [f"{own} ({kind})" for own, kind in zip(ids, types, strict=True)] if is_alone else distinct
-        hues = {name: _hue(number, labels[number]) for number, name in enumerate(distinct)}
+        hues = {name: series_hue(number, labels[number]) for number, name in enumerate(distinct)}
         return cls(tuple(hues[name] for name in names), tuple(hues.values()))
 
 
-def _hue(number: int, label: str) -> Hue:
-    place = number % len(SERIES)
-    return Hue(SERIES[place], DASHES[place], label)
+def series_hue(number: int, label: str) -> Hue:
+    """Return the hue of a series by its number; after the last colour they begin anew, with other dashes."""
+    place, turn = number % len(SERIES), number // len(SERIES)
+    return Hue(SERIES[place], DASHES[(place + 2 * turn) % len(DASHES)], label)

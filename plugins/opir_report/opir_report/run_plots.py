@@ -8,9 +8,14 @@ from matplotlib.axes import Axes
 from opir_core.simulation.run import Run
 from opir_report.canvas import STYLE, WIDTH_IN, new_axes, svg_of, without_data
 from opir_report.figure_data import FigureData
+from opir_report.plots.confidence import confidence_plot, confidences
+from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
 from opir_report.plots.flights import fields_of_view, ground_tracks
 from opir_report.plots.impact import impact_map
+from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
 from opir_report.plots.maps import launch_map, world_map
+from opir_report.plots.scores import score_table
+from opir_report.plots.signal import signal_plot, signals
 from opir_report.plots.timeline import detection_counts, timeline
 from opir_report.run_facts import RunFacts
 
@@ -62,6 +67,60 @@ class RunPlots:
                 return without_data(axes, "no impact was predicted")
             number = min(self.facts.last_with_impact) if target is None else self._number(target)
             return impact_map(axes, self.facts, number)
+
+    def snr(self, target: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the expected SNR along the boost of a target, by sensor, in each sensor's reference band.
+
+        `target` is an id, by default that of the first launch; so in `probability` and `air`.
+        """
+        return self._signal("snr", target, ax)
+
+    def probability(self, target: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw P_d of a look along the boost of a target, by sensor."""
+        return self._signal("probability", target, ax)
+
+    def air(self, target: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the transmittance of the air along the boost of a target, by sensor."""
+        return self._signal("air", target, ax)
+
+    def confidence(self, ax: Axes | None = None) -> Axes:
+        """Draw the confidence of detections over time, by target, and the type probability of tracks."""
+        axes = new_axes(3.8) if ax is None else ax
+        with rc_context(STYLE):
+            return confidence_plot(axes, self.facts, confidences(self.facts))
+
+    def latency(self, ax: Axes | None = None) -> Axes:
+        """Draw the distribution of latencies to the first detection, by sensor type, against the closed form."""
+        axes = new_axes(4.0) if ax is None else ax
+        pairs = pair_latencies(self.facts)
+        with rc_context(STYLE):
+            return latency_plot(axes, self.facts, pairs, latency_curves(pairs))
+
+    def containment(self, ax: Axes | None = None) -> Axes:
+        """Draw the area of the 95 % impact regions over time, and whether they contain the true impact."""
+        axes = new_axes(4.0) if ax is None else ax
+        with rc_context(STYLE):
+            return containment_plot(axes, self.facts, region_history(self.facts))
+
+    def nees(self, ax: Axes | None = None) -> Axes:
+        """Draw the NEES of the tracks' states over time, divided by 6, with its 99 % band."""
+        axes = new_axes(3.8) if ax is None else ax
+        with rc_context(STYLE):
+            return nees_plot(axes, self.facts, nees_history(self.facts))
+
+    def scorecard(self, ax: Axes | None = None) -> Axes:
+        """Draw the scores of the run's tracks as a table."""
+        axes = new_axes(3.6) if ax is None else ax
+        with rc_context(STYLE):
+            return score_table(axes, self.facts)
+
+    def _signal(self, panel: str, target: str | None, ax: Axes | None) -> Axes:
+        axes = new_axes(3.8) if ax is None else ax
+        with rc_context(STYLE):
+            if not self.facts.ids:
+                return without_data(axes, "the scene has no launches")
+            number = 0 if target is None else self._number(target)
+            return signal_plot(axes, self.facts, number, signals(self.facts, number), panel)
 
     def _number(self, target: str) -> int:
         if target not in self.facts.ids:

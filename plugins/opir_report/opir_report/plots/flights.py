@@ -40,8 +40,8 @@ def ground_tracks(plan: Plan) -> FigureData:
 
 
 def view_time_s(plan: Plan) -> float:
-    """Return the time for which satellites are drawn: the first ignition, or the start of a scene without targets."""
-    ignition_s = plan.targets.ignition_s
+    """Return the time for which satellites are drawn: the first ignition, or the start of a scene without launches."""
+    ignition_s = plan.targets.ignition_s[: len(plan.scene.targets)]
     return float(np.clip(ignition_s.min(), 0.0, plan.scene.duration_s)) if len(ignition_s) else 0.0
 
 

@@ -63,13 +63,14 @@ def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
     silent = len(facts.run.sensors) - len(order)
     top = 1.0 + height * facts.launches
     axes.set_yticks([0.5 * (1.0 + top), *(0.4 - row for row in range(len(shown)))], ["burns", *shown])
-    axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(shown) + 0.85, top + 0.1), xlabel="scene time, s")
+    axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(shown) + 0.85, top + 0.1))
     more = f"; {len(order) - len(shown)} more sensors detected" if len(order) > len(shown) else ""
-    axes.set_title(f"detections in {width_s:g} s; {silent} of {len(facts.run.sensors)} sensors without{more}")
+    words = f"detections in {width_s:g} s; {silent} of {len(facts.run.sensors)} sensors without{more}"
+    axes.set_xlabel(f"scene time, s ({words})")
     axes.grid(axis="y", visible=False)
     noise = [FALSE_ALARM] if not set(counts["target_id"].tolist()) <= set(facts.ids) else []
     legend_of(
-        axes, [*facts.hues.legend, *noise], loc="lower left", bbox_to_anchor=(0.0, 1.06), ncols=4, borderaxespad=0.0
+        axes, [*facts.hues.legend, *noise], loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=4, borderaxespad=0.0
     )
     return axes
 
@@ -95,7 +96,7 @@ def _draw_sensor(axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, w
     axes.axhline(bottom, color=MUTED, linewidth=0.5)
     words = f"at most {int(total.max())}"
     axes.annotate(
-        words, (1.0, bottom + 0.4), xycoords=("axes fraction", "data"), fontsize=7, color=INK, ha="right", va="center"
+        words, (1.01, bottom + 0.4), xycoords=("axes fraction", "data"), fontsize=7, color=INK, ha="left", va="center"
     )
 
 
