@@ -83,20 +83,22 @@ _LONGEST_LINE = 1 << 20
 class LineFile:
     """An open file of events, or standard output; an existing file is overwritten.
 
-    With `appends` the file keeps its lines, except an incomplete last line of a killed run.
+    With `appends` the file keeps its lines, except an incomplete last line of a killed run. `written_at` is the
+    temporary file in which a batch run writes the lines.
 
     Nothing is buffered: `write` returns after the system has accepted all bytes, so a killed run leaves complete lines,
     except possibly the last. When the disk is full, the file is truncated to its last complete line.
     """
 
-    def __init__(self, path: str, encoder: Encoder, *, appends: bool = False) -> None:
+    def __init__(self, path: str, encoder: Encoder, *, appends: bool = False, written_at: Path | None = None) -> None:
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
         self._count = event_counter(encoder)
         self._taken = 0
         self._delivered = 0
         self._withheld = 0
-        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(path, appends=appends)
+        place = path if written_at is None else str(written_at)
+        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
@@ -196,4 +198,7 @@ def _way_out(error: OSError) -> str:
 
 def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
     """Return the sink `jsonl`, open."""
-    return LineFile(config.path, context.make_encoder(), appends=context.resumes)
+    encoder = context.make_encoder()
+    if context.resumes or config.path in ("", STANDARD_OUTPUT):
+        return LineFile(config.path, encoder, appends=context.resumes)
+    return LineFile(config.path, encoder, written_at=context.stage(config.path, only_appends=True))

@@ -5,8 +5,12 @@ The summary has the totals, a sentence per target, tables of sensors, targets an
 
 import argparse
 import json
+import os
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +19,7 @@ from attrs import asdict
 from opir_core.cli.answers import answers, point_text
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, progress, table
-from opir_core.errors import Problem, SceneError, unwritable
+from opir_core.errors import Problem, SceneError
 from opir_core.output.delivery import RunOutcome, deliver
 from opir_core.output.pump import SinkReport
 from opir_core.plugin.host import Host
@@ -56,21 +60,40 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         for warning in alignment_warnings(plan):
             warn(warning)
-    with progress(scene.duration_s, is_shown=not arguments.quiet and sys.stderr.isatty()) as update:
+    is_shown = not arguments.quiet and sys.stderr.isatty()
+    with _ended_by_sigterm(), progress(scene.duration_s, is_shown=is_shown) as update:
         outcome = deliver(
             plan,
             truth_path=truth,
             tracks_path=tracks,
+            manifest_path=manifest,
             on_window=lambda window: update(scene.name, window.end_s),
         )
-    if manifest is not None:
-        try:
-            manifest.write_text(json.dumps({**outcome.manifest, **_digests(tracks)}, indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise unwritable("the manifest", manifest, error) from error
-    _print_summary(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
+    written = {} if outcome.incomplete else {what: path for what, path in files.items() if path is not None}
+    _print_summary(arguments, scene, outcome, written)
     outcome.raise_for_failures()
     return 0
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM end the run as Ctrl-C does, so that temporary files are removed, and then end the process."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived = []
+
+    def end(number: int, _frame: object) -> None:
+        arrived.append(number)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        if arrived:
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -90,7 +113,9 @@ def _beside(scene: Scene, path: str | None, suffix: str) -> Path | None:
         return Path(path)
     files = [choice.config.path for choice in scene.outputs if choice.name == "jsonl"]
     named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
-    return named.with_suffix(f".{suffix}") if named and named.name else None
+    if named is None or not named.name or (named.exists() and not named.is_file()):
+        return None  # beside a device or a pipe there is no place for files
+    return named.with_suffix(f".{suffix}")
 
 
 def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]) -> None:
@@ -110,16 +135,6 @@ def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mappi
             problems.append(Problem("", f"the {what} would overwrite {path}, the path of {holder}; give another path"))
     if problems:
         raise SceneError(problems, source="command line")
-
-
-def _digests(tracks: Path | None) -> Mapping[str, str]:
-    """Return the SHA-256 of the tracks, if they are in a file."""
-    if tracks is None or not tracks.is_file():
-        return {}
-
-    from opir_core.output.run_files import digest
-
-    return {"tracks_sha256": digest(tracks)}
 
 
 def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> None:

@@ -1,7 +1,8 @@
 """The contexts of components: the second argument of `build`, after the configuration."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from attrs import field, frozen
@@ -97,16 +98,33 @@ def _detection_count(window: Window) -> int:
     return len(window.detections)
 
 
+class FilePlacement(Protocol):
+    """Tells sinks of a batch run where to write: the files of a run are put in place together, once it is whole."""
+
+    def __call__(self, path: str | Path, *, only_appends: bool = False) -> Path:
+        """Return the path of an existing, empty, temporary file to open and write; it must not be replaced by another.
+
+        The path itself if it is no regular file. `only_appends` promises that written bytes do not change, so that they
+        can be hashed while the run goes on. Raises `SinkError` if another run writes the same file.
+        """
+
+
+def _in_place(path: str | Path, *, only_appends: bool = False) -> Path:
+    return Path(path)
+
+
 @frozen(kw_only=True)
 class SinkContext:
     """The context of a sink.
 
     `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it needs. `resumes` is
     true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it. `count`
-    returns the number of a window's events in that encoder: of its detections, or of its tracks.
+    returns the number of a window's events in that encoder: of its detections, or of its tracks. `stage` returns where
+    to write a file that the sink makes anew; in a live run, the path itself.
     """
 
     make_encoder: Callable[[], Encoder]
     scene_name: str
     resumes: bool = False
     count: Callable[[Window], int] = field(default=_detection_count, eq=False)
+    stage: FilePlacement = field(default=_in_place, eq=False)

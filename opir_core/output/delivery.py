@@ -9,12 +9,13 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.contexts import EncoderContext, SinkContext
+from opir_core.interfaces.contexts import EncoderContext, SinkContext, FilePlacement
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
+from opir_core.output.transaction import OutputFiles
 from opir_core.planning.plan import Plan, built
 from opir_core.plugin.components import EventEncoder
 from opir_core.scene.scene import Choice
@@ -30,6 +31,8 @@ class RunOutcome:
     summary: Mapping[str, Any]
     manifest: Mapping[str, Any]
     report: PumpReport
+    #: Temporary files of a run one of whose files failed; the files of the run before are unchanged.
+    incomplete: tuple[Path, ...] = ()
 
     def raise_for_failures(self) -> None:
         """Raise `SinkError` if any sink failed, with its event counts."""
@@ -37,6 +40,9 @@ class RunOutcome:
             f"{sink.error} ({sink.delivered} events delivered, {_spooled(sink)}{sink.dropped} lost)"
             for sink in self.report.failures
         ]
+        if self.incomplete:
+            names = ", ".join(map(str, self.incomplete))
+            failures.append(f"no file of an earlier run is replaced; what was written is in {names}")
         if failures:
             raise SinkError("\n".join(failures))
 
@@ -50,35 +56,65 @@ def deliver(
     *,
     truth_path: Path | None = None,
     tracks_path: Path | None = None,
+    manifest_path: Path | None = None,
     on_window: Callable[[Window], None] | None = None,
 ) -> RunOutcome:
     """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with duration.
 
-    `on_window` is called with each window after the sinks. A failing sink does not stop the others. Raises `SinkError`
-    if truth or tracks cannot be written; for the sinks, `RunOutcome.raise_for_failures` does.
+    The files of the run are put in place together, once it is whole, the manifest last; a run that is interrupted, or
+    in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks. A
+    failing sink does not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another
+    run writes one of the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
     windows = tally.over(plan_windows(plan))
-    if truth_path is not None or tracks_path is not None:
-        windows = _recorded(plan, windows, truth_path, tracks_path)
-    counts = {choice.path: counter_of(plan, choice) for choice in plan.scene.outputs}
-    report = pump(windows, _sinks(plan), on_window=on_window, counts=counts)
-    return RunOutcome(tally.summary(), run_manifest(plan, tally.counts()), report)
+    files = OutputFiles(manifest_path)
+    try:
+        staged: dict[str, bool] = {}
+        sinks = _sinks(plan, files, staged)
+        with ExitStack() as closing:
+            for sink in sinks.values():
+                closing.callback(sink.close)
+            if truth_path is not None or tracks_path is not None:
+                windows = _recorded(plan, windows, files, truth_path, tracks_path)
+            closing.pop_all()
+        counts = {choice.path: counter_of(plan, choice) for choice in plan.scene.outputs}
+        report = pump(windows, sinks, on_window=on_window, counts=counts)
+    except BaseException:
+        files.abandon()
+        raise
+    return _outcome(plan, tally, report, files, staged)
+
+
+def _outcome(
+    plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool]
+) -> RunOutcome:
+    """Put the files of a run in place, unless one of them failed, and return the outcome."""
+    manifest = run_manifest(plan, tally.counts())
+    if any(is_staged[sink.name] for sink in report.failures):
+        incomplete = tuple(files.parts)
+        files.keep()
+        return RunOutcome(tally.summary(), manifest, report, incomplete)
+    return RunOutcome(tally.summary(), files.commit(manifest), report)
 
 
 def _recorded(
-    plan: Plan, windows: Iterable[Window], truth_path: Path | None, tracks_path: Path | None
+    plan: Plan, windows: Iterable[Window], files: OutputFiles, truth_path: Path | None, tracks_path: Path | None
 ) -> Iterator[Window]:
     """Yield windows after their truth and tracks are written to files."""
     from opir_core.output.run_files import TruthFile
 
-    with ExitStack() as files:
-        truth = None if truth_path is None else files.enter_context(TruthFile(truth_path, plan))
+    with ExitStack() as opened:
+        truth = None
+        if truth_path is not None:
+            place = files.stage(truth_path, only_appends=True, kind="truth")
+            truth = opened.enter_context(TruthFile(place, plan))
         tracks = None
         if tracks_path is not None:
             from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
 
-            tracks = files.enter_context(TracksFile(tracks_path))
+            place = files.stage(tracks_path, only_appends=True, kind="tracks")
+            tracks = opened.enter_context(TracksFile(place))
         for window in windows:
             if truth is not None:
                 truth.write(window)
@@ -87,25 +123,31 @@ def _recorded(
             yield window
 
 
-def _sinks(plan: Plan) -> Mapping[str, Sink]:
-    """Return the scene's sinks, open, by their path in it, `outputs[0].jsonl`; if one cannot be opened, none is."""
+def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mapping[str, Sink]:
+    """Return the scene's sinks, open, by their path in it, `outputs[0].jsonl`; if one cannot be opened, none is.
+
+    Sets `is_staged` of each path to whether the sink writes a file of the run.
+    """
     with ExitStack() as opened:
         sinks: dict[str, Sink] = {}
         for choice in plan.scene.outputs:
-            sinks[choice.path] = opened_sink(plan, choice)
+            before = len(files.parts)
+            sinks[choice.path] = opened_sink(plan, choice, files.stage)
             opened.callback(sinks[choice.path].close)
+            is_staged[choice.path] = len(files.parts) > before
         opened.pop_all()
     return sinks
 
 
-def opened_sink(plan: Plan, choice: Choice) -> Sink:
-    """Return the sink of a scene's output, open."""
+def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None) -> Sink:
+    """Return the sink of a scene's output, open; `stage` as in `SinkContext`."""
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(
         make_encoder=make_encoder,
         scene_name=plan.scene.name,
         resumes=choice.spool is not None,
         count=counter_of(plan, choice),
+        **({} if stage is None else {"stage": stage}),
     )
     made: Any = built(plan.host, choice, context)
     if choice.spool is None and not isinstance(made, Transport):

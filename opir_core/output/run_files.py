@@ -17,11 +17,13 @@ import msgspec
 from opir_core.errors import Problem, SceneError, reason_of, unwritable
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import window_blocks
+from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.simulation.manifest import MANIFEST_VERSION
 
 _RERUN = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
+_ELSEWHERE = {"tracks": ", and --tracks scores tracks from elsewhere"}
 #: Largest difference between the launches of truth and plan, in degrees or seconds.
 _TOLERANCE = 1e-6
 
@@ -119,9 +121,18 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
         raise invalid_file(
             path, "manifest_version", f"{words}: run the scene anew, or score it with the opir that wrote it"
         )
+    if not _are_entries(manifest.get(FILES_KEY, [])):
+        raise invalid_file(path, FILES_KEY, "not what opir writes: a list of blocks with kind, name and sha256")
     if not isinstance(manifest.get("counts", {}), dict):
         raise invalid_file(path, "counts", "not what opir writes: counts must be a block")
     return manifest
+
+
+def _are_entries(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in ("kind", "name", "sha256"))
+        for entry in value
+    )
 
 
 def digest(path: Path) -> str:
@@ -129,12 +140,16 @@ def digest(path: Path) -> str:
     return sha256(content(path)).hexdigest()
 
 
-def require_tracks_of_run(tracks: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise `SceneError` if a file of tracks is not the one that the manifest's run wrote."""
-    written = manifest.get("tracks_sha256")
-    if written is not None and written != digest(tracks):
-        words = "not the tracks of the manifest's run (their SHA-256 differs): "
-        raise invalid_file(tracks, "", f"{words}{_RERUN}, and --tracks scores tracks from elsewhere")
+def require_file_of_run(kind: str, path: Path, manifest: Mapping[str, Any]) -> None:
+    """Raise `SceneError` if a file of events, truth or tracks is not one that the manifest's run wrote.
+
+    A manifest of a run whose file went through a spool, or of an earlier opir, has no SHA-256 of it: nothing is raised.
+    """
+    entries = [entry for entry in manifest.get(FILES_KEY, ()) if entry["kind"] == kind]
+    named = [entry for entry in entries if Path(entry["name"]).name == path.name] or entries
+    if named and digest(path) not in {entry["sha256"] for entry in named}:
+        words = f"not the {kind} of the manifest's run (the SHA-256 differs): {_RERUN}"
+        raise invalid_file(path, "", f"{words}{_ELSEWHERE.get(kind, '')}")
 
 
 def require_events_of_run(

@@ -21,10 +21,11 @@ from opir_core.output.run_files import (
     invalid_file,
     read_manifest,
     require_events_of_run,
+    require_file_of_run,
     require_launches_of_run,
-    require_tracks_of_run,
 )
 from opir_core.output.tracks_file import read_tracks
+from opir_core.output.transaction import finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.random_streams.detection_ids import uuid_words
@@ -94,15 +95,19 @@ def read_run(
 
     Tracks from elsewhere may be those of another tracker from the same events. Raises `SceneError` as `load_run` does.
     """
+    finish_interrupted(manifest or events.with_suffix(_MANIFEST))
     manifest_path = _existing(manifest or events.with_suffix(_MANIFEST), "manifest")
     contents = read_manifest(manifest_path)
     plan = compile_plan(scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}", host=host), host)
     estimates = _tracks_of(events, tracks, contents, plan)
-    truths = _truth_lines(_existing(truth or events.with_suffix(_TRUTH), "truth"), plan)
+    truth_path = _existing(truth or events.with_suffix(_TRUTH), "truth")
+    truths = _truth_lines(truth_path, plan)
     rows = list(_lines(_existing(events, "events"), _Event, "an event of the encoder forge"))
     require_events_of_run(events, [row.detection_id for row in rows], truths, contents)
     detection_truth = _truth_columns([truths[row.detection_id] for row in rows], plan)
     detections = _Columns(rows, plan, events).detections(detection_truth.target)
+    require_file_of_run("events", events, contents)
+    require_file_of_run("truth", truth_path, contents)
     return Run(
         detections=detections.freeze(),
         truth=detection_truth.freeze(),
@@ -144,7 +149,7 @@ def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], p
         return Tracks.empty()
     estimates = read_tracks(_existing(place, "tracks"))
     if tracks is None:
-        require_tracks_of_run(place, manifest)
+        require_file_of_run("tracks", place, manifest)
     return estimates
 
 

@@ -224,14 +224,12 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 
 def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from opir_core.output.delivery import deliver
-    from opir_core.output.run_files import digest
     from opir_core.scoring.evidence import evidence_of_files, evidence_of_run
 
     monkeypatch.chdir(tmp_path)
     plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
-    outcome = deliver(plan, truth_path=tmp_path / "e.truth.jsonl", tracks_path=tmp_path / "e.tracks.jsonl")
-    manifest = {**outcome.manifest, "tracks_sha256": digest(tmp_path / "e.tracks.jsonl")}
-    (tmp_path / "e.manifest.json").write_text(opir_json(manifest), encoding="utf-8")
+    beside = {f"{name}_path": tmp_path / f"e.{name}.jsonl" for name in ("truth", "tracks")}
+    deliver(plan, **beside, manifest_path=tmp_path / "e.manifest.json")
     files, memory = evidence_of_files(tmp_path / "e.jsonl"), evidence_of_run(run_of_plan(plan), plan)
     assert np.allclose(files.time_s, memory.time_s, rtol=0.0, atol=1e-6)
     assert np.all(np.diff(memory.time_s) >= 0.0)
@@ -249,12 +247,6 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
     for one, other in zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True):
         assert [each.containment for each in one] == [each.containment for each in other]
         assert [each.area_km2 for each in one] == pytest.approx([each.area_km2 for each in other], abs=1e-3)
-
-
-def opir_json(value: Any) -> str:
-    import json
-
-    return json.dumps(value)
 
 
 def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(tmp_path: Any) -> None:
