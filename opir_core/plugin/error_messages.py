@@ -20,6 +20,7 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
+    "opir-export": ("commands.export", "exporters.arrow", "exporters.csv", "exporters.parquet"),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
     "opir-http": ("commands.serve",),
     "opir-kafka": ("sinks.kafka",),

@@ -1,0 +1,65 @@
+"""The command `opir export` and the exporters; pyarrow is imported when one of them is built."""
+
+import argparse
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from typing import Any
+
+from opir_core.plugin import ExporterModel, hookimpl
+from opir_export.settings import ArrowConfig, CsvConfig, ParquetConfig
+
+_SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides"
+
+
+def _built_by(module: str, function: str) -> Callable[[Any, Any], Any]:
+    """Return a function that builds a component by a function of a module, imported then."""
+
+    def build(config: Any, context: Any) -> Any:
+        return getattr(import_module(f"opir_export.{module}"), function)(config, context)
+
+    return build
+
+
+@hookimpl
+def opir_exporters() -> Iterable[ExporterModel]:
+    """Yield the exporters."""
+    yield ExporterModel(
+        name="parquet",
+        summary="a folder of Parquet files, one for each table, with the manifest among the metadata",
+        config=ParquetConfig,
+        build=_built_by("formats.table_files", "parquet_folder"),
+    )
+    yield ExporterModel(
+        name="arrow",
+        summary="a folder of Arrow IPC files (Feather), one for each table",
+        config=ArrowConfig,
+        build=_built_by("formats.table_files", "arrow_folder"),
+    )
+    yield ExporterModel(
+        name="csv",
+        summary="a folder of CSV files, one for each table",
+        config=CsvConfig,
+        build=_built_by("formats.table_files", "csv_folder"),
+    )
+
+
+@hookimpl
+def opir_add_commands(commands: Any) -> None:
+    """Add `opir export`."""
+    parser = commands.add_parser("export", help=_SUMMARY, description=_SUMMARY)
+    parser.add_argument("path", metavar="RUN", nargs="?", help="the events or the folder of a run")
+    parser.add_argument("--to", metavar="FORMAT", help="an exporter; --list lists them")
+    parser.add_argument(
+        "-o", "--out", metavar="PATH", help="the file, or the folder of a format with several (default: beside the run)"
+    )
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], dest="settings", help="a setting of the exporter"
+    )
+    parser.add_argument("--list", action="store_true", help="list the formats")
+    parser.set_defaults(run=_export)
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from opir_export.command import export
+
+    return export(arguments)

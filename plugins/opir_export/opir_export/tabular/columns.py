@@ -1,0 +1,91 @@
+"""Columns of tables: numpy arrays and texts to Arrow arrays, with unit and meaning."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IntArray
+
+_NS_PER_US = 1_000
+_NS_PER_S = 1_000_000_000
+
+
+@frozen(eq=False)
+class TableColumn:
+    """A column of a table: its name, its Arrow array, its unit ("" for none) and its meaning."""
+
+    name: str
+    values: Any
+    unit: str
+    meaning: str
+
+
+def table_of(columns: Iterable[TableColumn], metadata: dict[str, str]) -> Any:
+    """Return a `pyarrow.Table`; unit and meaning of a column are in the metadata of its field."""
+    made = list(columns)
+    fields = [
+        pa.field(each.name, each.values.type, metadata={"unit": each.unit, "description": each.meaning})
+        for each in made
+    ]
+    return pa.table([each.values for each in made], schema=pa.schema(fields, metadata=metadata))
+
+
+def numbers(values: Any) -> Any:
+    """Return numbers (n,) as an array, null where they are nan."""
+    return pa.array(np.ascontiguousarray(values), from_pandas=True)
+
+
+def plain_numbers(values: Sequence[float | None]) -> Any:
+    """Return numbers, None for unknown, as an array of doubles."""
+    return pa.array(list(values), type=pa.float64(), from_pandas=True)
+
+
+def counts(values: Sequence[int | None]) -> Any:
+    """Return whole numbers, None for unknown, as an array."""
+    return pa.array(list(values), type=pa.int64())
+
+
+def numbers_known(values: IntArray) -> Any:
+    """Return whole numbers (n,), null where they are negative."""
+    column = np.asarray(values, dtype=np.int64)
+    return pa.array(column, mask=column < 0)
+
+
+def names(codes: Any, words: Sequence[str]) -> Any:
+    """Return the words of codes (n,) as a dictionary array, null where a code is negative."""
+    column = np.asarray(codes, dtype=np.int32)
+    indices = pa.array(column, mask=column < 0)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(words), type=pa.string()))
+
+
+def texts(values: Sequence[str | None]) -> Any:
+    """Return texts, None for unknown, as a dictionary array."""
+    return pa.array(list(values), type=pa.string()).dictionary_encode()
+
+
+def lists(values: FloatArray) -> Any:
+    """Return rows of numbers (n, k) as lists of k, null where the first number is nan."""
+    rows, width = values.shape
+    flat = pa.array(np.ascontiguousarray(values, dtype=np.float64).reshape(-1))
+    unknown = np.isnan(values[:, 0]) if rows else np.zeros(0, dtype=np.bool_)
+    return pa.FixedSizeListArray.from_arrays(flat, width, mask=pa.array(unknown))
+
+
+def instants(time_ns: IntArray, epoch_us: int) -> Any:
+    """Return scene times (n,), ns, as timestamps in UTC; null where they are the least integer."""
+    column = np.asarray(time_ns, dtype=np.int64)
+    unknown = column == np.iinfo(np.int64).min
+    stamps = np.where(unknown, 0, column) + epoch_us * _NS_PER_US
+    return pa.array(stamps, mask=unknown).cast(pa.timestamp("ns", tz="UTC"))
+
+
+def nanoseconds(time_s: FloatArray) -> IntArray:
+    """Return scene times (n,), s, rounded to ns; the least integer where they are nan."""
+    column = np.asarray(time_s, dtype=np.float64)
+    known = np.isfinite(column)
+    rounded: IntArray = np.full(len(column), np.iinfo(np.int64).min)
+    rounded[known] = np.rint(column[known] * _NS_PER_S).astype(np.int64)
+    return rounded

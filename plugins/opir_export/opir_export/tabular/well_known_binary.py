@@ -1,0 +1,48 @@
+"""Polygons of GeoJSON as well-known binary, and as text (OGC Simple Feature Access, 06-103r4)."""
+
+from collections.abc import Mapping, Sequence
+from struct import pack, unpack_from
+from typing import Any
+
+import numpy as np
+
+_LITTLE_ENDIAN = 1
+_POLYGON, _MULTI_POLYGON = 3, 6
+_HEAD, _COUNT, _POINT = 9, 4, 16
+
+
+def well_known_binary(geometry: Mapping[str, Any]) -> bytes:
+    """Return a Polygon or a MultiPolygon of GeoJSON as WKB, little endian."""
+    if geometry["type"] == "Polygon":
+        return _polygon(geometry["coordinates"])
+    parts = geometry["coordinates"]
+    return pack("<BII", _LITTLE_ENDIAN, _MULTI_POLYGON, len(parts)) + b"".join(map(_polygon, parts))
+
+
+def _polygon(rings: Sequence[Any]) -> bytes:
+    head = pack("<BII", _LITTLE_ENDIAN, _POLYGON, len(rings))
+    return head + b"".join(pack("<I", len(ring)) + np.array(ring, dtype="<f8").tobytes() for ring in rings)
+
+
+def text_of_binary(shape: bytes) -> str:
+    """Return what `well_known_binary` made as well-known text."""
+    _, kind, count = unpack_from("<BII", shape)
+    if kind == _POLYGON:
+        return f"POLYGON {_rings_text(shape, 0)[0]}"
+    at, parts = _HEAD, list[str]()
+    for _ in range(count):
+        words, at = _rings_text(shape, at)
+        parts.append(words)
+    return f"MULTIPOLYGON ({', '.join(parts)})" if parts else "MULTIPOLYGON EMPTY"
+
+
+def _rings_text(shape: bytes, at: int) -> tuple[str, int]:
+    """Return the rings of the polygon at a place as text, and the place after it."""
+    _, _, count = unpack_from("<BII", shape, at)
+    at, rings = at + _HEAD, list[str]()
+    for _ in range(count):
+        (length,) = unpack_from("<I", shape, at)
+        points = np.frombuffer(shape, dtype="<f8", count=2 * length, offset=at + _COUNT).reshape(-1, 2)
+        rings.append("(" + ", ".join(f"{x} {y}" for x, y in points.tolist()) + ")")
+        at += _COUNT + _POINT * length
+    return f"({', '.join(rings)})", at

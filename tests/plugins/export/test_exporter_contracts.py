@@ -1,0 +1,15 @@
+"""The exporters pass the conformance tests of their hook."""
+
+from opir_core.testing import ExporterContract
+
+
+class TestParquetExporter(ExporterContract):
+    name = "parquet"
+
+
+class TestArrowExporter(ExporterContract):
+    name = "arrow"
+
+
+class TestCsvExporter(ExporterContract):
+    name = "csv"
