@@ -1,7 +1,7 @@
-"""Coastlines for the service's page: Natural Earth's 1:110m land, cut down to tenths of a degree.
+"""Coastlines for the maps of reports: Natural Earth's 1:110m land, cut down to tenths of a degree.
 
     npm pack world-atlas@2.0.2 && tar xzf world-atlas-2.0.2.tgz
-    python docs/design/coastlines.py package/land-110m.json > plugins/opir_http/opir_http/page/coast.json
+    python docs/design/coastlines.py package/land-110m.json > plugins/opir_report/opir_report/maps/coast.json
 
 Natural Earth is in the public domain (naturalearthdata.com, terms of use); the npm package `world-atlas` holds its land
 as TopoJSON, whose arcs are quantised differences. The result is a list of rings, longitude and latitude in turn, in

@@ -17,6 +17,7 @@ from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
 from opir_core.plugin.error_messages import described_error
 from opir_core.scene.scene import REPORTED_TYPES
+from opir_http.activity import Activity
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
 
@@ -128,6 +129,7 @@ class Feed:
         reported_types: tuple[str, ...] = REPORTED_TYPES,
     ) -> None:
         self.history = History(history)
+        self.activity = Activity([sensor.id for sensor in sensors])
         self.tracks = TrackDocuments(epoch_us)
         self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
         self._status = status
@@ -206,7 +208,9 @@ class Feed:
     def _detections(self, window: Window, cycle: int) -> tuple[bytes, bytes]:
         lines = self._encoder.encode(window).splitlines()
         detections = window.detections
-        self.history.add(detections, unix_microseconds(detections.time_ns, self.epoch_us), lines)
+        time_us = unix_microseconds(detections.time_ns, self.epoch_us)
+        self.history.add(detections, time_us, lines)
+        self.activity.add(detections.sensor, time_us)
         head = b'{"cycle":%d,"time_s":%.6f,"count":%d,"detections":[' % (cycle, window.end_s, len(lines))
         step = -(-len(lines) // BRIEF)
         both = (head + b",".join(part) + b"]}" for part in (lines, lines[::step]))

@@ -76,6 +76,9 @@ def document() -> dict[str, Any]:
             "/config": {"get": _config(), "put": _configure()},
             "/detections": {"get": _detections()},
             "/tracks": {"get": _tracks()},
+            "/activity": {
+                "get": _get("activity", "Detections per sensor and second of the last two minutes", "Activity")
+            },
             "/stream": {"get": _stream()},
             "/health/live": {"get": _health("live", closed({"state": TEXT, "reasons": listed(TEXT)}))},
             "/health/ready": {"get": _health("ready", closed({"ready": {"type": "boolean"}, "reasons": listed(TEXT)}))},
@@ -97,6 +100,7 @@ def _schemas() -> Schema:
         "Detections": closed({"detections": listed(_ref("Detection")), "next": schemas.or_null(TEXT)}),
         "Track": schemas.track(),
         "Tracks": closed({"tracks": listed(_ref("Track"))}),
+        "Activity": schemas.activity(),
         "Problem": schemas.problem(),
     }
 
@@ -159,7 +163,9 @@ def _detections() -> Schema:
 
 def _tracks() -> Schema:
     limit = _parameter("limit", {"type": "integer", "minimum": 1, "maximum": MAXIMUM_PAGE, "default": 100})
-    return _get("tracks", "The latest estimate of each track, newest first", "Tracks") | {"parameters": [limit]}
+    trail = _parameter("trail", {"type": "string", "enum": ["true", "false"], "default": "false"})
+    trail |= {"description": "whether to add the earlier positions of each track"}
+    return _get("tracks", "The latest estimate of each track, newest first", "Tracks") | {"parameters": [limit, trail]}
 
 
 def _stream() -> Schema:

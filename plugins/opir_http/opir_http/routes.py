@@ -62,6 +62,7 @@ def application(service: Service) -> Litestar:
 
 def _page_routes() -> list[Any]:
     files = {path.name: path.read_bytes() for path in _PAGE.iterdir() if path.suffix in _KINDS}
+    vendored = {path.name: path.read_bytes() for path in (_PAGE / "vendor").iterdir() if path.suffix in _KINDS}
     openapi = msgspec.json.encode(document())
 
     @get("/", media_type=_KINDS[".html"])
@@ -75,11 +76,18 @@ def _page_routes() -> list[Any]:
             raise ProblemError(404, "there is no such file")
         return Response(files[name], media_type=_KINDS[Path(name).suffix])
 
+    @get("/page/vendor/{name:str}")
+    async def vendored_part(request: AnyRequest) -> Response[bytes]:
+        name = str(request.path_params["name"])
+        if name not in vendored:
+            raise ProblemError(404, "there is no such file")
+        return Response(vendored[name], media_type=_KINDS[Path(name).suffix])
+
     @get("/openapi.json", media_type=_JSON)
     async def described() -> bytes:
         return openapi
 
-    return [page, part, described]
+    return [page, part, vendored_part, described]
 
 
 def _health_routes(service: Service) -> list[Any]:
@@ -174,10 +182,19 @@ def _reading_routes(service: Service, documents: Documents) -> list[Any]:
 
     @get("/tracks")
     async def tracks(request: AnyRequest) -> Response[bytes]:
-        given = query(request.scope["query_string"], ("limit",))
-        return _json({"tracks": service.feed.tracks.latest(whole_number(given, "limit", 100, MAXIMUM_PAGE))})
+        given = query(request.scope["query_string"], ("limit", "trail"))
+        if given.get("trail", "false") not in ("true", "false"):
+            raise ProblemError(400, "trail must be true or false")
+        limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
+        return _json({"tracks": service.feed.tracks.latest(limit, trail=given.get("trail") == "true")})
 
-    return [status, detections, tracks]
+    @get("/activity")
+    async def activity(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        now_us = service.run.scene.epoch_us + service.run.time_ns // 1000
+        return _json(service.feed.activity.document(now_us))
+
+    return [status, detections, tracks, activity]
 
 
 def _trigger_route(service: Service, documents: Documents) -> Any:

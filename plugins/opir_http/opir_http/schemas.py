@@ -172,8 +172,17 @@ def track() -> Schema:
             "type_probability": closed(dict.fromkeys(REPORTED_TYPES, or_null(NUMBER))),
             "state": state,
             "burnout": state,
-        }
+            "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], "items": False})
+            | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},
+        },
+        ("trail",),
     )
+
+
+def activity() -> Schema:
+    """Return the schema of the counts of detections per sensor and second."""
+    counts = {"type": "object", "additionalProperties": listed(COUNT)}
+    return closed({"first_s": COUNT | {"description": "first second, Unix time"}, "sensors": counts})
 
 
 def _region() -> Schema:

@@ -17,8 +17,12 @@ from opir_core.scene.scene import REPORTED_TYPES
 
 #: Maximum number of tracks; those not updated for longest are removed.
 KEPT = 1000
+#: Maximum number of earlier positions kept of a track; of the older half then every second is removed.
+TRAIL = 96
 
 Document = dict[str, Any]
+#: Time, latitude and longitude in degrees, height in metres.
+Position = tuple[Any, ...]
 
 
 class TrackDocuments:
@@ -27,6 +31,7 @@ class TrackDocuments:
     def __init__(self, epoch_us: int) -> None:
         self._epoch_us = epoch_us
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
+        self._trails: dict[int, list[Position]] = {}
 
     def __len__(self) -> int:
         return len(self._documents_by_track)
@@ -38,13 +43,26 @@ class TrackDocuments:
         for document in documents:
             self._documents_by_track[document["track_id"]] = document
             self._documents_by_track.move_to_end(document["track_id"])
+            self._extend_trail(document)
         while len(self._documents_by_track) > KEPT:
-            self._documents_by_track.popitem(last=False)
+            removed, _ = self._documents_by_track.popitem(last=False)
+            self._trails.pop(removed, None)
         return {"tracks": documents}
 
-    def latest(self, limit: int) -> list[Document]:
-        """Return the documents of the tracks updated last, newest first."""
-        return list(reversed(tuple(self._documents_by_track.values())))[:limit]
+    def latest(self, limit: int, *, trail: bool = False) -> list[Document]:
+        """Return the documents of the tracks updated last, newest first; with their earlier positions if `trail`."""
+        newest = list(reversed(tuple(self._documents_by_track.values())))[:limit]
+        if not trail:
+            return newest
+        return [document | {"trail": list(self._trails.get(document["track_id"], ()))} for document in newest]
+
+    def _extend_trail(self, document: Document) -> None:
+        if document["latitude_deg"] is None:
+            return
+        trail = self._trails.setdefault(document["track_id"], [])
+        trail.append(tuple(document[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")))
+        if len(trail) > TRAIL:
+            del trail[0 : len(trail) // 2 : 2]
 
     def _documents(self, tracks: Tracks) -> list[Document]:
         place = ecef_to_geodetic(tracks.state[:, :3])

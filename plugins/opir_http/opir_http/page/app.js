@@ -1,51 +1,117 @@
-// The page: shows status, detections and tracks of the stream, and sends launches of the form.
+// The page: shows a running scene, or a saved run, at the time of its time axis, and sends launches of the form.
+import { LaunchForm } from "/page/form.js";
 import { WorldMap } from "/page/map.js";
-import { setState, showLatest, showStatus, showTracks, Timeline } from "/page/panels.js";
+import { byId, setState, showLatest, showStatus, Timeline } from "/page/panels.js";
+import { Player } from "/page/player.js";
+import { Saved } from "/page/saved.js";
 import { ask, follow } from "/page/service.js";
+import { Store } from "/page/store.js";
+import { detailsOf, likeliest, showDetails, TrackTable } from "/page/table.js";
 
-const map = new WorldMap(document.getElementById("map"));
-// For tests: the content of the map is in no element.
-window.opirMap = map;
-const timeline = new Timeline(document.getElementById("timeline"));
+const PAGE = 1000, PAGES = 10, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
+
+const store = new Store(), timeline = new Timeline(byId("timeline"));
+let form = null;
+const player = new Player(store, (timeS) => saved.seek(timeS));
+const saved = new Saved(store, player, timeline);
+const map = new WorldMap(byId("map"), store, {
+  select,
+  place: (lon, lat) => form.place(lon, lat),
+  time: () => ({ timeS: frame(), speed: player.speed }),
+});
+form = new LaunchForm(map);
+const table = new TrackTable(byId("track-rows"), store, (key) => { select(key); showOnMap(key); });
+// For tests: the content of the canvas is in no element.
+window.opirMap = map; window.opirStore = store; window.opirPlayer = player;
+
+let detailsMs = 0, newsMs = 0, announced = 0;
+function frame() {
+  const timeS = player.tick(), now = performance.now();
+  table.update(timeS);
+  saved.update();
+  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); }
+  if (now - newsMs > NEWS_MS) { newsMs = now; announce(); }
+  return timeS;
+}
+
+function select(key) {
+  map.selected = key;
+  table.select(key);
+  detailsMs = 0;
+}
+
+// Turns the map to a track, so that a row leads to its mark.
+function showOnMap(key) {
+  const track = store.tracks.get(Number(key.slice(6))), last = track && track.trail[track.trail.length - 1];
+  if (last && !map.xy(last.lon, last.lat)) map.lookAt(last.lon, last.lat);
+}
+
+// New tracks, for a screen reader; at most one message each five seconds.
+function announce() {
+  const fresh = [...store.tracks.values()].slice(announced);
+  announced = store.tracks.size;
+  if (!fresh.length) return;
+  const reports = fresh.map((track) => store.documentAt(track, Infinity)).filter(Boolean);
+  byId("news").textContent = fresh.length > 3 ? `${fresh.length} new tracks` : reports.map((report) => `New track ${report.track_id}, ${likeliest(report)}`).join("; ");
+}
 
 function status(data) {
   showStatus(data);
-  map.setSensors(data.sensors);
+  if (!data.replay) store.setSensors(data.sensors);
   timeline.setSensors(data.sensors);
+  player.setPace(data.clock.speed);
+  store.seen(Date.parse(data.clock.timestamp) / 1000);
 }
 
 const on = {
   status,
-  detections(data) {
-    data.detections.forEach((event) => map.hit(event));
-    timeline.add(data.detections, data.time_s, data.count / data.detections.length);
-    showLatest(data.detections);
-  },
-  tracks(data) { data.tracks.forEach((track) => map.setTrack(track)); showTracks(map.tracks); },
+  detections(data) { store.addDetections(data.detections); showLatest(data.detections); },
+  tracks(data) { data.tracks.forEach((track) => store.addTrack(track)); },
   end() { setState("stopped"); },
   lost() { setState("lost"); },
 };
 
-const form = document.getElementById("launch"), answer = document.getElementById("answer");
-form.addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const given = new FormData(form), number = (name) => Number(given.get(name));
-  const invalid = [...form.querySelectorAll("input")].find((input) => !input.checkValidity());
-  if (invalid) { show(`${invalid.closest("fieldset").querySelector("legend").textContent}, ${invalid.parentElement.firstChild.textContent.trim()} ${invalid.validationMessage}`, true); invalid.focus(); return; }
-  const button = form.querySelector("button");
-  button.disabled = true;
+const got = async (path) => { const answer = await ask(path); if (!answer.ok) throw new Error(path); return answer.json(); };
+
+// What happened before the page was opened: detections of the last two minutes, tracks with their trails.
+async function past(data) {
+  const since = new Date(Math.max(0, Date.parse(data.clock.timestamp) - PAST_S * 1000)).toISOString();
+  on.tracks(await got(`/tracks?limit=${PAGE}&trail=true`));
+  let after = "";
+  for (let page = 0; page < PAGES; page += 1) {
+    const found = await got(`/detections?limit=${PAGE}&since=${since}${after}`);
+    store.addDetections(found.detections.reverse());
+    if (page === 0) showLatest(found.detections);
+    if (!found.next) break;
+    after = `&after=${found.next}`;
+  }
+}
+
+async function counts() {
   try {
-    const body = { type: given.get("type"), launch: { lat_deg: number("launch_lat"), lon_deg: number("launch_lon") }, aim: { lat_deg: number("aim_lat"), lon_deg: number("aim_lon") } };
-    const key = `${Date.now()}-${Math.random().toString(36).slice(2)}`;
-    const response = await ask("/trigger", { method: "POST", headers: { "Content-Type": "application/json", "Idempotency-Key": key }, body: JSON.stringify(body) });
-    const result = await response.json();
-    if (response.ok) show(`${result.id} launches at ${result.timestamp.slice(11, 22)} Z`, false);
-    else show((result.errors || []).map((error) => `${error.path}: ${error.message}`).join("; ") || result.detail, true);
-  } catch { show("The service cannot be reached", true); } finally { button.disabled = false; }
-});
+    const found = await got("/activity");
+    timeline.set(found.first_s, found.sensors);
+  } catch { /* the stream reports a lost service */ }
+  setTimeout(counts, COUNTS_MS);
+}
 
-function show(text, isBad) { answer.textContent = text; answer.className = isBad ? "bad" : ""; }
+for (const kind of ["map", "globe"]) {
+  byId(`to-${kind}`).addEventListener("click", () => {
+    map.show(kind);
+    for (const each of ["map", "globe"]) byId(`to-${each}`).setAttribute("aria-pressed", String(each === kind));
+  });
+}
+byId("zoom-in").addEventListener("click", () => map.zoomBy(1.6));
+byId("zoom-out").addEventListener("click", () => map.zoomBy(1 / 1.6));
+byId("show-all").addEventListener("click", () => map.reset());
 
-ask("/status").then((response) => response.json()).then(status).catch(() => setState("lost"));
-ask("/tracks").then((response) => response.json()).then(on.tracks).catch(() => setState("lost"));
-follow("/stream?view=brief", (event, data) => on[event] && on[event](data));
+async function start() {
+  const data = await got("/status");
+  status(data);
+  if (data.replay) { byId("launch-panel").hidden = true; await saved.open(data); return; }
+  follow("/stream?view=brief", (event, body) => on[event] && on[event](body));
+  counts();
+  await past(data);
+}
+
+start().catch(() => setState("lost"));

@@ -1,5 +1,6 @@
-// Positions on the WGS 84 ellipsoid: subsatellite points, line-of-sight intersections, circles and ellipses.
-const A = 6378137, F = 1 / 298.257223563, E2 = F * (2 - F), DEG = Math.PI / 180;
+// Positions on the WGS 84 ellipsoid and shapes on the sphere of the map: lines of sight, caps, ellipses, the Sun.
+const A = 6378137, F = 1 / 298.257223563, E2 = F * (2 - F);
+export const DEG = Math.PI / 180;
 
 export function geodetic([x, y, z]) {
   const p = Math.hypot(x, y);
@@ -8,7 +9,7 @@ export function geodetic([x, y, z]) {
     const n = A / Math.sqrt(1 - E2 * Math.sin(lat) ** 2);
     lat = Math.atan2(z + E2 * n * Math.sin(lat), p);
   }
-  return { lat: lat / DEG, lon: Math.atan2(y, x) / DEG };
+  return { lat: lat / DEG, lon: Math.atan2(y, x) / DEG, height: Math.hypot(x, y, z) - A };
 }
 
 // The first intersection of a line of sight with the ellipsoid, or null if there is none.
@@ -25,51 +26,66 @@ export function groundPoint(position, azimuthDeg, elevationDeg) {
   return geodetic(position.map((axis, index) => axis + range * way[index]));
 }
 
-// The circle on a sphere that a satellite sees: its horizon or its field of regard, whichever is narrower.
+// The cap of the Earth that a satellite sees, as a GeoJSON polygon: to its horizon or its field of regard, whichever is narrower.
 export function footprint(position, halfAngleDeg) {
   const radius = Math.hypot(...position), centre = geodetic(position);
   const horizon = Math.acos(Math.min(1, A / radius)), half = halfAngleDeg * DEG;
   const sine = (radius / A) * Math.sin(half);
   const reach = sine >= 1 || half >= Math.PI / 2 ? horizon : Math.min(horizon, Math.asin(sine) - half);
-  return circle(centre, reach, 96);
+  return cap(centre.lon, centre.lat, reach / DEG);
 }
 
-export function circle(centre, reach, points) {
-  const lat = centre.lat * DEG, lon = centre.lon * DEG, ring = [];
-  for (let step = 0; step <= points; step += 1) {
-    const bearing = (step / points) * 2 * Math.PI;
-    ring.push(ahead(lat, lon, bearing, reach));
-  }
-  return ring;
+// All places within an angle of one, as a GeoJSON polygon; right over poles and across 180 degrees.
+export function cap(lon, lat, reachDeg) {
+  return globalThis.d3.geoCircle().center([lon, lat]).radius(reachDeg).precision(3)();
 }
 
-// The great circle from one position to another, both with lat_deg and lon_deg.
-export function greatCircle(one, other, points = 64) {
-  const unit = ({ lat_deg: lat, lon_deg: lon }) => [Math.cos(lat * DEG) * Math.cos(lon * DEG), Math.cos(lat * DEG) * Math.sin(lon * DEG), Math.sin(lat * DEG)];
-  const a = unit(one), b = unit(other), angle = Math.acos(Math.max(-1, Math.min(1, dot(a, b)))), way = [];
-  for (let step = 0; step <= points && Math.sin(angle) > 1e-6; step += 1) {
-    const ahead = Math.sin((step / points) * angle), back = Math.sin((1 - step / points) * angle);
-    const [x, y, z] = a.map((axis, index) => back * axis + ahead * b[index]);
-    way.push({ lat: Math.atan2(z, Math.hypot(x, y)) / DEG, lon: Math.atan2(y, x) / DEG });
-  }
-  return way;
-}
-
-export function ellipse(point, points = 48) {
-  const { semi_major_m: major, semi_minor_m: minor, bearing_deg: turned } = point.ellipse, ring = [];
-  for (let step = 0; step <= points; step += 1) {
+// An error ellipse of launch and impact points, as a GeoJSON polygon.
+export function ellipse(point, shape, points = 48) {
+  const { semi_major_m: major, semi_minor_m: minor, bearing_deg: turned } = shape, ring = [];
+  for (let step = 0; step < points; step += 1) {
     const turn = (step / points) * 2 * Math.PI;
     const along = major * Math.cos(turn), across = minor * Math.sin(turn);
     const bearing = Math.atan2(across, along) + turned * DEG;
     ring.push(ahead(point.lat_deg * DEG, point.lon_deg * DEG, bearing, Math.hypot(along, across) / A));
   }
-  return ring;
+  return { type: "Polygon", coordinates: [[...ring, ring[0]]] };
+}
+
+// A polygon of RFC 7946 (its outer rings counterclockwise) with the order that d3-geo needs.
+export function rewound(geometry) {
+  const turned = (rings) => rings.map((ring) => [...ring].reverse());
+  return { type: geometry.type, coordinates: geometry.type === "Polygon" ? turned(geometry.coordinates) : geometry.coordinates.map(turned) };
+}
+
+// The place under the Sun at a Unix time, s: low-precision almanac formulas, good to 0.01 degrees from 1950 to 2050.
+export function subsolar(unixS) {
+  const days = unixS / 86400 - 10957.5, anomaly = (357.528 + 0.9856003 * days) * DEG;
+  const mean = 280.46 + 0.9856474 * days;
+  const longitude = (mean + 1.915 * Math.sin(anomaly) + 0.02 * Math.sin(2 * anomaly)) * DEG;
+  const tilt = (23.439 - 4e-7 * days) * DEG;
+  const ascension = Math.atan2(Math.cos(tilt) * Math.sin(longitude), Math.cos(longitude)) / DEG;
+  const sidereal = 280.46061837 + 360.98564736629 * days;
+  return { lat: Math.asin(Math.sin(tilt) * Math.sin(longitude)) / DEG, lon: wrapped(ascension - sidereal) };
+}
+
+export function wrapped(lon) { return ((((lon + 180) % 360) + 360) % 360) - 180; }
+
+// Decodes the land: rings of differences, in units of 1/scale degree.
+export function landOf({ scale, polygons }) {
+  const ring = (steps) => {
+    const places = [];
+    let x = 0, y = 0;
+    for (let at = 0; at < steps.length; at += 2) { x += steps[at]; y += steps[at + 1]; places.push([x / scale, y / scale]); }
+    return places;
+  };
+  return { type: "MultiPolygon", coordinates: polygons.map((rings) => rings.map(ring)) };
 }
 
 function ahead(lat, lon, bearing, reach) {
   const there = Math.asin(Math.sin(lat) * Math.cos(reach) + Math.cos(lat) * Math.sin(reach) * Math.cos(bearing));
   const turn = Math.atan2(Math.sin(bearing) * Math.sin(reach) * Math.cos(lat), Math.cos(reach) - Math.sin(lat) * Math.sin(there));
-  return { lat: there / DEG, lon: ((lon + turn) / DEG + 540) % 360 - 180 };
+  return [wrapped((lon + turn) / DEG), there / DEG];
 }
 
 function dot(one, other) { return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]; }

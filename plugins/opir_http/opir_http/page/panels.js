@@ -1,6 +1,6 @@
 // The panels around the map. Text is inserted as text, never as markup.
-const whole = new Intl.NumberFormat("en");
-const byId = (id) => document.getElementById(id);
+export const whole = new Intl.NumberFormat("en");
+export const byId = (id) => document.getElementById(id);
 
 export function showStatus(status) {
   const { clock, counts } = status;
@@ -20,11 +20,6 @@ export function setState(name) {
   if (state.textContent !== name) { state.textContent = name; state.className = name; }
 }
 
-export function showTracks(tracks) {
-  const newest = [...tracks.values()].sort((one, other) => other.at - one.at).slice(0, 30);
-  rows("track-rows", newest.map((track) => [`${track.track_id}`, position(track.launch_point), position(track.impact_point), semiMajorKm(track.impact_point)]), [], "None yet");
-}
-
 const latest = [];
 export function showLatest(events) {
   latest.unshift(...events.slice(-12).reverse());
@@ -32,15 +27,10 @@ export function showLatest(events) {
   rows("latest", latest.map((event) => [event.timestamp.slice(11, 22), event.sensor_id, event.target_type, event.confidence.toFixed(2)]), [], "None yet");
 }
 
-function position(point) {
+export function position(point) {
   if (!point) return "–";
   const lat = `${Math.abs(point.lat_deg).toFixed(1)}° ${point.lat_deg < 0 ? "S" : "N"}`;
   return `${lat}, ${Math.abs(point.lon_deg).toFixed(1)}° ${point.lon_deg < 0 ? "W" : "E"}`;
-}
-
-// The semi-major axis of the 95 % ellipse, km.
-function semiMajorKm(point) {
-  return point && point.ellipse ? whole.format(Math.round(point.ellipse.semi_major_m / 1000)) : "–";
 }
 
 function rows(id, table, bad, none) {
@@ -53,43 +43,46 @@ function rows(id, table, bad, none) {
   byId(id).replaceChildren(...lines);
 }
 
-// Detections per sensor and second of scene time, for two minutes.
-const SECONDS = 120;
+// Detections per sensor and second of scene time, for the two minutes before the time shown; their sums are exact.
+const SECONDS = 120, KEPT_S = 1200;
 export class Timeline {
-  constructor(element) { this.element = element; this.bars = new Map(); this.now = 0; }
+  constructor(element) { this.element = element; this.bars = new Map(); }
 
   setSensors(sensors) {
-    for (const sensor of sensors) {
-      if (!this.bars.has(sensor.sensor_id)) {
-        const name = document.createElement("b"), bar = document.createElement("canvas"), total = document.createElement("span");
-        name.textContent = sensor.sensor_id; bar.className = "bar"; bar.setAttribute("aria-hidden", "true");
-        this.element.append(name, bar, total);
-        this.bars.set(sensor.sensor_id, { bar, total, seconds: new Map() });
-      }
-      this.bars.get(sensor.sensor_id).total.textContent = whole.format(sensor.detections);
-    }
-    this.draw();
-  }
-
-  add(events, timeS, weight) {
-    this.now = timeS;
-    for (const event of events) {
-      const bar = this.bars.get(event.sensor_id), second = Math.floor(timeS);
-      if (bar) bar.seconds.set(second, (bar.seconds.get(second) || 0) + weight);
+    for (const { sensor_id: id } of sensors) {
+      if (this.bars.has(id)) continue;
+      const name = document.createElement("b"), bar = document.createElement("canvas"), total = document.createElement("span");
+      name.textContent = id; bar.className = "bar"; bar.setAttribute("aria-hidden", "true"); total.textContent = "0";
+      this.element.append(name, bar, total);
+      this.bars.set(id, { bar, total, seconds: new Map() });
     }
   }
 
-  draw() {
+  // The counts of seconds replace those known: `first` is a Unix time, s, `counts` has a list of seconds for each sensor.
+  set(firstS, counts) {
+    for (const [id, list] of Object.entries(counts)) {
+      const row = this.bars.get(id);
+      if (!row) continue;
+      list.forEach((count, at) => { if (count) row.seconds.set(firstS + at, count); });
+      for (const second of row.seconds.keys()) if (second < firstS - KEPT_S) row.seconds.delete(second); else break;
+    }
+  }
+
+  draw(nowS) {
     const colour = getComputedStyle(document.documentElement).getPropertyValue("--hit").trim();
-    for (const { bar, seconds } of this.bars.values()) {
+    for (const { bar, total, seconds } of this.bars.values()) {
       const width = bar.clientWidth, height = bar.clientHeight, pen = bar.getContext("2d");
       bar.width = width; bar.height = height; pen.fillStyle = colour;
+      let sum = 0;
       for (const [second, count] of seconds) {
-        const age = this.now - second;
-        if (age > SECONDS) { seconds.delete(second); continue; }
+        const age = nowS - second;
+        if (age < 0 || age > SECONDS) continue;
+        sum += count;
         pen.globalAlpha = Math.min(1, 0.35 + count / 30);
         pen.fillRect(width - (age / SECONDS) * width, 1, Math.max(width / SECONDS, 1), height - 2);
       }
+      const text = whole.format(sum);
+      if (total.textContent !== text) total.textContent = text;
     }
   }
 }

@@ -1,0 +1,257 @@
+// Draws the layers of the map: ground, night, fields of view, regions, trails, marks. Shapes are kept while the view rests.
+import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/page/earth.js";
+import { after } from "/page/store.js";
+import { prepared } from "/page/view.js";
+
+const { geoGraticule10, geoPath } = globalThis.d3;
+// Larger ellipses of linear estimates mean nothing and are not drawn.
+const WIDEST_M = 2.5e6;
+export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
+const COLOURS = ["sea", "land", "shore", "line", "sensor", "hit", "launch", "impact", "ink", "soft", "night", "select"];
+
+export class Layers {
+  constructor(canvas, view) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.view = view;
+    this.ground = document.createElement("canvas");
+    this.land = {}; this.groundVersion = null; this.shapes = new Map(); this.sites = new Map();
+    this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
+    for (const detail of ["110m", "50m"]) {
+      fetch(`/page/coast-${detail}.json`).then((answer) => answer.json()).then((land) => { this.land[detail] = landOf(land); this.groundVersion = null; });
+    }
+  }
+
+  resize(width, height) {
+    const ratio = Math.min(devicePixelRatio || 1, 2), style = getComputedStyle(document.documentElement);
+    for (const each of [this.canvas, this.ground]) { each.width = Math.round(width * ratio); each.height = Math.round(height * ratio); }
+    this.ratio = ratio; this.unit = parseFloat(style.fontSize) / 15;
+    this.colour = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    this.groundVersion = null;
+    this.view.resize(width, height);
+  }
+
+  // Coasts of 1:110m while the view moves, of 1:50m at rest.
+  drawGround(isMoving) {
+    const detail = isMoving || !this.land["50m"] ? "110m" : "50m", version = `${this.view.version} ${detail}`;
+    if (version === this.groundVersion) return;
+    this.groundVersion = version;
+    const pen = this.ground.getContext("2d"), path = geoPath(this.view.projection, pen);
+    pen.setTransform(1, 0, 0, 1, 0, 0); pen.clearRect(0, 0, this.ground.width, this.ground.height);
+    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    const draw = (shape) => { pen.beginPath(); path(shape); };
+    draw({ type: "Sphere" }); pen.fillStyle = this.colour.sea; pen.fill();
+    if (this.land[detail]) { draw(this.land[detail]); pen.fillStyle = this.colour.land; pen.fill(); pen.strokeStyle = this.colour.shore; pen.lineWidth = 0.6; pen.stroke(); }
+    draw(geoGraticule10()); pen.strokeStyle = this.colour.line; pen.lineWidth = 0.5; pen.stroke();
+    draw({ type: "Sphere" }); pen.strokeStyle = this.colour.shore; pen.lineWidth = 1; pen.stroke();
+  }
+
+  // A frame of the run at a time: `speed` scales how long marks stay.
+  draw(store, nowS, { speed, selected, isMoving, isCalm, crosshair, places }) {
+    const pen = this.pen;
+    this.drawGround(isMoving);
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    pen.drawImage(this.ground, 0, 0);
+    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    this.marks = [];
+    this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
+    if (Number.isFinite(nowS)) { this.drawNight(nowS); this.drawFields(store.sensors); this.drawTracks(store, nowS, speed, selected); this.drawHits(store, nowS, speed, isCalm); }
+    this.drawSensors(store.sensors, selected);
+    this.drawPlaces(places, crosshair);
+  }
+
+  // The path of a shape on the screen; kept until the view or the shape changes.
+  path(key, mark, make) {
+    const found = this.shapes.get(key);
+    if (found && found.version === this.view.version && found.mark === mark) return found.path;
+    const path = new Path2D();
+    geoPath(this.view.projection, path)(make());
+    this.shapes.set(key, { version: this.view.version, mark, path });
+    return path;
+  }
+
+  drawNight(nowS) {
+    const step = Math.round(nowS / 20), sun = subsolar(step * 20);
+    this.pen.fillStyle = this.colour.night;
+    this.pen.fill(this.path("night", step, () => cap(sun.lon + 180, -sun.lat, 90)));
+  }
+
+  drawFields(sensors) {
+    const pen = this.pen;
+    for (const sensor of sensors) {
+      const isActive = sensor.state === "detecting", [x, y, z] = sensor.position_ecef_m;
+      pen.strokeStyle = pen.fillStyle = this.colour.sensor; pen.lineWidth = (isActive ? 1.2 : 0.9) * this.unit;
+      const path = this.path(`field ${sensor.sensor_id}`, `${Math.round(x / 2e4)} ${Math.round(y / 2e4)} ${Math.round(z / 2e4)}`, () => footprint(sensor.position_ecef_m, sensor.field_of_regard_half_angle_deg));
+      if (isActive) { pen.globalAlpha = 0.05; pen.fill(path); }
+      pen.globalAlpha = isActive ? 0.6 : 0.18; pen.stroke(path);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  drawTracks(store, nowS, speed, selected) {
+    const gone = GONE_S * Math.max(1, speed);
+    for (const track of store.tracks.values()) {
+      const report = store.documentAt(track, nowS);
+      if (!report) continue;
+      const count = after(track.trail, nowS), last = count ? track.trail[count - 1] : null;
+      const isOld = nowS - Date.parse(report.timestamp) / 1000 > gone, isSelected = selected === `track ${track.id}`;
+      this.drawn.tracks += 1;
+      this.pen.globalAlpha = isOld ? 0.35 : 1;
+      this.drawRegions(track.id, report, isSelected);
+      this.drawTrail(track.trail, count, isSelected);
+      if (report.launch_point) this.drawLaunch(track.id, report.launch_point);
+      if (report.impact_point) this.drawImpact(track.id, report, store.tracks.size < 60 || isSelected);
+      if (last && !isOld) this.drawNow(track.id, last, isSelected, store.tracks.size < 60 || isSelected);
+    }
+    this.pen.globalAlpha = 1;
+  }
+
+  drawTrail(trail, count, isSelected) {
+    const pen = this.pen, view = this.view, step = isSelected || count < 40 ? 1 : 2;
+    let isDown = false, before = 0;
+    pen.beginPath();
+    for (let at = (count - 1) % step; at < count; at += step) {
+      const isSeen = view.at(trail[at].place);
+      if (isSeen && isDown && Math.abs(view.px - before) < view.radius) pen.lineTo(view.px, view.py);
+      else if (isSeen) pen.moveTo(view.px, view.py);
+      isDown = isSeen; before = view.px;
+    }
+    pen.strokeStyle = isSelected ? this.colour.select : this.colour.ink; pen.lineWidth = (isSelected ? 2.2 : 1.1) * this.unit;
+    pen.stroke();
+  }
+
+  // The areas of 50, 90 and 95 % at their true size; the ellipses of a track that has no regions.
+  drawRegions(id, report, isSelected) {
+    const pen = this.pen, impact = report.impact_point;
+    pen.strokeStyle = pen.fillStyle = isSelected ? this.colour.select : this.colour.impact; pen.lineWidth = (isSelected ? 2 : 1.2) * this.unit;
+    const alpha = pen.globalAlpha, shapes = [];
+    for (const region of report.impact_regions || []) shapes.push([region.containment, () => rewound(region.geometry)]);
+    this.drawn.regions += shapes.length;
+    if (!shapes.length && impact) {
+      for (const [share, shape] of [[0.5, impact.ellipse_50], [0.9, impact.ellipse_90], [0.95, impact.ellipse]]) {
+        if (shape && shape.semi_major_m <= WIDEST_M) shapes.push([share, () => ellipse(impact, shape)]);
+      }
+      this.drawn.ellipses += shapes.length;
+    }
+    for (const [share, make] of shapes) {
+      const path = this.path(`region ${id} ${share}`, report, make);
+      pen.globalAlpha = alpha * 0.12; pen.fill(path);
+      pen.globalAlpha = alpha; pen.stroke(path);
+    }
+    pen.globalAlpha = alpha;
+  }
+
+  // The prepared place of a launch or impact point; kept until it changes.
+  site(key, point) {
+    const found = this.sites.get(key);
+    if (found && found.point === point) return found.place;
+    const place = prepared(point.lon_deg, point.lat_deg);
+    this.sites.set(key, { point, place });
+    return place;
+  }
+
+  drawLaunch(id, launch) {
+    const { pen, view } = this, size = 5 * this.unit;
+    this.drawn.launches += 1;
+    if (!view.at(this.site(`launch ${id}`, launch))) return;
+    const x = view.px, y = view.py;
+    pen.fillStyle = pen.strokeStyle = this.colour.launch;
+    if (launch.ellipse && launch.ellipse.semi_major_m <= WIDEST_M && (launch.ellipse.semi_major_m / 6378137) * view.radius > 3) {
+      pen.lineWidth = this.unit; pen.stroke(this.path(`launch ${id}`, launch, () => ellipse(launch, launch.ellipse)));
+    }
+    pen.beginPath(); pen.moveTo(x, y - size); pen.lineTo(x + size, y + size); pen.lineTo(x - size, y + size); pen.fill();
+  }
+
+  drawImpact(id, report, hasLabel) {
+    const { pen, view } = this, size = 4.5 * this.unit;
+    this.drawn.impacts += 1;
+    if (!view.at(this.site(`impact ${id}`, report.impact_point))) return;
+    const x = view.px, y = view.py;
+    this.marks.push({ key: `track ${id}`, x, y });
+    pen.strokeStyle = pen.fillStyle = this.colour.impact; pen.lineWidth = 1.8 * this.unit;
+    pen.beginPath(); pen.moveTo(x - size, y - size); pen.lineTo(x + size, y + size); pen.moveTo(x - size, y + size); pen.lineTo(x + size, y - size); pen.stroke();
+    if (hasLabel) this.label(`${id}`, x + 7 * this.unit, y + 4 * this.unit, 11);
+  }
+
+  drawNow(id, sample, isSelected, hasLabel) {
+    const { pen, view } = this;
+    if (!view.at(sample.place)) return;
+    const x = view.px, y = view.py;
+    this.marks.push({ key: `track ${id}`, x, y });
+    pen.strokeStyle = pen.fillStyle = isSelected ? this.colour.select : this.colour.ink; pen.lineWidth = (isSelected ? 2.6 : 1.6) * this.unit;
+    pen.beginPath(); pen.arc(x, y, (hasLabel ? 7 : 4) * this.unit, 0, 7); pen.stroke();
+    if (hasLabel) this.label(`${id}`, x + 9 * this.unit, y - 6 * this.unit, 12);
+  }
+
+  label(text, x, y, size) {
+    this.pen.font = `600 ${size * this.unit}px system-ui, sans-serif`; this.pen.textAlign = "left"; this.pen.fillText(text, x, y);
+  }
+
+  drawHits(store, nowS, speed, isCalm) {
+    const { pen, view } = this, shown = SHOWN_S * Math.max(1, speed), end = after(store.hits, nowS);
+    pen.fillStyle = this.colour.hit;
+    for (let at = end - 1; at >= 0 && at >= end - MOST_HITS; at -= 1) {
+      const age = (nowS - store.hits[at].timeS) / shown;
+      if (age > 1) break;
+      if (!view.at(store.hits[at].place)) continue;
+      const size = (2.2 + (isCalm ? 0 : 3 * Math.max(0, 1 - age * 8))) * this.unit;
+      pen.globalAlpha = isCalm ? 0.8 : 0.9 * (1 - age) ** 1.5;
+      pen.beginPath(); pen.arc(view.px, view.py, size, 0, 7); pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // Satellites stand at their altitude on the globe, joined with the place below them; the map has the place alone.
+  drawSensors(sensors, selected) {
+    const { pen, view } = this, taken = [];
+    for (const sensor of sensors) {
+      const isActive = sensor.state === "detecting", below = geodetic(sensor.position_ecef_m), size = 4.5 * this.unit;
+      const high = prepared(below.lon, below.lat, view.kind === "globe" ? below.height : 0);
+      pen.fillStyle = pen.strokeStyle = selected === `sensor ${sensor.sensor_id}` ? this.colour.select : this.colour.sensor;
+      pen.globalAlpha = isActive ? 1 : 0.65;
+      const foot = view.kind === "globe" && view.at(prepared(below.lon, below.lat)) ? [view.px, view.py] : null;
+      const isShown = view.at(high), x = view.px, y = view.py;
+      if (foot) this.drawNadir(foot, high);
+      if (!isShown && !foot) continue;
+      const [atX, atY] = isShown ? [x, y] : foot;
+      this.marks.push({ key: `sensor ${sensor.sensor_id}`, x: atX, y: atY });
+      if (isShown) { pen.beginPath(); pen.moveTo(x, y - size); pen.lineTo(x + size, y); pen.lineTo(x, y + size); pen.lineTo(x - size, y); pen.fill(); }
+      pen.globalAlpha = 1;
+      this.nameSensor(sensor, atX, atY, isActive, taken);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  drawNadir([x, y], high) {
+    const { pen, view } = this;
+    pen.lineWidth = 0.8 * this.unit; pen.setLineDash([2, 3]);
+    view.at(high);
+    pen.beginPath(); pen.moveTo(x, y); pen.lineTo(view.px, view.py); pen.stroke();
+    pen.setLineDash([]); pen.beginPath(); pen.arc(x, y, 2.5 * this.unit, 0, 7); pen.stroke();
+  }
+
+  // Names where there is room; the timeline has all names.
+  nameSensor(sensor, x, y, isActive, taken) {
+    const { pen, view } = this;
+    if (view.width < 560 || (view.width < 860 && !isActive)) return;
+    pen.font = `${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "center"; pen.fillStyle = this.colour.soft;
+    const width = pen.measureText(sensor.sensor_id).width + 6, middle = Math.min(Math.max(x, width / 2), view.width - width / 2);
+    for (const line of [16, -9, 29, -22].map((off) => y + off * this.unit)) {
+      if (taken.some((box) => Math.abs(box.x - middle) < (box.width + width) / 2 && Math.abs(box.y - line) < 12 * this.unit)) continue;
+      taken.push({ x: middle, y: line, width }); pen.fillText(sensor.sensor_id, middle, line);
+      return;
+    }
+  }
+
+  // The launch and the aim of the form while they are chosen, and the centre for the keyboard.
+  drawPlaces(places, crosshair) {
+    const { pen, view } = this, size = 8 * this.unit;
+    for (const { lat, lon, name } of places) {
+      if (!view.at(prepared(lon, lat))) continue;
+      pen.strokeStyle = name === "launch" ? this.colour.launch : this.colour.impact; pen.lineWidth = 2 * this.unit;
+      pen.beginPath(); pen.arc(view.px, view.py, size, 0, 7); pen.moveTo(view.px - size, view.py); pen.lineTo(view.px + size, view.py); pen.moveTo(view.px, view.py - size); pen.lineTo(view.px, view.py + size); pen.stroke();
+    }
+    if (!crosshair) return;
+    pen.strokeStyle = this.colour.select; pen.lineWidth = 1.5;
+    pen.beginPath(); pen.moveTo(view.midX - 12, view.midY); pen.lineTo(view.midX + 12, view.midY); pen.moveTo(view.midX, view.midY - 12); pen.lineTo(view.midX, view.midY + 12); pen.stroke();
+  }
+}
