@@ -33,7 +33,9 @@ def _arcs(topology: dict, scale: int) -> list[list[Place]]:
     arcs = []
     for arc in topology["arcs"]:
         places = zip(*(accumulate(column) for column in zip(*arc, strict=True)), strict=True)
-        arcs.append([(round(scale * (x * scale_x + origin_x)), round(scale * (y * scale_y + origin_y))) for x, y in places])
+        arcs.append(
+            [(round(scale * (x * scale_x + origin_x)), round(scale * (y * scale_y + origin_y))) for x, y in places]
+        )
     return arcs
 
 

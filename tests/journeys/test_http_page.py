@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
+from hashlib import sha256
 from typing import Any
 
 import pytest
@@ -18,7 +20,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
-    words = ("--speed", "5", "--tracker", "imm")
+    words = ("--speed", "5", "--tracker", "imm", "--loop")
     with serving(tmp_path_factory.mktemp("page"), *words) as running:
         yield running
 
@@ -61,7 +63,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
     expect(page.locator("#sink-rows")).to_contain_text("open")
     assert page.evaluate("document.querySelectorAll('#timeline b').length") == 8
     page.get_by_label("Latitude").first.fill("95")
-    page.get_by_role("button", name="Launch").click()
+    page.get_by_role("button", name="Launch", exact=True).click()
     expect(page.locator("#answer")).to_have_class("bad")
     assert not complaints
     assert {url.split("/")[2] for url in asked} == {f"127.0.0.1:{stand.port}"}
@@ -71,14 +73,16 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
 @pytest.mark.slow
 def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand, 1280, "dark")
-    drawn = "() => opirMap.drawn && opirMap.drawn.launches && opirMap.drawn.ellipses"
+    drawn = "() => opirMap.drawn.launches && opirMap.drawn.regions"
     page.wait_for_function(drawn, timeout=180_000)
     # A track of our own, where nothing else is: marks are looked for by their colours.
-    page.evaluate(f"opirMap.setTrack({json.dumps(TRACK)})")
+    page.evaluate("document.getElementById('play').click()")
+    track = TRACK | {"timestamp": page.evaluate("new Date(opirPlayer.timeS * 1000 - 100).toISOString()")}
+    page.evaluate(f"opirStore.addTrack({json.dumps(track)})")
     page.wait_for_function(f"() => ({SEEN})(-20, -30, 'launch') > 5")
     page.wait_for_function(f"() => ({SEEN})(40, -45, 'impact') > 5")
     on_the_ellipse = page.evaluate(f"({SEEN})(40, -36, 'impact')")  # 1000 km to the north
-    page.evaluate(f"opirMap.setTrack({json.dumps(wide(TRACK))})")
+    page.evaluate(f"opirStore.addTrack({json.dumps(wide(track))})")
     page.wait_for_function(f"() => ({SEEN})(40, -36, 'impact') === 0")
     assert on_the_ellipse > 0
     assert page.evaluate(f"({SEEN})(40, -45, 'impact')") > 5
@@ -89,8 +93,8 @@ def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Bro
 #: How many pixels near a place have about a colour of the page's.
 SEEN = (
     "(lon, lat, name) => { const map = document.getElementById('map'), pen = map.getContext('2d'), of = opirMap;"
-    " const hex = of.colour[name], wanted = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));"
-    " const at = [of.x(lon), of.y(lat)].map((place) => Math.round(place * of.ratio) - 8);"
+    " const hex = of.layers.colour[name], wanted = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));"
+    " const at = of.xy(lon, lat).map((place) => Math.round(place * of.layers.ratio) - 8);"
     " const found = pen.getImageData(at[0], at[1], 16, 16).data; let count = 0;"
     " for (let pixel = 0; pixel < found.length; pixel += 4)"
     " count += wanted.every((part, axis) => Math.abs(part - found[pixel + axis]) < 60);"
@@ -99,9 +103,12 @@ SEEN = (
 ELLIPSE = {"semi_major_m": 1.0e6, "semi_minor_m": 1.5e5, "bearing_deg": 0.0, "containment": 0.95}
 TRACK: dict[str, Any] = {
     "track_id": 900,
-    "timestamp": "2026-04-01T12:00:00Z",
     "latitude_deg": -35.0,
     "longitude_deg": 0.0,
+    "altitude_m": 9.0e5,
+    "impact_regions": [],
+    "type_probability": {"ICBM": 0.7, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.0},
+    "probability_burning": 0.25,
     "launch_point": {"lat_deg": -30.0, "lon_deg": -20.0, "ellipse": ELLIPSE | {"semi_major_m": 100.0}},
     "impact_point": {"lat_deg": -45.0, "lon_deg": 40.0, "ellipse": ELLIPSE},
 }
@@ -157,7 +164,15 @@ def luminance(colour: list[float]) -> float:
 
 def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
     folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page"
-    for path in folder.iterdir():
-        answer = stand.ask("GET", "/" if path.name == "index.html" else f"/page/{path.name}")
+    for path in [*folder.glob("*.*"), *folder.glob("vendor/*.js")]:
+        answer = stand.ask("GET", "/" if path.name == "index.html" else f"/page/{path.relative_to(folder)}")
         assert (answer.status, answer.body) == (200, path.read_bytes())
+    assert stand.ask("GET", "/page/vendor/README.md").status == 404
     assert stand.ask("GET", "/page/..%2fserving.py").status == 404
+
+
+def test_files_from_elsewhere_are_those_of_the_table_beside_them() -> None:
+    folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page" / "vendor"
+    table = re.findall(r"^\| `([^`]+)` .* `([0-9a-f]{64})` \|$", (folder / "README.md").read_text(), flags=re.MULTILINE)
+    assert dict(table) == {path.name: sha256(path.read_bytes()).hexdigest() for path in folder.glob("*.js")}
+    assert {path.name for path in folder.glob("LICENSE-*")} == {"LICENSE-d3-array", "LICENSE-d3-geo"}

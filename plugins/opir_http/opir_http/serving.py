@@ -166,7 +166,8 @@ async def _served(
     name = f"[{host}]" if ":" in host else host
 
     def print_address() -> None:
-        sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
+        address = f"http://{name}:{listening.getsockname()[1]}"
+        sys.stdout.write(f"opir: {address}\nopir: {address}/page/api.html describes the HTTP interface\n")
         sys.stdout.flush()
         on_start()
 

@@ -59,7 +59,7 @@ function status(data) {
   showStatus(data);
   if (!data.replay) store.setSensors(data.sensors);
   timeline.setSensors(data.sensors);
-  player.setPace(data.clock.speed);
+  player.setPace(data.clock.speed, data.state === "running");
   store.seen(Date.parse(data.clock.timestamp) / 1000);
 }
 

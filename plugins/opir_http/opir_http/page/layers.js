@@ -9,6 +9,20 @@ const WIDEST_M = 2.5e6;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
 const COLOURS = ["sea", "land", "shore", "line", "sensor", "hit", "launch", "impact", "ink", "soft", "night", "select"];
 
+// The outlines of a polygon, without the cuts along 180 degrees that GeoJSON demands.
+function edges(geometry) {
+  const lines = [], isCut = (one, other) => Math.abs(one[0]) > 179.9999 && Math.abs(other[0]) > 179.9999;
+  for (const ring of geometry.type === "Polygon" ? geometry.coordinates : geometry.coordinates.flat()) {
+    let line = [ring[0]];
+    for (let at = 1; at < ring.length; at += 1) {
+      if (isCut(ring[at - 1], ring[at])) { if (line.length > 1) lines.push(line); line = []; }
+      line.push(ring[at]);
+    }
+    if (line.length > 1) lines.push(line);
+  }
+  return { type: "MultiLineString", coordinates: lines };
+}
+
 export class Layers {
   constructor(canvas, view) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.view = view;
@@ -135,7 +149,7 @@ export class Layers {
     for (const [share, make] of shapes) {
       const path = this.path(`region ${id} ${share}`, report, make);
       pen.globalAlpha = alpha * 0.12; pen.fill(path);
-      pen.globalAlpha = alpha; pen.stroke(path);
+      pen.globalAlpha = alpha; pen.stroke(this.path(`edge ${id} ${share}`, report, () => edges(make())));
     }
     pen.globalAlpha = alpha;
   }

@@ -54,7 +54,7 @@ export class Player {
   }
 
   // Pace of the live run: scene time per real time, null if unpaced.
-  setPace(speed) { if (!this.saved) { this.rated = speed !== null; this.speed = speed || 20; } }
+  setPace(speed, isRunning) { if (!this.saved) { this.rated = isRunning && speed !== null; this.speed = speed || 20; } }
 
   show(isNow) {
     const now = performance.now();
