@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.arrays import IntArray
+from opir_core.arrays import IndexArray, IntArray
 
 #: Time covered, s.
 SECONDS = 120
@@ -21,7 +21,7 @@ class Activity:
         self._counts: dict[int, IntArray] = {}
         self._lock = threading.Lock()
 
-    def add(self, sensor: IntArray, time_us: IntArray) -> None:
+    def add(self, sensor: IndexArray, time_us: IntArray) -> None:
         """Add detections by the index of their sensor and their Unix time, microseconds; both (n,)."""
         second = time_us // 1_000_000
         with self._lock:
