@@ -9,7 +9,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.contexts import EncoderContext, SinkContext, FilePlacement
+from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count, track_count
