@@ -11,6 +11,8 @@ from attrs import asdict
 from opir_core.cli.components import OwnedComponent, add_component, components_named
 from opir_core.errors import Problem, SceneError
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import warn
+from opir_core.scene.plausibility import implausible_defaults
 from opir_core.scene.reading.loading import overridden
 from opir_core.scene.reading.nodes import Node
 from opir_core.scene.reading.plain_data import data_of_node
@@ -40,6 +42,9 @@ def check(arguments: argparse.Namespace) -> int:
     results = [(one, list(conformance_results(contract))) for one, contract in contracts]
     text = _as_json(results) if arguments.json else "\n\n".join(_as_text(*result) for result in results)
     sys.stdout.write(text + "\n")
+    for one in components:
+        for problem in implausible_defaults(one.component, settings):
+            warn(f"{one.component.kind} {one.component.name}: {problem}")
     return _FAILED_EXIT_CODE if any(result.state in BAD for _, rows in results for result in rows) else 0
 
 

@@ -10,8 +10,10 @@ from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, table
 from opir_core.planning.plan import Plan
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import warn
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
+from opir_core.simulation.plan_warnings import plan_warnings
 
 
 def validate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +24,8 @@ def validate_arguments(parser: argparse.ArgumentParser) -> None:
 def validate(arguments: argparse.Namespace) -> int:
     """Read and plan the scene; errors are raised."""
     plan = _plan(arguments)
+    for warning in plan_warnings(plan):
+        warn(warning)
     sys.stdout.write(f"{arguments.scene}: valid ({len(plan.sensors)} sensors, {len(plan.targets.ids)} targets)\n")
     return 0
 

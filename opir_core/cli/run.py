@@ -25,7 +25,7 @@ from opir_core.output.pump import SinkReport
 from opir_core.plugin.host import Host
 from opir_core.plugin.registry import warn
 from opir_core.scene.scene import Scene
-from opir_core.simulation.scan_alignment import alignment_warnings
+from opir_core.simulation.plan_warnings import plan_warnings
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
     if not arguments.quiet:
-        for warning in alignment_warnings(plan):
+        for warning in plan_warnings(plan):
             warn(warning)
     is_shown = not arguments.quiet and sys.stderr.isatty()
     with _ended_by_sigterm(), progress(scene.duration_s, is_shown=is_shown) as update:

@@ -15,13 +15,20 @@ TEMPORAL_FILTERS = ("difference", "none")
 class FocalPlaneConfig:
     """What a scene may set of a focal plane; pixels are as wide as the sensor's `ifov_urad`."""
 
-    aperture_m: float = number(default=0.6, unit="m", above=0.0, maximum=100.0, help="diameter of the aperture")
+    aperture_m: float = number(
+        default=0.6, unit="m", above=0.0, maximum=100.0, plausible=(0.01, 10.0), help="diameter of the aperture"
+    )
     optics_transmission: float = number(
         default=0.7, above=0.0, maximum=1.0, help="share of in-band light that the optics pass"
     )
     quantum_efficiency: float = number(default=0.7, above=0.0, maximum=1.0, help="electrons per photon on a pixel")
     integration_time_ms: float = number(
-        default=10.0, unit="ms", above=0.0, maximum=1e6, help="integration time of a frame, all its subframes together"
+        default=10.0,
+        unit="ms",
+        above=0.0,
+        maximum=1e6,
+        plausible=(0.001, 10_000.0),
+        help="integration time of a frame, all its subframes together",
     )
     subframes: int = number(
         default=16, minimum=1, maximum=1_000_000, help="subframes added up to a frame, each read out by itself"

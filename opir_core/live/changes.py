@@ -22,6 +22,7 @@ from opir_core.planning.plan import Plan, compile_plan, with_targets
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
 from opir_core.plugin.host import Host
+from opir_core.scene.plausibility import REMEDY, implausible_values
 from opir_core.scene.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Choice, Scene
 from opir_core.simulation.engine import Engine
@@ -155,6 +156,7 @@ _FIXED = {
     "tracking_order": f"{_RESTART}: tracks would be lost",
     "tracking_lag_s": f"{_RESTART}: tracks would be lost",
     "sources": _RESTART,
+    "limits": _RESTART,
 }
 
 
@@ -263,9 +265,12 @@ def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) 
         raise SceneError([Problem("targets[0].id", f"{duplicate.id} is the id of another target")], source="launch")
     mapping = {**scene_mapping(scene), "targets": [dict(block)], "outputs": []}
     read = scene_from_mapping(mapping, host=plan.host, source="launch")
+    require_plausible(read, evolve(scene, targets=(), outputs=()), "launch")
     without_sources: dict[str, Any] = {"sources": ()} if getattr(scene, "sources", ()) else {}
     added = compile_plan(evolve(scene, targets=read.targets, **without_sources), plan.host)
-    engine = Engine(with_added_targets(without_finished_targets(plan, time_ns), added))
+    whole = with_added_targets(without_finished_targets(plan, time_ns), added)
+    whole.workload.require_run()
+    engine = Engine(whole)
     return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9))
 
 
@@ -282,6 +287,7 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Sce
     problems = _restart_problems(former, read)
     if problems:
         raise RestartError(problems)
+    require_plausible(read, former, "settings")
     compiled = compile_plan(evolve(read, epoch_us=plan.scene.epoch_us, seed=plan.scene.seed), plan.host)
     generations = scan_generations(compiled, plan)
     changed = evolve(compiled, scan_generations=generations)
@@ -289,6 +295,14 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Sce
     outputs = zip(plan.scene.outputs, read.outputs, strict=True)
     reopened = tuple(now for before, now in outputs if now != before)
     return Change(Engine(changed), lap, reopened=reopened, base=base)
+
+
+def require_plausible(scene: Scene, former: Scene, source: str) -> None:
+    """Raise `SceneError` for implausible values that the former scene does not have, unless the scene allows them."""
+    known = implausible_values(former)
+    new = [problem for problem in implausible_values(scene) if problem not in known]
+    if new and not scene.allow_implausible:
+        raise SceneError([Problem(one.path, f"{one.message}; {REMEDY}") for one in new], source=source)
 
 
 def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:

@@ -56,6 +56,11 @@ class Pace:
         self._step_ns = UNPACED_STEP_NS if speed is None else max(1, round(cycle_ns * speed))
         self._start_ns = time.monotonic_ns()
 
+    @property
+    def cycle_ns(self) -> int:
+        """Scene time of a cycle that is not late, ns."""
+        return self._step_ns
+
     def start(self) -> None:
         """Make scene time 0 due now."""
         self._start_ns = time.monotonic_ns()

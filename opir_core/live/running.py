@@ -1,8 +1,9 @@
 """Live runs: a scene paced by the clock, in a thread of its own, with changes applied between two windows."""
 
+import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -33,6 +34,7 @@ from opir_core.scene.reading import scene_mapping
 from opir_core.scene.scene import WAIT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.report_order import ReportOrder, quiet_window
+from opir_core.simulation.run import LOOKS_PER_WINDOW
 
 
 @frozen(eq=False)
@@ -80,10 +82,14 @@ class LiveRun:
         #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
-        self._position = RunPosition(Engine(compile_plan(scene, host)), 0, LapOffset())
+        plan = compile_plan(scene, host)
+        self._pace = Pace(settings.speed, settings.cycle_ns)
+        plan.workload.require_cycle(self._pace.cycle_ns)
+        self._position = RunPosition(Engine(plan), 0, LapOffset())
+        #: An engine and the looks a second of its plan, at most.
+        self._most_looks = self._position.engine, self.plan.workload.looks_per_s()
         self._reports = ReportOrder(self.plan)
         self._lap_plans = LapPlans(scene, host, self.plan.end_ns) if settings.loop else None
-        self._pace = Pace(settings.speed, settings.cycle_ns)
         self._counts = Counts.of(len(scene.sensors))
         self._launch_count = len(scene.targets)
         self._tracks = 0
@@ -256,7 +262,8 @@ class LiveRun:
             raise BusyError("the run waits for a sink; try again")
 
     def _applied(self, change: Change, give_up_s: float) -> int:
-        """Return the cycle at whose start a change was applied."""
+        """Return the cycle at whose start a change was applied; raises `SceneError` if cycles had too much work."""
+        change.engine.plan.workload.require_cycle(self._pace.cycle_ns)
         if self._state != "running":
             raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
         return self._changes.apply(change, give_up_s)
@@ -282,10 +289,11 @@ class LiveRun:
         due_ns = self._due_ns()
         if not self._pace.wait(due_ns, self._stopping):
             return False
-        window = self._reports.take(self._observed(due_ns), due_ns)
-        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
-        self._write(window)
-        self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
+        for edge_ns in self._slices_ns(due_ns):
+            window = self._reports.take(self._observed(edge_ns), edge_ns)
+            self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
+            self._write(window)
+            self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         self._beat_s = time.monotonic()
@@ -303,6 +311,17 @@ class LiveRun:
             return self._counts.time_ns + self._pace.step_ns(self._counts.time_ns)
         edge_ns = min(position.engine.time_ns + self._pace.step_ns(position.time_ns), self.plan.end_ns)
         return edge_ns + position.offset.time_ns
+
+    def _slices_ns(self, due_ns: int) -> Sequence[int]:
+        """Return the ends of the windows of a cycle: one, unless it has more looks than fit into a window."""
+        start_ns = self.time_ns
+        if self._is_over:
+            return (due_ns,)
+        if self._most_looks[0] is not self._position.engine:
+            self._most_looks = self._position.engine, self.plan.workload.looks_per_s()
+        looks = self._most_looks[1] * (due_ns - start_ns) / _NS
+        count = max(1, min(math.ceil(looks / LOOKS_PER_WINDOW), due_ns - start_ns))
+        return [start_ns + (due_ns - start_ns) * number // count for number in range(1, count + 1)]
 
     def _observed(self, due_ns: int) -> Window:
         """Return the window of observations up to a scene time; after the scene's end there are none."""

@@ -97,7 +97,9 @@ class SlotConfig:
 class KeplerConfig:
     """Any closed orbit, by its Kepler elements at the scene epoch."""
 
-    semi_major_axis_km: float = number(unit="km", above=_RADIUS_KM, maximum=400_000.0, help="semi-major axis")
+    semi_major_axis_km: float = number(
+        unit="km", above=_RADIUS_KM, maximum=400_000.0, plausible=(6500.0, 400_000.0), help="semi-major axis"
+    )
     eccentricity: float = _eccentricity()
     inclination_deg: float = _inclination()
     lon_asc_node_deg: float | None = _node_longitude()

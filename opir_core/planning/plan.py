@@ -21,6 +21,7 @@ from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.visibility import compile_pairs
+from opir_core.planning.work import Workload
 from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
@@ -67,6 +68,11 @@ class Plan:
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
 
+    @property
+    def workload(self) -> Workload:
+        """What the work of the plan follows from."""
+        return Workload(self.pairs, self.sensors, self.detection, self.end_ns, self.scene.limits)
+
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
         is_paper = self.reported_types == REPORTED_TYPES
@@ -109,7 +115,8 @@ class Plan:
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
-    Raises `PluginError` for components that are missing or broken and `SceneError` for targets without a trajectory.
+    Raises `PluginError` for components that are missing or broken, `SceneError` for targets without a trajectory and
+    for more work than `scene.limits` accept.
     """
     host = host or Host.discover()
     sensors: tuple[Sensor, ...] = tuple(
@@ -127,7 +134,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
-    return Plan(
+    plan = Plan(
         scene=scene,
         host=host,
         sensors=sensors,
@@ -142,6 +149,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         reported_types=reported_types(scene, host),
         exclusions=exclusions,
     )
+    plan.workload.require_run()
+    return plan
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:

@@ -27,6 +27,7 @@ class FieldRow:
     choices: tuple[str, ...]
     help: str
     source: str
+    plausible: str = ""
 
     @property
     def default_text(self) -> str:
@@ -35,8 +36,9 @@ class FieldRow:
 
     @property
     def bounds(self) -> str:
-        """Return unit, interval and choices in one line."""
-        return " ".join(part for part in (self.unit, self.interval, ", ".join(self.choices)) if part)
+        """Return unit, interval, plausible range and choices in one line."""
+        allowed = " ".join(part for part in (self.unit, self.interval, ", ".join(self.choices)) if part)
+        return ", ".join(part for part in (allowed, self.plausible) if part)
 
 
 def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[FieldRow]:
@@ -59,6 +61,7 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
             choices=info.choices or tuple(info.named_values),
             help=info.help,
             source=info.source,
+            plausible=info.plausible_text,
         )
         inner = nested_config(kind)
         if inner is not None:

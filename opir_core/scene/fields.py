@@ -15,6 +15,27 @@ from attrs import NOTHING, Attribute, Converter, Factory, evolve, field, fields,
 METADATA_KEY = "opir"
 
 
+#: Plausible magnitudes of numbers by unit, for fields that give no range of their own.
+PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
+    "um": (0.3, 30.0),
+    "urad": (0.1, 10_000.0),
+    "urad/s": (1e-4, 10_000.0),
+    "ms": (1.0, 3_600_000.0),
+    "K": (100.0, 12_000.0),
+    "W/m²": (1e-18, 1e-3),
+    "W/cm²": (1e-22, 1e-7),
+    "W/sr": (1.0, 1e9),
+    "m² s": (1e-9, 100.0),
+    "m2": (1e-3, 1e10),
+    "m/s": (0.01, 72_000.0),
+    "1/sr": (1e-3, 1e7),
+    "1/day": (1e-4, 1e5),
+    "e⁻": (0.1, 1e12),
+    "e⁻/s": (1e-2, 1e13),
+    "kg/m²": (10.0, 1e7),
+}
+
+
 @frozen
 class FieldInfo:
     """The description of a configuration field: meaning, unit, source of the default, allowed values.
@@ -27,7 +48,8 @@ class FieldInfo:
     With `names_depth` 1 they are the keys of the mappings in the mapping. With `inner_names` the keys one mapping
     deeper are such names too, or one of these. The scene reader checks them.
 
-    `named_values` are the whole values of a nested field that texts stand for.
+    `named_values` are the whole values of a nested field that texts stand for. `plausible` is the range of values that
+    real equipment and studies have; without one `plausible_range` follows from the unit.
     """
 
     help: str
@@ -43,6 +65,28 @@ class FieldInfo:
     names_depth: int = 0
     inner_names: tuple[str, ...] = ()
     named_values: Mapping[str, Any] = Factory(dict)
+    plausible: tuple[float, float] | None = None
+
+    @property
+    def plausible_range(self) -> tuple[float, float] | None:
+        """Return the plausible range of magnitudes; None if every allowed value is plausible. 0 always is."""
+        chosen = self.plausible or PLAUSIBLE_BY_UNIT.get(self.unit)
+        if chosen is None:
+            return None
+        low, high = _bound(self.minimum, self.above), _bound(self.maximum, self.below)
+        is_narrower = low is not None and high is not None and low >= chosen[0] and high <= chosen[1]
+        return None if is_narrower else (chosen[0], chosen[1] if high is None else min(high, chosen[1]))
+
+    @property
+    def plausible_text(self) -> str:
+        """Return `plausible 1 to 3600000`, or "" if every allowed value is plausible."""
+        inside = self.plausible_range
+        return "" if inside is None else f"plausible {_figure(inside[0])} to {_figure(inside[1])}"
+
+    def implausible(self, value: float) -> bool:
+        """Return whether an allowed number is outside the plausible range."""
+        inside = self.plausible_range
+        return inside is not None and value != 0 and not inside[0] <= abs(value) <= inside[1]
 
     @property
     def interval(self) -> str:
@@ -82,9 +126,13 @@ def number(
     above: float | None = None,
     below: float | None = None,
     instead_of: str = "",
+    plausible: tuple[float, float] | None = None,
 ) -> Any:
-    """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`)."""
-    info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of)
+    """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`).
+
+    Values outside `plausible`, by default a range that follows from the unit, are allowed and warned of.
+    """
+    info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of, plausible=plausible)
     once = Converter(_set_once, takes_self=True, takes_field=True) if instead_of else None
     return field(
         default=default, converter=once, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True
@@ -229,17 +277,18 @@ def _validate_text(_instance: Any, attribute: "Attribute[Any]", value: Any) -> N
 
 def _validate_numbers_inside(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
     info = info_of(attribute)
-    for leaf in _numbers_inside(value):
+    for leaf in numbers_inside(value):
         _require_inside(info, leaf)
 
 
-def _numbers_inside(value: Any) -> list[float]:
+def numbers_inside(value: Any) -> list[float]:
+    """Return the numbers in a value, in the lists and mappings in it included."""
     if isinstance(value, bool):
         return []
     if isinstance(value, int | float):
         return [value]
     children = value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple | list) else ()
-    return [leaf for child in children for leaf in _numbers_inside(child)]
+    return [leaf for child in children for leaf in numbers_inside(child)]
 
 
 def _require_inside(info: FieldInfo, value: float) -> None:

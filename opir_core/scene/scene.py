@@ -120,6 +120,60 @@ class SceneForces:
         return (*self.zonal, *(() if self.drag is None else ("drag",))) or ("kepler",)
 
 
+#: Plausible durations of a scene, s.
+PLAUSIBLE_DURATION_S = (0.001, 604_800.0)
+
+
+@frozen(kw_only=True)
+class WorkLimits:
+    """The most work of a scene that is accepted, for the whole run and for one cycle of a live run."""
+
+    looks_per_run: float = number(
+        default=1e10,
+        minimum=1.0,
+        maximum=1e15,
+        source="derived: half an hour of one core at 5 million looks a second",
+        help="looks of the whole scene",
+    )
+    events_per_run: float = number(
+        default=1e10,
+        minimum=1.0,
+        maximum=1e15,
+        source="derived: as many as looks",
+        help="events of the whole scene, at most one per look, and false alarms",
+    )
+    bytes_per_run: float = number(
+        default=2e13,
+        unit="bytes",
+        minimum=1.0,
+        maximum=1e18,
+        source="derived: 2000 bytes per event",
+        help="bytes of these events",
+    )
+    looks_per_cycle: float = number(
+        default=4_194_304,
+        minimum=1.0,
+        maximum=1e12,
+        source="derived: 16 windows, about a second of one core",
+        help="looks of one cycle of a live run",
+    )
+    events_per_cycle: float = number(
+        default=4_194_304,
+        minimum=1.0,
+        maximum=1e12,
+        source="derived: as many as looks",
+        help="events of one cycle of a live run, at most one per look, and false alarms",
+    )
+    bytes_per_cycle: float = number(
+        default=8_388_608_000,
+        unit="bytes",
+        minimum=1.0,
+        maximum=1e15,
+        source="derived: 2000 bytes per event",
+        help="bytes of these events",
+    )
+
+
 #: The orders in which the tracker gets detections.
 BY_OBSERVATION, BY_REPORT = "observation", "report"
 
@@ -153,6 +207,8 @@ class Scene:
     tracking_order: str = BY_OBSERVATION
     tracking_lag_s: float | None = None
     reported_types: str = PAPER_TYPES
+    limits: WorkLimits = WorkLimits()
+    allow_implausible: bool = False
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -69,6 +69,7 @@ class RadiometerConfig:
         default=None,
         above=0.0,
         below=1.0,
+        plausible=(1e-15, 0.1),
         source="no default: threshold_sigma",
         help="chance that noise alone crosses the threshold, in a resolution cell and look; a scene sets this or the"
         " threshold",

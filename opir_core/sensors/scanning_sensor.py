@@ -107,6 +107,7 @@ class ScanningSensorConfig(RadiometerConfig):
         unit="deg",
         above=0.0,
         maximum=180.0,
+        plausible=(0.01, 180.0),
         source="the Earth's disk from geostationary radius, asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin"
         " of 1.3 deg for targets beyond the limb, up to 940 km",
         help="half angle, from nadir, of the cone that the sensor covers",

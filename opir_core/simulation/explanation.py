@@ -16,9 +16,9 @@ from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
+from opir_core.simulation.plan_warnings import plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
-from opir_core.simulation.scan_alignment import alignment_warnings
 
 _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
@@ -59,7 +59,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "reporting": _reporting(plan),
         "tracking": _tracking(plan),
         "not_computed": _not_computed(plan),
-        "warnings": alignment_warnings(plan),
+        "warnings": plan_warnings(plan),
     }
 
 

@@ -8,7 +8,7 @@ from attrs import fields, has
 
 from opir_core.scene.fields import alternatives
 from opir_core.scene.reading.scene_schema import CHOICES, text_of_epoch_us
-from opir_core.scene.scene import PAPER_TYPES, Choice, Scene, SceneSensor, SceneTarget
+from opir_core.scene.scene import PAPER_TYPES, Choice, Scene, SceneSensor, SceneTarget, WorkLimits
 
 
 def scene_mapping(scene: Scene) -> dict[str, Any]:
@@ -23,8 +23,10 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         "duration_s": scene.duration_s,
         "seed": scene.seed,
         "light_time": scene.light_time,
-        # Only where it is set: the hash of every other scene is independent of the key.
+        # Only where they are set: the hash of every other scene is independent of these keys.
         **({} if scene.reported_types == PAPER_TYPES else {"reported_types": scene.reported_types}),
+        **({} if scene.limits == WorkLimits() else {"limits": _settings(scene.limits)}),
+        **({"allow_implausible": True} if scene.allow_implausible else {}),
         "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),
         "targets": [_target(target) for target in scene.targets],

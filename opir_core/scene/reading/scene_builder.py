@@ -138,6 +138,8 @@ class SceneBuilder:
             tracking_order=file.tracking_order,
             tracking_lag_s=file.tracking_lag_s,
             reported_types=file.reported_types,
+            limits=file.limits,
+            allow_implausible=file.allow_implausible,
             **parts,
         )
 

@@ -8,7 +8,7 @@ from attrs import frozen
 
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, PLAUSIBLE_DURATION_S, WorkLimits
 
 #: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
 CHOICES = {
@@ -54,7 +54,14 @@ class SceneFile:
         check=_epoch_complaint,
         source="",
     )
-    duration_s: float = number(help="duration of the scene", unit="s", above=0.0, maximum=MAXIMUM_DURATION_S, source="")
+    duration_s: float = number(
+        help="duration of the scene",
+        unit="s",
+        above=0.0,
+        maximum=MAXIMUM_DURATION_S,
+        plausible=PLAUSIBLE_DURATION_S,
+        source="",
+    )
     seed: int = number(help="seed of all random numbers", default=0, minimum=0, maximum=2**63 - 1, source="arbitrary")
     light_time: bool = flag(
         help="whether light travels at finite speed",
@@ -71,6 +78,16 @@ class SceneFile:
         help="forces in free flight: kepler (point mass only), or a list of j2, j3, j4 and drag",
         default=None,
         source="opir-simulator paper (2026): two-body motion",
+    )
+    limits: WorkLimits = nested(
+        help="the most work that is accepted; a scene above it is rejected before it runs",
+        default=WorkLimits(),
+        source="derived: see each",
+    )
+    allow_implausible: bool = flag(
+        help="whether values outside their plausible range are accepted without a warning",
+        default=False,
+        source="choice",
     )
     sensors: Node = nested(help="constellations and single sensors", source="")
     targets: Node | None = nested(help="launches", default=None, source="")

@@ -10,7 +10,7 @@ from opir_core.interfaces.records import IMPACT_METHODS
 from opir_core.output.events import detection_schema
 from opir_core.scene.fields import FieldInfo, info_of
 from opir_core.scene.reading.targets import ID_RULE
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, REPORTED_TYPES
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, REPORTED_TYPES, WorkLimits
 from opir_core.scene.target_classes import core_target_classes
 from opir_http.settings import HttpSettings
 
@@ -79,6 +79,8 @@ def config() -> Schema:
         "light_time": {"type": "boolean"},
         "reported_types": {"type": "string", "enum": [PAPER_TYPES, CLASS_TYPES]},
         "forces": {"description": "forces in free flight"},
+        "limits": schema_of_class(WorkLimits),
+        "allow_implausible": {"type": "boolean"},
         "sensors": listed({"type": "object"}) | {"minItems": 1},
         **{name: block | {"description": f"{name} model: its name, or a block"} for name in choices},
         "tracking_order": {"type": "string", "enum": [BY_OBSERVATION, BY_REPORT]},
@@ -90,6 +92,8 @@ def config() -> Schema:
         "light_time",
         "reported_types",
         "forces",
+        "limits",
+        "allow_implausible",
         "seed",
         *choices,
         "tracking_order",

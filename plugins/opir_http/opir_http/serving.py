@@ -20,6 +20,8 @@ from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.live.status import LiveStatus
 from opir_core.live.watchdog import Notifier, Watchdog
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import warn
+from opir_core.simulation.plan_warnings import plan_warnings
 from opir_http.gate import LOOPBACK, Gate
 from opir_http.routes import application
 from opir_http.server import Server, bound
@@ -91,6 +93,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         run = LiveRun(scene, plugins, live)
     except SceneError as error:
         raise SceneError(error.problems, source=arguments.scene) from error
+    for warning in plan_warnings(run.plan):
+        warn(warning)
     service = Service(run, settings)
     run.on_window = service.feed.put
     return service

@@ -33,7 +33,7 @@ class HttpSettings:
     writes_per_s: float = number(
         default=20.0,
         unit="1/s",
-        above=0.0,
+        minimum=0.01,
         maximum=10_000.0,
         help="maximum sustained rate of POST and PUT requests of a client",
     )

@@ -1,11 +1,13 @@
 """Who may ask the service, and how much: viewers, writes, targets, tokens, slow callers."""
 
+import json
 import socket
 import time
 from pathlib import Path
 
 import pytest
-from http_service import LAUNCH, serving
+from attrs import evolve
+from http_service import LAUNCH, Stand, serving
 from opir_http import gate, server
 from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
 from opir_http.serving import ServeError, token_of
@@ -118,3 +120,28 @@ def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch:
             slow.sendall(head + b"Content-Length: 100\r\n\r\n{")
             assert slow.recv(100).startswith(b"HTTP/1.1 408")
         assert running.ask("GET", "/status").status == 200
+
+
+def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_not(stand: Stand) -> None:
+    answer = stand.ask("GET", "/config")
+    config, tag = answer.json, answer.headers["etag"]
+    fatal = json.loads(json.dumps(config))
+    fatal["sensors"][0]["members"][0]["scan_period_ms"] = 1e-6
+    refused = stand.ask("PUT", "/config", fatal, {"If-Match": tag})
+    assert refused.status == 422
+    assert [error["path"] for error in refused.json["errors"]] == ["sensors[0].scan_period_ms"]
+    refused = stand.ask("PUT", "/config", fatal | {"allow_implausible": True}, {"If-Match": tag})
+    assert (refused.status, refused.json["errors"][0]["path"]) == (422, "limits.looks_per_run")
+    assert "lengthen scan_period_ms of DSP-1" in refused.json["errors"][0]["message"]
+    slow = {**config, "http": config["http"] | {"writes_per_s": 5e-324}}
+    refused = stand.ask("PUT", "/config", slow, {"If-Match": tag})
+    assert (refused.status, refused.json["errors"][0]["path"]) == (422, "http.writes_per_s")
+    assert stand.ask("PUT", "/config", config, {"If-Match": tag}).status == 200
+
+
+def test_the_slowest_rate_of_writes_is_answered_with_a_time(tmp_path: Path) -> None:
+    with serving(tmp_path) as stand:
+        stand.service.settings = evolve(stand.service.settings, writes_per_s=0.01)
+        answers = [stand.ask("POST", "/trigger", {}) for _ in range(3)]
+        assert answers[-1].status == 429
+        assert 0 < int(answers[-1].headers["retry-after"]) <= 101

@@ -1,0 +1,73 @@
+"""Values of a scene that are allowed and implausible: far outside what real equipment and studies have."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from attrs import Attribute, fields, has
+
+from opir_core.errors import Problem
+from opir_core.scene.fields import info_of, numbers_inside
+from opir_core.scene.scene import PLAUSIBLE_DURATION_S, Scene
+
+#: How to accept implausible values.
+REMEDY = "if it is meant, set allow_implausible: true"
+
+
+def implausible_values(scene: Scene) -> list[Problem]:
+    """Return the implausible values of a scene, each with its path and the plausible range; each once.
+
+    `allow_implausible` has no effect here.
+    """
+    found: dict[Problem, None] = {}
+    for choice in scene.choices:
+        found |= dict.fromkeys(implausible_settings(choice.config, choice.path))
+    low_s, high_s = PLAUSIBLE_DURATION_S
+    if not low_s <= scene.duration_s <= high_s:
+        text = f"{scene.duration_s:g} s is outside the plausible {low_s:g} to {high_s:g} s"
+        found[Problem("duration_s", text)] = None
+    return list(found)
+
+
+def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
+    """Yield the implausible values of a configuration, nested ones included; `path` is that of its block."""
+    if not has(type(config)):
+        return
+    for attribute in fields(type(config)):
+        yield from _implausible_value(attribute, getattr(config, attribute.name), path)
+
+
+def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:
+    """Yield what is implausible in the value of a setting, nested configurations included."""
+    info, place = info_of(attribute), f"{path}.{attribute.name}" if path else attribute.name
+    for inner in _configurations(value):
+        yield from implausible_settings(inner, place)
+    unit = f" {info.unit}" if info.unit not in {"", "1"} else ""
+    for number in () if has(type(value)) else numbers_inside(value):
+        if info.implausible(number):
+            low, high = info.plausible_range or (0.0, 0.0)
+            yield Problem(place, f"{number:g}{unit} is outside the plausible {low:g} to {high:g}{unit}")
+
+
+def implausible_defaults(component: Any, settings: Mapping[str, Any]) -> list[Problem]:
+    """Return the implausible numbers among a component's defaults, its presets and some settings."""
+    found: dict[Problem, None] = {}
+    config = getattr(component, "config", None)
+    if config is None:  # a constellation or a target class
+        return []
+    infos = {attribute.name: attribute for attribute in fields(config)}
+    given = [("", {name: attribute.default for name, attribute in infos.items()}), ("", settings)]
+    given += [(f"presets.{name}", values) for name, values in component.presets.items()]
+    for path, values in given:
+        for key in values.keys() & infos.keys():
+            found |= dict.fromkeys(_implausible_value(infos[key], values[key], path))
+    return list(found)
+
+
+def _configurations(value: Any) -> Iterator[Any]:
+    """Yield the configurations that a value is or holds."""
+    if has(type(value)):
+        yield value
+    elif isinstance(value, Mapping):
+        yield from (item for item in value.values() if has(type(item)))
+    elif isinstance(value, tuple | list):
+        yield from (item for item in value if has(type(item)))
