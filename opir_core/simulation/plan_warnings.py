@@ -1,11 +1,25 @@
-"""The warnings about a plan, which runs all the same."""
+"""The warnings about a plan, which runs all the same: implausible values, and events of targets on scan instants.
 
+On the scan instants of sensors with aligned phases latencies show the phase.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.planning.plan import Plan
 from opir_core.scene.plausibility import REMEDY, implausible_values
-from opir_core.simulation.scan_alignment import alignment_warnings
+from opir_core.sensors.scan_patterns import AlignedScan
+
+#: How far an event may be from a scan instant, in scan periods.
+TOLERANCE = 1e-6
+
+#: Ids that a message lists.
+_LISTED = 3
 
 #: Implausible values that are listed one by one.
-_LISTED = 8
+_LISTED_VALUES = 8
 
 
 def plan_warnings(plan: Plan) -> list[str]:
@@ -15,5 +29,44 @@ def plan_warnings(plan: Plan) -> list[str]:
 
 def _implausible(plan: Plan) -> list[str]:
     found = [] if plan.scene.allow_implausible else implausible_values(plan.scene)
-    more = [f"and {len(found) - _LISTED} more implausible values"] if len(found) > _LISTED else []
-    return [*(f"{problem}; {REMEDY}" for problem in found[:_LISTED]), *more]
+    more = [f"and {len(found) - _LISTED_VALUES} more implausible values"] if len(found) > _LISTED_VALUES else []
+    return [*(f"{problem}; {REMEDY}" for problem in found[:_LISTED_VALUES]), *more]
+
+
+def alignment_warnings(plan: Plan) -> list[str]:
+    """Return a warning, if launches ignite or burn out on scan instants of sensors that see them; else nothing.
+
+    Only sensors with looks at whole periods of scene time count; other scan phases meet an event by chance alone.
+    """
+    pairs, targets = plan.pairs, plan.targets
+    is_aligned = np.array([isinstance(sensor.scan, AlignedScan) for sensor in plan.sensors], dtype=np.bool_)
+    is_launch = pairs.target < len(plan.scene.targets)
+    looking = pairs.take(np.flatnonzero(is_aligned[pairs.sensor] & is_launch & (pairs.looks > 0)))
+    met = np.zeros(len(looking), dtype=np.bool_)
+    events = []
+    for name, time_s in (("ignitions", targets.ignition_s), ("burnouts", targets.burnout_s)):
+        is_met = _on_scan_instant(time_s[looking.target], looking.period_ns, plan.end_ns)
+        met |= is_met
+        events += [name] if is_met.any() else []
+    if not events:
+        return []
+    sensors = _ids(np.unique(looking.sensor[met]), [sensor.id for sensor in plan.sensors])
+    launches = _ids(np.unique(looking.target[met]), targets.ids)
+    warning = (
+        f"aligned scan phases: looks of {sensors} coincide with {' and '.join(events)} of {launches}, so latencies show"
+        " the scan phase, not the sensor; set scan_phase: random (aligned is the paper's convention)"
+    )
+    return [warning]
+
+
+def _on_scan_instant(time_s: FloatArray, period_ns: IntArray, end_ns: int) -> BoolArray:
+    """Return which events (n,) of a run are at whole periods, within the tolerance."""
+    periods = time_s * 1e9 / period_ns
+    on_instant: BoolArray = (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)
+    return on_instant
+
+
+def _ids(numbers: IntArray, ids: Sequence[str]) -> str:
+    """Return `A, B, C and 4 more`."""
+    listed = ", ".join(ids[number] for number in numbers[:_LISTED].tolist())
+    return listed if len(numbers) <= _LISTED else f"{listed} and {len(numbers) - _LISTED} more"
