@@ -7,6 +7,8 @@ from pathlib import Path
 from opir_core.errors import Problem, SceneError
 from opir_core.output.saved_runs import load_run
 from opir_report.pages.run_report import write_run_report
+from opir_report.pages.study_report import write_study_report
+from opir_report.saved_study import is_study
 
 _SCENES = {".yaml", ".yml"}
 
@@ -19,7 +21,10 @@ def report(arguments: argparse.Namespace) -> int:
         raise SceneError([Problem("", words)], source=str(path))
     if not out.name or out.is_dir():
         raise SceneError([Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")], source=_HERE)
-    written = write_run_report(load_run(path), out, with_data=not arguments.no_data)
+    if is_study(path):
+        written = write_study_report(path, out, with_data=not arguments.no_data)
+    else:
+        written = write_run_report(load_run(path), out, with_data=not arguments.no_data)
     sys.stdout.write(f"{written[0]}: report\n")
     if len(written) > 1:
         sys.stdout.write(f"{written[1].parent}: data of {len(written) - 1} figures\n")

@@ -1,0 +1,104 @@
+"""Reports and plots of a study: effects with intervals at the right places, and the sentences that sum them up."""
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from opir_report import StudyPlots, write_study_report
+from saved_studies import PERIOD, PERIODS_MS, TRACKER, written_study
+
+from opir_core.cli.main import main
+from opir_core.errors import SceneError
+
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+
+
+@pytest.fixture(autouse=True)
+def closed_figures():
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written_study(tmp_path_factory.mktemp("studies") / "revisit")
+
+
+def test_effects_are_drawn_over_the_numbers_that_vary(folder: Path) -> None:
+    axes = StudyPlots(folder).effect("latency_s")
+    lines = [line for line in axes.lines if len(line.get_xdata()) == len(PERIODS_MS)]
+    assert len(lines) >= 2
+    for line in lines[:2]:
+        np.testing.assert_allclose(line.get_xdata(), PERIODS_MS, atol=1.0)
+        if line.get_marker() == "o":
+            np.testing.assert_allclose(line.get_ydata(), [2e-3 * period for period in PERIODS_MS])
+    bars = np.concatenate([segment for bar in axes.collections for segment in bar.get_segments()])
+    assert {round(float(y), 3) for y in bars[:, 1]} == {
+        round(share * 2e-3 * period, 3) for period in PERIODS_MS for share in (0.9, 1.1)
+    }
+    assert axes.get_xlabel() == "scan_period_ms"
+    assert axes.get_ylabel() == "latency, s"
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {"tracker none", "tracker imm"}
+
+
+def test_effects_over_names_have_their_names(folder: Path) -> None:
+    axes = StudyPlots(folder).effect("latency_s", over=TRACKER)
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["none", "imm"]
+
+
+def test_designs_without_a_value_are_left_out(folder: Path) -> None:
+    axes = StudyPlots(folder).effect("area_km2")
+    assert axes.get_legend() is None
+    assert all(np.isfinite(line.get_ydata()).all() for line in axes.lines)
+
+
+def test_differences_are_paired_from_the_first_design(folder: Path) -> None:
+    axes = StudyPlots(folder).difference("latency_s")
+    (points,) = [line for line in axes.lines if line.get_marker() == "o"]
+    np.testing.assert_allclose(points.get_xdata(), [0.0, 0.1, 0.1, 0.3, 0.3], atol=1e-12)
+    assert axes.get_yticklabels()[0].get_text() == "scan_period_ms 50, tracker imm"
+
+
+def test_unknown_figures_and_paths_are_named_with_those_there_are(folder: Path) -> None:
+    with pytest.raises(KeyError, match="no figure 'speed'; it has latency_s, area_km2"):
+        StudyPlots(folder).effect("speed")
+    with pytest.raises(KeyError, match=r"'seed' does not vary .*tracker do"):
+        StudyPlots(folder).effect("latency_s", over="seed")
+
+
+def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path: Path, capsys) -> None:
+    assert main(["report", str(folder), "-o", str(tmp_path / "study.html")]) == 0
+    assert "data of 4 figures" in capsys.readouterr().out
+    text = (tmp_path / "study.html").read_text(encoding="utf-8")
+    assert "latency_s: from 0.1 s [0.09, 0.11] (scan_period_ms 50, tracker none) to 0.4 s [0.36, 0.44]" in text
+    assert "area_km2: 1e+04 km2 [9e+03, 1.1e+04] in all designs" in text
+    assert PERIOD in text
+    assert "60 runs" in text
+    assert "seeds 3 to 12" in text
+    for picture in SVG.findall(text):
+        ElementTree.fromstring(picture)
+
+
+def test_a_study_has_one_report_to_the_byte(folder: Path, tmp_path: Path) -> None:
+    first, second = (write_study_report(folder, tmp_path / f"{name}.html", with_data=False)[0] for name in "ab")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) -> None:
+    broken = written_study(tmp_path / "broken")
+    (broken / "results.parquet").write_bytes(b"no table")
+    assert main(["report", str(broken)]) == 2
+    assert "damaged results" in capsys.readouterr().err
+    (broken / "results.parquet").unlink()
+    with pytest.raises(SceneError, match="no folder of a finished study"):
+        StudyPlots(broken)
+    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    later = written_study(tmp_path / "later")
+    (later / "study.json").write_text(json.dumps({**definition, "study_version": 2}), encoding="utf-8")
+    with pytest.raises(SceneError, match="study version 2, where 1 is read"):
+        StudyPlots(later)
