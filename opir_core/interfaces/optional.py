@@ -200,6 +200,26 @@ class DeadlineSink(Protocol):
 
 
 @runtime_checkable
+class ParkingSink(Protocol):
+    """A `Sink` that keeps taking events when its destination refuses them for good, and tries again later."""
+
+    @property
+    def parked(self) -> str | None:
+        """Why the destination refuses, or None; callable from any thread, as is `retry`."""
+
+    def retry(self) -> bool:
+        """Try again at once; return whether the sink was parked."""
+
+
+@runtime_checkable
+class ReopenableTransport(Protocol):
+    """A `Transport` that has to be told to try again after a final error."""
+
+    def retry(self) -> None:
+        """Forget the final error: the batches that follow are sent as if there had been none."""
+
+
+@runtime_checkable
 class BufferingSink(Protocol):
     """A `Sink` with a buffer of its own."""
 

@@ -297,7 +297,8 @@ class Transport(Protocol):
     def send(self, batch: Batch) -> "Future[None]":
         """Send events without blocking; those of one key arrive in the order in which they were given.
 
-        The future is done once every event is acknowledged. A `SinkError` in it is final: the sink has failed.
+        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink without a
+        spool has failed; one with a spool is parked, and sends the batch again later (see `ReopenableTransport`).
         """
 
     def close(self, wait_s: float) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from attrs import evolve, frozen
 
-from opir_core.errors import OpirError
+from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.interfaces.records import Window
 from opir_core.live.changes import (
     BusyError,
@@ -141,6 +141,18 @@ class LiveRun:
         if self._state != "failed":
             self._state = "stopped"
         return self.status()
+
+    def retry_output(self, output: str) -> bool:
+        """Let a parked output try again at once, by its path or the name of its sink; return whether it was parked.
+
+        Raises `SceneError` if there is no such output, or several.
+        """
+        named = [sink for sink in self._sinks if output in (sink.path, sink.name)]
+        if len(named) != 1:
+            known = ", ".join(sink.path for sink in self._sinks) or "none"
+            problem = Problem("", f"there is no one output {output!r}; give the path of one of these: {known}")
+            raise SceneError([problem], source="outputs")
+        return named[0].retry()
 
     @property
     def plan(self) -> Plan:

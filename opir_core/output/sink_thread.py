@@ -13,7 +13,7 @@ from contextlib import suppress
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink
+from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, ParkingSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
@@ -149,7 +149,7 @@ class SinkThread(OpenSink):
 
     A sink with a spool (`is_spooled`) is written before `write` returns; its spool sends the events later. Any other
     has a queue of at most `QUEUED_WINDOWS` windows, lost with the process; when it is full, `write` waits, which
-    `SinkStatus.waits` counts. States: open, failed, closed. Exceptions of the sink are its `error`, never raised.
+    `SinkStatus.waits` counts. States: open, parked, failed, closed. Exceptions of the sink are its `error`, not raised.
     """
 
     def __init__(
@@ -215,19 +215,28 @@ class SinkThread(OpenSink):
         if self._thread.is_alive():
             self._fail("it did not close before the deadline")
 
+    @property
+    def parked(self) -> str | None:
+        """Why the destination refuses the events that the sink keeps for it, or None."""
+        return self._sink.parked if isinstance(self._sink, ParkingSink) else None
+
+    def retry(self) -> bool:
+        """Let a parked sink try again at once; return whether it was parked."""
+        return isinstance(self._sink, ParkingSink) and self._sink.retry()
+
     def status(self) -> SinkStatus:
         """Return the event counts and the state."""
         counts = self.delivery()
         return SinkStatus(
             path=self.path,
             name=self.name,
-            state="failed" if self.error else "closed" if self.is_closed else "open",
+            state="failed" if self.error else "closed" if self.is_closed else "parked" if self.parked else "open",
             given=self._given,
             **{each: getattr(counts, each) for each in COUNTS},
             queued_windows=self._queue.qsize(),
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             busy_s=self.busy_s,
-            error=self.error,
+            error=self.error or self.parked,
         )
 
     def _queue_up(self, window: Window, stopping: threading.Event) -> None:

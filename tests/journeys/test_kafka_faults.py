@@ -15,6 +15,8 @@ from typing import Any
 
 import kafka_broker
 import pytest
+from aiokafka import errors
+from attrs import evolve
 from forked_processes import killed_at_random
 from kafka_broker import (
     INIT_PRODUCER_ID,
@@ -28,11 +30,17 @@ from kafka_broker import (
     kafka_sink,
     messages,
 )
-from spool_transports import SENSORS, fill, window
+from opir_kafka.connection import connector
+from opir_kafka.transport import KafkaTransport
+from spool_transports import ENCODER, SENSORS, fill, window
+from waiting import until
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.output.pump import SinkGroup
+from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport_sink import TransportSink
 
 #: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
 #: among them: it says that the message is there.
@@ -197,16 +205,60 @@ def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path
 @pytest.mark.parametrize("code", PERMANENT_CODES)
 def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path, code: int) -> None:
     topic = mock.topic(1)
-    mock.tell("error", PRODUCE, code)
+    mock.tell("error", PRODUCE, *[code] * 20)
     sink = kafka_sink(mock.address, topic, spool, brief(stall_s=5.0))
     fill(sink, 1, 40, 0, 0.0)
+    until(lambda: sink.parked is not None)
+    fill(sink, 1, 40, 40, 0.0)
     told = closed(sink)
-    assert told.spooled == 40
+    assert (told.spooled, told.dropped) == (80, 0)
     assert f"(code {code})" in (told.complaint or "")
-    with pytest.raises(SinkError, match="code"):
-        sink.write(window(1))
-    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=40, recovered=40)
-    examine(mock, topic, 40)
+    mock.tell("clear", PRODUCE)
+    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=80, recovered=80)
+    examine(mock, topic, 80)
+
+
+@pytest.mark.parametrize("is_told", [False, True])
+def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool: Path, is_told: bool) -> None:
+    topic = mock.topic()
+    policy = evolve(brief(stall_s=8.0), retry_s=60.0 if is_told else 0.3)
+    sink = kafka_sink(mock.address, topic, spool, policy)
+    fill(sink, 5, 20, 0, 0.0)
+    until(lambda: sink.delivery_so_far().delivered == 100)
+    mock.tell("error", PRODUCE, *[29] * 20)
+    fill(sink, 5, 20, 100, 0.0)
+    until(lambda: sink.parked is not None)
+    assert "TopicAuthorizationFailedError (code 29); let this login write to the topic" in (sink.parked or "")
+    fill(sink, 5, 20, 200, 0.01)
+    mock.tell("clear", PRODUCE)
+    assert not is_told or sink.retry()
+    until(lambda: sink.delivery_so_far().delivered == 300)
+    assert sink.parked is None
+    assert closed(sink) == Delivery(delivered=300)
+    examine(mock, topic, 300)
+
+
+def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    settings = kafka_broker.config(mock.address, topic)
+    connect, refusals = connector(settings), [errors.SaslAuthenticationFailed(), errors.SaslAuthenticationFailed()]
+
+    async def refused_at_first() -> Any:
+        if refusals:
+            raise refusals.pop()
+        return await connect()
+
+    transport = KafkaTransport(settings, refused_at_first)
+    policy = evolve(brief(stall_s=8.0), retry_s=60.0)
+    sink = TransportSink("kafka", transport, Journal(str(spool), 64 << 20), EncodedBatcher(ENCODER, SENSORS), policy)
+    fill(sink, 5, 20, 0, 0.0)
+    until(lambda: sink.parked is not None)
+    assert "(code 58); see security.username" in (sink.parked or "")
+    sink.retry()
+    until(lambda: not refusals)
+    until(lambda: (sink.retry(), sink.delivery_so_far().delivered)[1] == 100)
+    assert closed(sink) == Delivery(delivered=100)
+    examine(mock, topic, 100)
 
 
 @pytest.mark.parametrize("api", [METADATA, INIT_PRODUCER_ID])

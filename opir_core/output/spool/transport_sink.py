@@ -3,6 +3,9 @@
 `write` encodes events into the backlog and waits for no network. A thread sends the batches, oldest first and a bounded
 number of bytes ahead of the acknowledgements. Events of an earlier run are sent before those of this run, so each key's
 events keep their order.
+
+A final error of the transport ends a sink without a spool. One with a spool is parked: it takes events as before, and
+sends them again after a pause, which grows, or when it is told to.
 """
 
 import math
@@ -16,6 +19,7 @@ from typing import Any
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
+from opir_core.interfaces.optional import ReopenableTransport
 from opir_core.interfaces.protocols import Delivery, Encoder, Sensor, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.spool.batches import (
@@ -48,12 +52,15 @@ _TRANSPORT_S = 2.0
 class Policy:
     """What is dropped when the backlog is full, how long `wait` waits, s, and when closing stops waiting.
 
-    Closing waits for acknowledgements until none has come for `stall_s`.
+    Closing waits for acknowledgements until none has come for `stall_s`. A parked sink tries again after `retry_s`,
+    then after twice as long each time, up to `longest_retry_s`.
     """
 
     when_full: str = WAIT
     wait_s: float = 30.0
     stall_s: float = 10.0
+    retry_s: float = 5.0
+    longest_retry_s: float = 300.0
 
 
 @frozen(eq=False)
@@ -86,6 +93,11 @@ class TransportSink:
         #: How often `write` has waited for room.
         self.waits = 0
         self._error: Exception | None = None
+        #: Why the transport refuses batches for good, the first of these, and when, after what pause, to try again.
+        self._parked: str | None = None
+        self._refused_from: int | None = None
+        self._retry_at, self._pause_s = math.inf, 0.0
+        self._is_last_try = False
         self._closing_since: float | None = None
         self._end_at = math.inf
         self._acknowledged_at = time.monotonic()
@@ -113,6 +125,18 @@ class TransportSink:
         """Return the counts so far; `spooled` are the events that wait, in memory or on disk."""
         with self._room:
             return self._delivery(self._failure() or self._transport.trouble)
+
+    @property
+    def parked(self) -> str | None:
+        """Why the transport refuses events for good, until it has acknowledged some; None without a spool."""
+        return self._parked
+
+    def retry(self) -> bool:
+        """Send at once what was refused; return whether the sink was parked."""
+        with self._room:
+            is_parked, self._retry_at = self._parked is not None, -math.inf
+        self._wake.set()
+        return is_parked
 
     def close_by(self, deadline_s: float) -> None:
         """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
@@ -191,8 +215,10 @@ class TransportSink:
         )
 
     def _failure(self) -> str | None:
-        if self._error is None or isinstance(self._error, SinkError):
-            return None if self._error is None else str(self._error)
+        if self._error is None:
+            return self._parked
+        if isinstance(self._error, SinkError):
+            return str(self._error)
         return f"{self._name}: a defect: {self._error!r}"
 
     def _raise_error(self) -> None:
@@ -216,18 +242,24 @@ class TransportSink:
     def _is_done(self) -> bool:
         """Remove acknowledged batches and send as many as there is room for; return whether sending is over."""
         self._remove_acknowledged()
+        self._send_again()
         remove_at = time.monotonic() + _REMOVAL_S
-        while self._ahead_bytes < AHEAD_BYTES and not self._is_stalled() and (batch := self._next()):
+        while self._may_send() and (batch := self._next()):
             self._send(*batch)
             if time.monotonic() >= remove_at:  # also for a transport with a slow `send`
                 self._remove_acknowledged()
                 remove_at = time.monotonic() + _REMOVAL_S
         return self._closing_since is not None and (not self._backlog.waiting or self._is_stalled())
 
+    def _may_send(self) -> bool:
+        return self._ahead_bytes < AHEAD_BYTES and self._refused_from is None and not self._is_stalled()
+
     def _is_stalled(self) -> bool:
         """Return whether the sink is being closed and no longer waits for acknowledgements."""
         if self._closing_since is None:
             return False
+        if self._refused_from is not None and self._is_last_try and not self._sent:
+            return True
         stall_at = max(self._closing_since, self._acknowledged_at) + self._policy.stall_s
         return time.monotonic() >= min(self._end_at, stall_at)
 
@@ -259,9 +291,38 @@ class TransportSink:
         for sent in failed:
             if not sent.future.cancelled():
                 error = sent.future.exception()
-                raise SinkError(f"{self._name}: {error}") if isinstance(error, SinkError) else error or AssertionError
-            if self._closing_since is None:
-                raise SinkError(f"{self._name}: the transport gave up without a reason")
+                if not isinstance(error, SinkError):
+                    raise error or AssertionError
+                self._refuse(sent.number, f"{self._name}: {error}")
+            elif self._closing_since is None:
+                self._refuse(sent.number, f"{self._name}: the transport gave up without a reason")
+
+    def _refuse(self, number: int, reason: str) -> None:
+        """Park a sink whose backlog outlives the process, at the first batch that was refused; end any other."""
+        if not self.outlives_the_process:
+            raise SinkError(reason)
+        with self._room:
+            if self._refused_from is None:
+                self._pause_s = min(max(self._policy.retry_s, 2.0 * self._pause_s), self._policy.longest_retry_s)
+                self._retry_at = time.monotonic() + self._pause_s
+            self._parked = reason
+            self._refused_from = min(number, number if self._refused_from is None else self._refused_from)
+
+    def _send_again(self) -> None:
+        """Go back to the first refused batch once no other is under way, and send from there when it is time.
+
+        Until some batch is acknowledged the sink stays parked. When it is closed, it tries once more.
+        """
+        if self._refused_from is None or self._sent:
+            return
+        with self._room:
+            self._last_number = self._refused_from - 1
+            is_closing = self._closing_since is not None
+            if (is_closing and self._is_last_try) or (not is_closing and time.monotonic() < self._retry_at):
+                return
+            self._is_last_try, self._refused_from = is_closing, None
+        if isinstance(self._transport, ReopenableTransport):
+            self._transport.retry()
 
     def _acknowledge(self, numbers: list[int]) -> None:
         if not numbers:
@@ -271,6 +332,7 @@ class TransportSink:
             self._backlog.acknowledge(numbers)
             self._delivered += before - self._backlog.waiting
             self._acknowledged_at = time.monotonic()
+            self._parked, self._pause_s = None, 0.0
             self._room.notify_all()
 
 

@@ -66,6 +66,8 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
         yield _metric(
             f"opir_sink_{series}", "gauge", words, [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
         )
+    parked = [({"sink": sink.path}, float(sink.state == "parked")) for sink in sinks]
+    yield _metric("opir_sink_parked", "gauge", "1 while the destination refuses what the spool keeps", parked)
     up = [({"sink": sink.path}, float(sink.state == "open")) for sink in sinks]
     yield _metric("opir_sink_up", "gauge", "1 while the sink is open", up)
 

@@ -70,6 +70,7 @@ def document() -> dict[str, Any]:
         },
         "paths": {
             "/trigger": {"post": _trigger()},
+            "/outputs/{output}/retry": {"post": _retry()},
             "/status": {
                 "get": _get("status", "State and counts of the simulation, its sensors and its sinks", "Status")
             },
@@ -96,6 +97,7 @@ def _schemas() -> Schema:
         "Status": schemas.status(),
         "Config": schemas.config(),
         "Configured": closed({"cycle": COUNT}),
+        "Retried": closed({"output": TEXT, "was_parked": {"type": "boolean"}}),
         **schemas.detection(),
         "Detections": closed({"detections": listed(_ref("Detection")), "next": schemas.or_null(TEXT)}),
         "Track": schemas.track(),
@@ -121,6 +123,21 @@ def _trigger() -> Schema:
         "requestBody": {"required": True, "content": {_JSON: _media("Trigger", LAUNCH_EXAMPLE)}},
         "responses": {"202": _answer("The target is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
         | _problems(409, 415, 422, 429),
+    }
+
+
+def _retry() -> Schema:
+    output = _parameter("output", {"type": "string", "minLength": 1})
+    output |= {"in": "path", "required": True, "description": "path of the output in the status, or name of its sink"}
+    headers = {"Location": {"schema": TEXT, "description": "path of the status"}}
+    return {
+        "operationId": "retryOutput",
+        "summary": "Let an output try again",
+        "description": "An output that its destination refuses keeps its events in its spool and tries again later and"
+        " later; this makes it try at once.",
+        "parameters": [output],
+        "responses": {"202": _answer("It tries again, if it was parked", "Retried", headers=headers, links={})}
+        | _problems(404, 429),
     }
 
 

@@ -51,6 +51,7 @@ def application(service: Service) -> Litestar:
             *_health_routes(service),
             *_reading_routes(service, documents),
             _trigger_route(service, documents),
+            _retry_route(service),
             _config_route(service, documents),
             _stream_route(service),
         ],
@@ -216,6 +217,16 @@ def _trigger_route(service: Service, documents: Documents) -> Any:
         return _json(answer, 202, headers={"Location": "/status"})
 
     return trigger
+
+
+def _retry_route(service: Service) -> Any:
+    @post("/outputs/{output:str}/retry", status_code=202)
+    async def retry(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        output = str(request.path_params["output"])
+        return _json(await asyncio.to_thread(service.retry, output), 202, headers={"Location": "/status"})
+
+    return retry
 
 
 def _config_route(service: Service, documents: Documents) -> Any:

@@ -214,7 +214,7 @@ def _sensor() -> Schema:
 
 def _sink() -> Schema:
     counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
-    state = {"type": "string", "enum": ["open", "failed", "closed"]}
+    state = {"type": "string", "enum": ["open", "parked", "failed", "closed"]}
     numbers = dict.fromkeys(counts, COUNT) | {"busy_s": NUMBER}
     return closed({"path": TEXT, "name": TEXT, "state": state, **numbers, "error": or_null(TEXT)})
 

@@ -112,6 +112,13 @@ class Service:
             "cycle": launched.cycle,
         }
 
+    def retry(self, output: str) -> dict[str, Any]:
+        """Let an output that its destination refuses try again at once."""
+        try:
+            return {"output": output, "was_parked": self.run.retry_output(output)}
+        except OpirError as error:
+            raise ProblemError(404, str(error)) from error
+
     def is_ready(self) -> tuple[bool, list[str]]:
         """Return whether the service is ready, and the reasons if not."""
         live = self.run.status()
@@ -122,6 +129,8 @@ class Service:
         for sink in live.sinks:
             if sink.state == "failed":
                 reasons.append(f"the sink {sink.path} has failed")
+            elif sink.state == "parked":
+                reasons.append(f"the sink {sink.path} is refused and keeps its events: {sink.error}")
             elif self._grows(sink):
                 reasons.append(f"the backlog of the sink {sink.path} grows")
         return not reasons, reasons

@@ -26,7 +26,7 @@ class KafkaTransport:
     """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
 
     Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error
-    fails every batch, those to come too. All state except `trouble` belongs to the loop's thread.
+    fails every batch, those to come too, until `retry`. All state except `trouble` belongs to the loop's thread.
     """
 
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
@@ -37,6 +37,7 @@ class KafkaTransport:
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None
         self._fatal: SinkError | None = None
+        self._is_to_retry = asyncio.Event()
         self._pauses_s = self._pauses()
         self._was_connected = False
         self._loop = asyncio.new_event_loop()
@@ -52,6 +53,10 @@ class KafkaTransport:
         self._loop.call_soon_threadsafe(self._accept, batch, future)
         return future
 
+    def retry(self) -> None:
+        """Connect again after a permanent error; batches that follow are sent."""
+        self._loop.call_soon_threadsafe(self._reopen)
+
     def close(self, wait_s: float) -> None:
         """Disconnect within `wait_s`; the futures of unacknowledged batches are cancelled."""
         self._closing.set()
@@ -65,8 +70,6 @@ class KafkaTransport:
         try:
             self._main = self._loop.create_task(self._serve(), name=OURS)
             self._loop.run_until_complete(self._main)
-            if self._fatal is not None and not self._closing.is_set():
-                self._loop.run_forever()  # fails the batches still to come
         except asyncio.CancelledError:
             self._loop.run_until_complete(_finish_tasks())
         finally:
@@ -95,7 +98,7 @@ class KafkaTransport:
             self._lanes[partition].add(shipment, rows)
 
     async def _serve(self) -> None:
-        """Connect again after each transient error, until closed or until a permanent error."""
+        """Connect again after each transient error, and after a permanent one when told to, until closed."""
         while True:
             try:
                 await self._one_connection()
@@ -103,7 +106,8 @@ class KafkaTransport:
                 trouble = words(error, self._config.bootstrap_servers)
                 if is_fatal(error, was_connected=self._was_connected):
                     self._fail(SinkError(trouble))
-                    return
+                    await self._is_to_retry.wait()  # without a deadline: only the sink knows when
+                    continue
                 self._note(trouble)
             await asyncio.sleep(next(self._pauses_s))
 
@@ -112,7 +116,12 @@ class KafkaTransport:
             _log.warning("%s; trying again", trouble)
         self.trouble = trouble
 
+    def _reopen(self) -> None:
+        self._fatal = None
+        self._is_to_retry.set()
+
     def _fail(self, error: SinkError) -> None:
+        self._is_to_retry.clear()
         self._fatal, self.trouble = error, str(error)
         for shipment in self._shipments:
             shipment.future.set_exception(error)

@@ -102,13 +102,62 @@ def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
     assert carrier.ids == ids_of(window(20_000))
 
 
-def test_a_carrier_that_fails_for_good_fails_the_sink_and_the_spool_keeps_the_events(tmp_path: Path) -> None:
-    sink = spooled(tmp_path / "spool", Holding("fail"))
+PARKS = evolve(QUICK, retry_s=0.05, longest_retry_s=0.2)
+
+
+def test_a_carrier_that_refuses_for_good_parks_a_sink_with_a_spool(tmp_path: Path) -> None:
+    carrier = Holding("fail")
+    sink = spooled(tmp_path / "spool", carrier, evolve(QUICK, retry_s=60.0))
+    sink.write(window(5))
+    until(lambda: sink.parked is not None)
+    for number in range(1, 20):
+        sink.write(window(5, 5 * number))
+    assert sink.parked == sink.delivery_so_far().complaint == "stub: the broker refuses it"
+    assert (sink.delivery_so_far().spooled, sink.delivery_so_far().dropped) == (100, 0)
+    time.sleep(0.2)
+    tried = len(carrier.parcels)
+    assert sink.retry()
+    until(lambda: len(carrier.parcels) > tried)
+    until(lambda: sink.parked is not None)
+    carrier.mood = "take"
+    assert sink.retry()
+    until(lambda: sink.parked is None)
+    assert not sink.retry()
+    assert sink.close() == Delivery(delivered=100)
+    assert list(dict.fromkeys(carrier.ids)) == ids_of(window(100))
+
+
+def test_a_parked_sink_tries_again_by_itself_and_later_each_time(tmp_path: Path) -> None:
+    carrier = Holding("fail")
+    sink = spooled(tmp_path / "spool", carrier, PARKS)
+    sink.write(window(5))
+    until(lambda: len(carrier.parcels) > 3)
+    carrier.mood = "take"
+    until(lambda: sink.delivery_so_far().delivered == 5)
+    assert sink.parked is None
+    assert sink.close() == Delivery(delivered=5)
+
+
+def test_closing_tries_once_more_and_keeps_what_is_refused(tmp_path: Path) -> None:
+    carrier = Holding("fail")
+    sink = spooled(tmp_path / "spool", carrier, evolve(QUICK, retry_s=60.0))
+    sink.write(window(5))
+    until(lambda: sink.parked is not None)
+    tried = len(carrier.parcels)
+    assert sink.close() == Delivery(delivered=0, spooled=5, complaint="stub: the broker refuses it")
+    assert len(carrier.parcels) == tried + 1
+    again = spooled(tmp_path / "spool", Holding())
+    assert again.close() == Delivery(delivered=5, recovered=5)
+
+
+def test_a_carrier_that_refuses_for_good_ends_a_sink_without_a_spool() -> None:
+    sink = unspooled(Holding("fail"))
     sink.write(window(5))
     until(lambda: sink.delivery_so_far().complaint is not None)
     with pytest.raises(SinkError, match="stub: the broker refuses it"):
         sink.write(window(5, 5))
-    assert sink.close() == Delivery(delivered=0, spooled=5, complaint="stub: the broker refuses it")
+    told = sink.close()
+    assert (told.delivered, told.spooled, told.dropped) == (0, 0, 5)
 
 
 def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> None:

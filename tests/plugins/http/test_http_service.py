@@ -35,7 +35,8 @@ def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
 
 def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
     routes = stand.server.config.app._app.routes
-    ours = {(route.path, method) for route in routes for method in route.methods - {"OPTIONS"}}
+    paths = [(route.path.replace("{output:str}", "{output}"), route.methods - {"OPTIONS"}) for route in routes]
+    ours = {(path, method) for path, methods in paths for method in methods}
     page = {("/", "GET"), ("/page/{name:str}", "GET"), ("/page/vendor/{name:str}", "GET")}
     page |= {("/openapi.json", "GET")}
     told = {(path, method.upper()) for path, item in document()["paths"].items() for method in item}
@@ -239,3 +240,26 @@ def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) 
     answer = stand.ask("PUT", "/config", config, {"If-Match": "*"})
     assert answer.status in {200, 400, 409, 422, 429}, answer.body
     assert stand.service.run.status().state == "running"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_an_output_that_is_refused_is_told_by_health_and_tries_again_when_told_to(tmp_path: Path) -> None:
+    spool = {"path": str(tmp_path / "spool")}
+    words = f"outputs={json.dumps([{'jsonl': {'path': '/dev/full', 'spool': spool}}])}"
+    with serving(tmp_path, "--speed", "20", "--set", words) as running:
+        until(lambda: running.ask("GET", "/status").json["sinks"][0]["state"] == "parked")
+        told = running.ask("GET", "/status").json
+        conforms(told, "Status")
+        assert (told["sinks"][0]["dropped"], told["sinks"][0]["delivered"]) == (0, 0)
+        assert "no space left on device" in told["sinks"][0]["error"]
+        ready = running.ask("GET", "/health/ready")
+        assert ready.status == 503
+        assert any("is refused and keeps its events" in reason for reason in ready.json["reasons"])
+        assert b'opir_sink_parked{sink="outputs[0]"} 1' in running.ask("GET", "/metrics").body
+        for name in ("jsonl", "outputs[0]"):
+            answer = running.ask("POST", f"/outputs/{name}/retry")
+            assert (answer.status, answer.json) == (202, {"output": name, "was_parked": True})
+            conforms(answer.json, "Retried")
+        missing = running.ask("POST", "/outputs/kafka/retry")
+        assert missing.status == 404
+        assert "give the path of one of these: outputs[0]" in missing.json["detail"]

@@ -235,6 +235,7 @@ AWAITS_THAT_END_THEMSELVES = {
     "self._partitioning(producer)",
     "asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)",  # lanes, each of whose sends has a deadline
     "lane.has_messages.wait()",  # for something to send
+    "self._is_to_retry.wait()",  # until the sink tries again after a permanent error
     "asyncio.sleep(next(self._pauses_s))",
     "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
     "close_producer(producer)",
