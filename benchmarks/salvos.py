@@ -4,9 +4,9 @@
 
 Ten staged gravity turns of one class rise within ten seconds from a field of launch points, the nearest `spacing`
 apart, towards aims as far apart, seen by two SBIRS-GEO at default settings. At 95 % of the time from ignition to the
-last burnout: has a launch a track of its own whose 95 % ellipsoid holds its state, and how far off is the track? Labels are
-the tracks of detections in the second half of a burn: wrong where most detections of the track are of another launch.
-Seeds are those on which nothing was built.
+last burnout: has a launch a track of its own whose 95 % ellipsoid holds its state, and how far off is the track? Labels
+are the tracks of detections in the second half of a burn: wrong where most detections of the track are of another
+launch. Seeds are those on which nothing was built.
 """
 
 import argparse

@@ -24,6 +24,7 @@ COMMANDS = {
     "physics": ("physics", "evaluate a radiometric formula"),
     "new-plugin": ("new_plugin", "write the package of a new plugin, ready to install"),
     "check": ("check", "run the conformance tests of a component"),
+    "doctor": ("doctor", "examine this machine and installation: versions, plugins, limits, disks, ports, outputs"),
     "schema": ("schema", "print the JSON Schema of an event"),
     "completion": ("completion", "print a completion script for bash, zsh or fish"),
 }
