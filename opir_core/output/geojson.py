@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
@@ -71,14 +72,30 @@ def _ring_from(positions: Any) -> FloatArray:
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
-    polygons = [part for polygon in region.polygons for part in _parts(polygon)]
+    polygons = [part for polygon in region.polygons for part in _parts(polygon, _poles_in(region, polygon))]
     if len(polygons) == 1:
         return {"type": "Polygon", "coordinates": polygons[0]}
     return {"type": "MultiPolygon", "coordinates": polygons}
 
 
-def _parts(polygon: Sequence[FloatArray]) -> list[list[list[list[float]]]]:
+#: From this area on a ring alone does not tell which pole it holds, or whether it holds both, km²: a cap of 40 degrees.
+_WIDE_KM2 = 6e7
+
+#: Latitudes of the poles inside a polygon, degrees; None where the rings tell.
+Poles = tuple[float, ...] | None
+
+
+def _poles_in(region: ImpactRegion, polygon: tuple[FloatArray, ...]) -> Poles:
+    if region.area_km2 < _WIDE_KM2:
+        return None
+    alone = evolve(region, polygons=(polygon,))
+    return tuple(pole for pole in (-_POLE_DEG, _POLE_DEG) if alone.contains(float(np.radians(pole)), 0.0))
+
+
+def _parts(polygon: Sequence[FloatArray], poles: Poles = None) -> list[list[list[list[float]]]]:
     """Return a polygon as polygons of coordinates: one, unless the 180th meridian cuts it."""
+    if poles is not None:
+        return _cut(_planar(polygon, poles))
     if len(polygon) == 1:
         degrees: FloatArray = np.degrees(polygon[0][:, ::-1])
         longitude = degrees[:, 0]
@@ -88,12 +105,16 @@ def _parts(polygon: Sequence[FloatArray]) -> list[list[list[list[float]]]]:
     return _cut(_planar(polygon))
 
 
-def _planar(polygon: Sequence[FloatArray]) -> Rings:
+def _planar(polygon: Sequence[FloatArray], poles: Poles = None) -> Rings:
     """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are continuous along them.
 
-    A ring around a pole is closed along two meridians and the pole. Holes are moved by whole turns into the outer ring.
+    A ring around a pole is closed along two meridians and the pole. Where a polygon holds both poles, its outer ring is
+    a hole of the whole Earth. Holes are moved by whole turns into the outer ring.
     """
-    outer, *holes = [_unrolled(ring) for ring in polygon]
+    outer, *holes = [_unrolled(ring, poles) for ring in polygon]
+    if poles is not None and len(poles) == 2:
+        middle_deg = 0.5 * (outer[:, 0].min() + outer[:, 0].max())
+        outer, holes = _WORLD + np.array([middle_deg, 0.0]), [outer, *holes]
     rings = [outer]
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
@@ -107,13 +128,17 @@ def _moved(ring: FloatArray, turns: int) -> FloatArray:
     return moved
 
 
-def _unrolled(ring: FloatArray) -> FloatArray:
+#: The whole Earth as a ring, by longitude from that of its middle.
+_WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0]])
+
+
+def _unrolled(ring: FloatArray, poles: Poles = None) -> FloatArray:
     points = _refined(ring)
     longitude = np.unwrap(points[:, 0], period=360.0)
     turns = round((longitude[-1] - longitude[0]) / 360.0)
     if not turns:
         return np.stack([longitude[:-1], points[:-1, 1]], axis=1)
-    pole_deg = float(np.copysign(90.0, points[:, 1].mean()))
+    pole_deg = poles[0] if poles else float(np.copysign(_POLE_DEG, points[:, 1].mean()))
     along = np.stack([longitude, points[:, 1]], axis=1)
     return np.concatenate([along, [[longitude[-1], pole_deg], [longitude[0], pole_deg]]])
 

@@ -75,6 +75,26 @@ def test_a_circle_keeps_its_area_wherever_it_lies(
     assert geometry["type"] == kind
 
 
+WIDE = [
+    (latitude_deg, longitude_deg, radius_km)
+    for latitude_deg in (0.0, 40.0, -85.0)
+    for longitude_deg in (0.0, 100.0, 180.0)
+    for radius_km in (9_000.0, 12_000.0, 19_000.0)
+]
+
+
+@pytest.mark.parametrize(("latitude_deg", "longitude_deg", "radius_km"), WIDE)
+def test_regions_of_more_than_a_hemisphere_keep_their_area(
+    latitude_deg: float, longitude_deg: float, radius_km: float
+) -> None:
+    centre = np.radians([latitude_deg, longitude_deg]).tolist()
+    region = evolve(stub_regions(latitude_deg, longitude_deg, radius_km, corners=1440)[2], centre=tuple(centre))
+    geometry = geometry_of(region)
+    requires_of_rfc(geometry)
+    total = sum(area_km2(ring) for polygon in polygons_of(geometry) for ring in polygon)
+    assert total == pytest.approx(region.area_km2, rel=1e-4)
+
+
 def ring_of(*corners: tuple[float, float]) -> FloatArray:
     """Return a closed ring of corners, east of the 180th meridian and north of the equator in tenths of a degree."""
     return np.radians([(0.1 * north, 180.0 + 0.1 * east) for east, north in (*corners, corners[0])])

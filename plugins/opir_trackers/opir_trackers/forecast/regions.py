@@ -14,6 +14,7 @@ import numpy as np
 from contourpy import FillType, contour_generator
 
 from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry.sphere import AzimuthalEquidistant, map_area_m2, unit_vectors
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
@@ -50,7 +51,8 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
     found = []
     for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
-        polygons = [[mean + (ring * scale) @ axes.T for ring in rings] for rings in _filled(generator, level)]
+        shapes = _filled(generator, level)
+        polygons = [[_on_earth(mean + (ring * scale) @ axes.T) for ring in rings] for rings in shapes]
         area_m2 = sum(map_area_m2(rings[0]) - sum(map(map_area_m2, rings[1:])) for rings in polygons)
         places = tuple(tuple(chart.places(ring) for ring in rings) for rings in polygons)
         found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre))
@@ -74,6 +76,18 @@ def _density(place: FloatArray, unit: FloatArray, widths: FloatArray, weight: Fl
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:
     kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
     return kernel
+
+
+#: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
+_FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
+
+
+def _on_earth(ring: FloatArray) -> FloatArray:
+    """Return a ring with the points beyond the antipode moved to the edge of the map: there is no more Earth."""
+    far = np.sqrt(np.sum(ring * ring, axis=1))
+    share = np.minimum(1.0, _FARTHEST_M / np.maximum(far, 1.0))
+    inside: FloatArray = ring * share[:, None]
+    return inside
 
 
 def _filled(generator: Any, level: float) -> list[list[FloatArray]]:

@@ -93,6 +93,18 @@ def test_areas_of_wide_regions_are_those_of_caps() -> None:
     assert nearly_all.area_km2 == pytest.approx(cap_km2, rel=0.15)
 
 
+def test_regions_end_where_the_earth_does() -> None:
+    """Points all round the Earth: no area beyond that of the Earth, and each region holds its share of them."""
+    rng = np.random.default_rng(11)
+    far = RADIUS_M * np.arccos(rng.uniform(-1.0, 1.0, 400))
+    angle = rng.uniform(0.0, 2.0 * np.pi, 400)
+    place = points_about((0.3, 0.5), np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
+    earth_km2 = 4.0 * np.pi * RADIUS_M**2 * 1e-6
+    for region in regions(place, np.full(400, 1 / 400)):
+        assert region.area_km2 <= 1.001 * earth_km2
+        assert sum(region.contains(*point) for point in place.tolist()) >= (region.containment - 0.03) * 400
+
+
 def test_points_at_one_place_have_regions_without_size() -> None:
     found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
     assert [region.containment for region in found] == [0.5, 0.9, 0.95]
