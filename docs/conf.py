@@ -7,9 +7,9 @@ author = "The opir authors"
 copyright = author  # noqa: A001 - the name that Sphinx reads
 release = version_of("opir-core")
 
-extensions = ["myst_nb", "sphinx_design"]
+extensions = ["myst_nb", "sphinx_design", "sphinx_gallery.gen_gallery"]
 # README.md is the list of pages for those who read the folder: index.md shows it.
-exclude_patterns = ["README.md", "**.ipynb_checkpoints"]
+exclude_patterns = ["README.md", "**.ipynb_checkpoints", "gallery/*.ipynb"]
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
@@ -26,6 +26,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "remove_config_comments": True,
     "min_reported_time": 1e9,
+    "write_computation_times": False,
 }
 
 html_context = {"default_mode": "auto"}

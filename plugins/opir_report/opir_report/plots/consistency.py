@@ -59,8 +59,8 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     shares = []
     for percent in _PERCENT:
         judged = data[f"contained_{percent}"][np.isfinite(data[f"contained_{percent}"])]
-        shares.append(f"{percent} %: {int(judged.sum())} of {len(judged)}")
-    axes.set_title(f"estimates whose region contains the impact: {', '.join(shares)}")
+        shares.append(f"{percent} %: {int(judged.sum())}/{len(judged)}")
+    axes.set_title(f"impact inside: {', '.join(shares)}")
     marks = [
         Line2D([], [], color=INK, marker="o", linestyle="", markersize=4, label="contains the true impact"),
         Line2D([], [], color=INK, marker="o", linestyle="", markersize=4, markerfacecolor=PAPER, label="does not"),
