@@ -25,6 +25,7 @@ COMMANDS = {
     "new-plugin": ("new_plugin", "write the package of a new plugin, ready to install"),
     "check": ("check", "run the conformance tests of a component"),
     "doctor": ("doctor", "examine this machine and installation: versions, plugins, limits, disks, ports, outputs"),
+    "spool": ("spool", "check the spool of an output, or salvage a damaged one"),
     "schema": ("schema", "print the JSON Schema of an event"),
     "completion": ("completion", "print a completion script for bash, zsh or fish"),
 }

@@ -80,7 +80,7 @@ class EncodedBatcher:
 
 
 class FullError(Exception):
-    """There is no room for a batch."""
+    """There is no room for a batch, or the disk does not take it; the words, if any, say why."""
 
 
 class Backlog(Protocol):

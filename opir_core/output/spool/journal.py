@@ -38,7 +38,7 @@ _INSERT = (
     " VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 )
 _NEXT = (
-    "SELECT number, crc, content_type, schema_version, keys, key_of, body FROM parcel"
+    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel"
     " WHERE number > ? ORDER BY number LIMIT 1"
 )
 
@@ -47,16 +47,17 @@ _T = TypeVar("_T")
 
 
 def _raises_ours(method: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Return a method that raises `SinkError` for SQLite's errors, and `FullError` if the disk has no room."""
+    """Return a method that raises `SinkError` for SQLite's errors, and `FullError` if the disk does not take bytes."""
 
     @wraps(method)
     def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _T:
         try:
             return method(*args, **kwargs)
         except sqlite3.Error as error:
-            if _code(error) == "SQLITE_FULL":
-                raise FullError from error
             journal: Any = args[0]
+            journal.end_transaction()
+            if _code(error) in _REFUSALS_OF_THE_DISK:
+                raise FullError(_why(error)) from error
             raise complaint(journal.path, error) from error
 
     return wrapped
@@ -81,7 +82,8 @@ class Journal:
             self._open(survives_power_cut)
         except FullError as error:
             self.close()
-            raise SinkError(f"the spool {path} {_WORDS['SQLITE_FULL']}") from error
+            reason = f": {error}" if str(error) else ""
+            raise SinkError(f"the spool {path} cannot be written{reason}; {_ROOM}") from error
         except BaseException:
             self.close()
             raise
@@ -107,32 +109,22 @@ class Journal:
         row = self._database.execute(_NEXT, (number,)).fetchone()
         if row is None:
             return None
-        at, crc, content_type, schema_version, keys, key_of, body = row
-        if _checksum(content_type, schema_version, keys, key_of, body) != crc:
-            raise SinkError(f"the spool {self.path} is damaged: batch {at} is not what was written; {_MOVE}")
-        return at, Batch(
-            body=body,
-            keys=tuple(json.loads(keys)),
-            key_of=np.frombuffer(key_of, dtype="<u2").astype(np.uint16),
-            content_type=content_type,
-            schema_version=schema_version,
-        )
+        batch = batch_of(row)
+        if batch is None:
+            words = f"batch {row[0]} is not what was written"
+            raise SinkError(f"the spool {self.path} is damaged: {words}; what is whole is salvaged at the next start")
+        return row[0], batch
 
     @_raises_ours
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers, all or none."""
         events, cost = 0, 0
         self._database.execute("BEGIN")
-        try:
-            for number in numbers:
-                row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,))
-                ((row_events, row_bytes),) = row.fetchall()
-                events, cost = events + row_events, cost + row_bytes
-            self._database.execute("COMMIT")
-        except sqlite3.Error:
-            if self._database.in_transaction:
-                self._database.execute("ROLLBACK")
-            raise
+        for number in numbers:
+            row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,))
+            ((row_events, row_bytes),) = row.fetchall()
+            events, cost = events + row_events, cost + row_bytes
+        self._database.execute("COMMIT")
         self.waiting -= events
         self._bytes -= cost
 
@@ -145,6 +137,12 @@ class Journal:
         before = self.waiting
         self.acknowledge([row[0]])
         return before - self.waiting
+
+    def end_transaction(self) -> None:
+        """Undo what an error has left open."""
+        with suppress(sqlite3.Error):
+            if self._database.in_transaction:
+                self._database.execute("ROLLBACK")
 
     def close(self) -> None:
         """Close the file; SQLite merges its log if there is room, else at the next opening."""
@@ -189,7 +187,35 @@ class Journal:
             raise SinkError(f"the spool {self.path} has version {version}, and this opir reads {_VERSION}; {_MOVE}")
 
 
+def batch_of(row: tuple[Any, ...]) -> Batch | None:
+    """Return the batch of a row of the table, with all its columns; None if it is not what was written."""
+    _number, events, _bytes, crc, content_type, schema_version, keys, key_of, body = row
+    try:
+        if _checksum(content_type, schema_version, keys, key_of, body) != crc or len(key_of) != 2 * events:
+            return None
+    except (AttributeError, TypeError):  # damage can change a column's type
+        return None
+    return Batch(
+        body=body,
+        keys=tuple(json.loads(keys)),
+        key_of=np.frombuffer(key_of, dtype="<u2").astype(np.uint16),
+        content_type=content_type,
+        schema_version=schema_version,
+    )
+
+
+def is_spool_file(path: Path) -> bool:
+    """Return whether a file has the mark of a spool of this version in its header (sqlite.org/fileformat2.html)."""
+    with path.open("rb") as file:
+        header = file.read(100)
+    return header[68:72] == _APPLICATION.to_bytes(4, "big") and header[60:64] == _VERSION.to_bytes(4, "big")
+
+
 _MOVE = "move it away, and a new one is made"
+_ROOM = "make room, or give a path on another disk"
+
+#: What a disk answers that is full, over a quota or a limit, failing, or mounted anew to be read only.
+_REFUSALS_OF_THE_DISK = frozenset({"SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY"})
 
 _WORDS = {
     "SQLITE_BUSY": "is in use by another process; stop that, or give each output a spool of its own",
@@ -210,6 +236,11 @@ def complaint(path: str, error: sqlite3.Error) -> SinkError:
         return SinkError(f"the spool {path} cannot be made: there is no folder {str(folder)!r}; make it")
     words = _WORDS.get(_code(error), f"cannot be used ({error}); give it another path")
     return SinkError(f"the spool {path} {words}")
+
+
+def _why(error: sqlite3.Error) -> str:
+    """Return why the disk does not take bytes: nothing for a full one, which `FullError` says."""
+    return "" if _code(error) == "SQLITE_FULL" else f"its disk answers {str(error).lower()!r}"
 
 
 def _code(error: sqlite3.Error) -> str:

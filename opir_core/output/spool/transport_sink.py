@@ -32,6 +32,7 @@ from opir_core.output.spool.batches import (
     WindowTransport,
 )
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.salvage import Salvage, salvaged_at_start
 from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
 
 #: Maximum bytes of messages that are sent and not yet acknowledged.
@@ -77,7 +78,15 @@ class TransportSink:
     acknowledged belongs to the sending thread and, after its end, to `close`.
     """
 
-    def __init__(self, name: str, transport: Transport, backlog: Backlog, batcher: Batcher, policy: Policy) -> None:
+    def __init__(
+        self,
+        name: str,
+        transport: Transport,
+        backlog: Backlog,
+        batcher: Batcher,
+        policy: Policy,
+        damage: Salvage | None = None,
+    ) -> None:
         self._name = name
         self._transport = transport
         self._backlog = backlog
@@ -88,8 +97,13 @@ class TransportSink:
         self._sent: deque[_Sent] = deque()
         self._ahead_bytes = 0
         self._last_number = 0
-        self._recovered = backlog.waiting
-        self._delivered = self._dropped = self._withheld = 0
+        # Events of an earlier run that were lost with a damaged spool were recovered and dropped.
+        self._dropped = 0 if damage is None else damage.state.lost_events
+        self._damage = None if damage is None else f"{name}: the spool {getattr(backlog, 'path', '')}: {damage}"
+        self._recovered = backlog.waiting + self._dropped
+        self._delivered = self._withheld = 0
+        #: Why the disk did not take the last bytes for the backlog.
+        self._disk = ""
         #: How often `write` has waited for room.
         self.waits = 0
         self._error: Exception | None = None
@@ -196,7 +210,8 @@ class TransportSink:
     def _is_put(self, batch: Batch) -> bool:
         try:
             self._backlog.put(batch)
-        except FullError:
+        except FullError as error:
+            self._disk = str(error)
             return False
         return True
 
@@ -208,15 +223,16 @@ class TransportSink:
 
     def _full(self) -> str:
         place = getattr(self._backlog, "path", None)
-        trouble = self._transport.trouble
+        trouble = self._disk or self._transport.trouble
+        state = "cannot be written" if self._disk else "is full"
         return (
-            f"{self._name}: {f'its spool {place}' if place else 'its queue'} is full, with"
+            f"{self._name}: {f'its spool {place}' if place else 'its queue'} {state}, with"
             f" {self._backlog.waiting} events that wait{f': {trouble}' if trouble else ''}"
         )
 
     def _failure(self) -> str | None:
         if self._error is None:
-            return self._parked
+            return self._parked or self._damage
         if isinstance(self._error, SinkError):
             return str(self._error)
         return f"{self._name}: a defect: {self._error!r}"
@@ -265,7 +281,11 @@ class TransportSink:
 
     def _next(self) -> tuple[int, Batch] | None:
         with self._room:
-            numbered = self._backlog.after(self._last_number)
+            try:
+                numbered = self._backlog.after(self._last_number)
+            except FullError as error:  # the disk cannot be read: what it keeps is sent later
+                self._disk = str(error)
+                return None
             if numbered is not None:
                 self._last_number = numbered[0]
             return numbered
@@ -347,15 +367,16 @@ def transport_sink(
     else:
         transport, batcher = WindowTransport(made), WindowBatcher(make_encoder())
     try:
-        backlog, policy = _backlog(choice.spool)
+        backlog, policy, damage = _backlog(choice.spool)
     except BaseException:
         transport.close(0.0)
         raise
-    return TransportSink(choice.name, transport, backlog, batcher, policy)
+    return TransportSink(choice.name, transport, backlog, batcher, policy, damage)
 
 
-def _backlog(spool: Any) -> tuple[Backlog, Policy]:
+def _backlog(spool: Any) -> tuple[Backlog, Policy, Salvage | None]:
     if spool is None:
-        return MemoryBacklog(MEMORY_BYTES), Policy()
+        return MemoryBacklog(MEMORY_BYTES), Policy(), None
+    damage = salvaged_at_start(spool.path)
     journal = Journal(spool.path, spool.max_bytes, survives_power_cut=spool.survives_power_cut)
-    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, stall_s=SPOOLED_STALL_S)
+    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, stall_s=SPOOLED_STALL_S), damage

@@ -1,0 +1,203 @@
+"""Damaged spools: which batches of one are whole, and a new spool made of these.
+
+A batch is whole if its row can be read and has its checksum. The damaged file is set aside, not changed.
+"""
+
+import logging
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+
+from attrs import field, frozen
+
+from opir_core.errors import SinkError
+from opir_core.interfaces.records import Batch
+from opir_core.output.spool.batches import FullError
+from opir_core.output.spool.journal import Journal, batch_of, complaint, is_spool_file
+
+#: Appended to the path of a spool that is made from a damaged one, until it is complete.
+_NEW = ".salvaged"
+_ROW = (
+    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel WHERE number = ?"
+)
+_BIGGEST = 1 << 50
+
+_log = logging.getLogger(__name__)
+
+
+@frozen
+class SpoolState:
+    """The batches of a spool that are whole, their events, and the numbers of those that are damaged.
+
+    `lost_events` are of the damaged batches, as far as their number can still be read. `is_readable` is false if the
+    file itself is damaged where SQLite needs it.
+    """
+
+    batches: int
+    events: int
+    damaged: tuple[int, ...] = ()
+    lost_events: int = 0
+    is_readable: bool = True
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is damaged."""
+        return self.is_readable and not self.damaged
+
+
+@frozen
+class Salvage:
+    """What became of a damaged spool: where it lies, and what its successor holds."""
+
+    aside: Path
+    state: SpoolState = field()
+
+    def __str__(self) -> str:
+        """Return one line."""
+        lost = f"{len(self.state.damaged)} batches with at least {self.state.lost_events} events are lost"
+        if not self.state.is_readable:
+            lost = "nothing else of it can be read"
+        return f"it was damaged: {self.state.events} events are salvaged, {lost}; the damaged file is {self.aside}"
+
+
+def spool_state(path: str | Path) -> SpoolState:
+    """Return what of a spool is whole; `SinkError` if there is none, it is in use, or it is something else."""
+    place = _existing(Path(path))
+    with closing(_opened(place)) as database:
+        return _counted(list(_batches(database, place, keep=False)))
+
+
+def salvage(path: str | Path) -> Salvage | None:
+    """Replace a damaged spool by one of its whole batches; None if it is whole. Raises `SinkError`.
+
+    The new spool is complete before the damaged one is set aside: a process that is killed meanwhile loses nothing.
+    """
+    place = _existing(Path(path))
+    state = spool_state(place)
+    if state.is_whole:
+        return None
+    fresh = place.with_name(place.name + _NEW)
+    _remove(fresh)
+    made = Journal(str(fresh), _BIGGEST, survives_power_cut=True)
+    try:
+        with closing(_opened(place)) as database:
+            for _number, batch, _events in _batches(database, place, keep=True):
+                if isinstance(batch, Batch):
+                    made.put(batch)
+    except FullError as error:
+        _remove(fresh)
+        raise SinkError(f"the damaged spool {place} cannot be salvaged: {error}; make room on its disk") from error
+    finally:
+        made.close()
+    aside = _set_aside(place)
+    fresh.rename(place)
+    done = Salvage(aside, state)
+    _log.warning("the spool %s: %s", place, done)
+    return done
+
+
+def salvaged_at_start(path: str | Path) -> Salvage | None:
+    """Salvage the spool of an output before it is opened, if there is one and it is damaged."""
+    place = Path(path)
+    finish_salvage(place)
+    return salvage(place) if place.is_file() and is_spool_file(place) else None
+
+
+def finish_salvage(path: Path) -> None:
+    """Put a new spool in place that was complete when the process was killed."""
+    fresh = path.with_name(path.name + _NEW)
+    if not path.exists() and fresh.is_file():
+        fresh.rename(path)
+
+
+def _counted(rows: list[tuple[int, Batch | bool, int]]) -> SpoolState:
+    whole = [events for _number, batch, events in rows if batch]
+    damaged = [(number, events) for number, batch, events in rows if not batch]
+    is_readable = not any(number < 0 for number, _ in damaged)
+    return SpoolState(
+        batches=len(whole),
+        events=sum(whole),
+        damaged=tuple(number for number, _ in damaged if number >= 0),
+        lost_events=sum(events for _, events in damaged),
+        is_readable=is_readable,
+    )
+
+
+def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterator[tuple[int, Batch | bool, int]]:
+    """Yield number, batch (or whether it is whole) and events of each row; number -1 if the file cannot be read."""
+    try:
+        first, last = _range(database)
+    except sqlite3.DatabaseError as error:
+        if _is_in_use(error):
+            raise complaint(str(path), error) from error
+        yield -1, False, 0
+        return
+    for number in range(first, last + 1):
+        try:
+            row = database.execute(_ROW, (number,)).fetchone()
+        except (sqlite3.DatabaseError, UnicodeDecodeError):
+            yield number, False, 0
+            continue
+        if row is not None:
+            batch = batch_of(row)
+            yield number, (batch if keep else True) if batch else False, len(batch) if batch else _told(row)
+
+
+def _range(database: sqlite3.Connection) -> tuple[int, int]:
+    """Return the lowest and the highest number that a row may have."""
+    database.execute("SELECT number FROM parcel LIMIT 0").fetchall()
+    last = 0
+    for words in ("SELECT max(number) FROM parcel", "SELECT seq FROM sqlite_sequence WHERE name = 'parcel'"):
+        with suppress(sqlite3.DatabaseError):
+            last = max(last, *(int(row[0] or 0) for row in database.execute(words)), 0)
+    first = 1
+    with suppress(sqlite3.DatabaseError):
+        first = int(database.execute("SELECT min(number) FROM parcel").fetchone()[0] or 1)
+    return max(1, first), last
+
+
+def _told(row: tuple[object, ...]) -> int:
+    """Return the number of events that a damaged row gives, if it can be one."""
+    events = row[1]
+    return events if isinstance(events, int) and 0 <= events < 1 << 20 else 0
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    try:
+        database = sqlite3.connect(str(path.absolute()), timeout=0.0, isolation_level=None)
+        database.text_factory = lambda content: content.decode("utf-8", "replace")
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        return database
+    except sqlite3.Error as error:
+        raise complaint(str(path), error) from error
+
+
+def _is_in_use(error: sqlite3.Error) -> bool:
+    name = getattr(error, "sqlite_errorname", "") or ""
+    return name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
+
+
+def _existing(path: Path) -> Path:
+    finish_salvage(path)
+    if not path.is_file():
+        raise SinkError(f"there is no spool {path}; give the path of the file that `spool: {{path: ...}}` names")
+    if not is_spool_file(path):
+        raise SinkError(f"{path} is not a spool; give the path of the file that `spool: {{path: ...}}` names")
+    return path
+
+
+def _set_aside(path: Path) -> Path:
+    """Rename a spool to the first free name, its log first: a log beside another file would be replayed into it."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.damaged-{number}")).exists():
+        number += 1
+    for suffix in ("-wal", "-shm", ""):
+        with suppress(FileNotFoundError):
+            path.with_name(path.name + suffix).rename(aside.with_name(aside.name + suffix))
+    return aside
+
+
+def _remove(path: Path) -> None:
+    for suffix in ("-wal", "-shm", ""):
+        path.with_name(path.name + suffix).unlink(missing_ok=True)

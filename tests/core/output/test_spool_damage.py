@@ -1,0 +1,218 @@
+"""Damaged spools are set aside whole, and what is whole of them is sent; a disk that fails follows `when_full`."""
+
+import json
+import random
+import resource
+import signal
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from attrs import evolve
+from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, ids_of, window
+
+from opir_core.cli.main import main
+from opir_core.errors import SinkError
+from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.salvage import salvage, salvaged_at_start, spool_state
+from opir_core.output.spool.transport_sink import Policy, TransportSink
+
+BATCHES, ROWS = 20, 100
+
+
+@pytest.fixture
+def spool(tmp_path: Path) -> Path:
+    path = tmp_path / "spool"
+    journal = Journal(str(path), 64 * MIB)
+    for number in range(BATCHES):
+        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
+    journal.close()
+    return path
+
+
+def sent_from(path: Path) -> tuple[Any, list[str]]:
+    """Return the counts of a sink that starts with a spool, and the ids that it sends."""
+    carrier = Holding()
+    damage = salvaged_at_start(path)
+    sink = TransportSink("stub", carrier, Journal(str(path), 64 * MIB), EncodedBatcher(ENCODER, SENSORS), QUICK, damage)
+    return sink.close(), list(carrier.ids)
+
+
+def flip_body(path: Path, *events: int) -> None:
+    """Change one byte in the messages of some events."""
+    content = bytearray(path.read_bytes())
+    for event in events:
+        content[content.index(ids_of(window(BATCHES * ROWS))[event].encode())] ^= 1
+    path.write_bytes(content)
+
+
+def test_a_spool_that_is_whole_is_left_alone(spool: Path) -> None:
+    before = spool.read_bytes()
+    assert salvage(spool) is None
+    state = spool_state(spool)
+    assert (state.is_whole, state.batches, state.events) == (True, BATCHES, BATCHES * ROWS)
+    assert spool.read_bytes() == before
+    assert sorted(path.name for path in spool.parent.iterdir()) == ["spool"]
+
+
+def test_one_flipped_byte_costs_one_batch_and_no_more(spool: Path, caplog: pytest.LogCaptureFixture) -> None:
+    flip_body(spool, 350)
+    damaged = spool.read_bytes()
+    told, ids = sent_from(spool)
+    whole = ids_of(window(BATCHES * ROWS))
+    assert ids == whole[:300] + whole[400:]
+    assert (told.delivered, told.recovered, told.dropped, told.spooled) == (1900, 2000, 100, 0)
+    assert "1900 events are salvaged, 1 batches with at least 100 events are lost" in (told.complaint or "")
+    assert "spool.damaged-1" in caplog.text
+    assert (spool.parent / "spool.damaged-1").read_bytes() == damaged
+    again, ids = sent_from(spool)
+    assert (again.delivered, again.recovered, again.complaint, ids) == (0, 0, None, [])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
+    content, dice = bytearray(spool.read_bytes()), random.Random(seed)
+    pages = sorted({dice.randrange(len(content)) // 4096 for _ in range(3)} - {0})
+    for _ in range(64):
+        content[4096 * dice.choice(pages or [1]) + dice.randrange(4096)] ^= 1 << dice.randrange(8)
+    spool.write_bytes(content)
+    told, ids = sent_from(spool)
+    whole = ids_of(window(BATCHES * ROWS))
+    assert ids == [each for each in whole if each in set(ids)]
+    assert told.delivered == len(ids) == told.recovered - told.dropped
+    assert told.delivered == len(whole) or told.complaint is not None
+    assert sent_from(spool)[0].complaint is None
+
+
+@pytest.mark.parametrize("stopped_at", ["spool", "spool.salvaged"])
+def test_a_killed_salvage_is_begun_again_or_finished(
+    spool: Path, monkeypatch: pytest.MonkeyPatch, stopped_at: str
+) -> None:
+    flip_body(spool, 5)
+    real = Path.rename
+
+    def stop(self: Path, target: Any) -> Any:
+        if self.name == stopped_at:
+            raise KeyboardInterrupt
+        return real(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "rename", stop)
+        with pytest.raises(KeyboardInterrupt):
+            salvage(spool)
+    assert spool_state(spool).events == 1900
+    assert len(sent_from(spool)[1]) == 1900
+
+
+def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["spool", "check", str(spool)]) == 0
+    assert "2000 events in 20 batches are whole" in capsys.readouterr().out
+    flip_body(spool, 350, 1500)
+    assert main(["spool", "check", str(spool), "--json"]) == 5
+    told = json.loads(capsys.readouterr().out)
+    assert (told["whole"], told["damaged"], told["events"], told["lost_events"]) == (False, [4, 16], 1800, 200)
+    assert main(["spool", "salvage", str(spool)]) == 0
+    assert "1800 events are salvaged" in capsys.readouterr().out
+    assert main(["spool", "salvage", str(spool)]) == 0
+    assert "nothing was changed" in capsys.readouterr().out
+    assert main(["spool", "check", str(spool) + ".no"]) == 5
+    assert "there is no spool" in capsys.readouterr().err
+    (spool.parent / "text").write_text("text", encoding="utf-8")
+    assert main(["spool", "salvage", str(spool.parent / "text")]) == 5
+    assert "is not a spool" in capsys.readouterr().err
+
+
+def test_a_spool_in_use_is_not_salvaged(spool: Path) -> None:
+    journal = Journal(str(spool), 64 * MIB)
+    with pytest.raises(SinkError, match="in use by another process"):
+        salvage(spool)
+    journal.close()
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """Let every write beyond a size fail with EFBIG, as it does under a quota."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("when_full", ["refuse", "wait", "drop-newest", "drop-oldest"])
+def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_path: Path, when_full: str) -> None:
+    failed = 0
+    for limit in range(8192, 400_000, 12_288):
+        path, carrier = tmp_path / f"spool-{limit}", Holding("hold")
+        journal = Journal(str(path), 64 * MIB)
+        policy = evolve(QUICK, when_full=when_full, wait_s=0.01)
+        sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy)
+        given = 0
+        with files_of_at_most(limit):
+            try:
+                for number in range(4):
+                    given += ROWS
+                    sink.write(window(ROWS, ROWS * number))
+            except SinkError as error:
+                failed += 1
+                assert "events that wait" in str(error)  # noqa: PT017
+        counts = sink.delivery_so_far()
+        assert counts.spooled + counts.dropped == given
+        sink.write(window(ROWS, given))  # the limit is lifted
+        carrier.release()
+        told = sink.close()
+        assert told.delivered + told.dropped == given + ROWS
+        assert set(carrier.ids) >= set(ids_of(window(given + ROWS))[given:])
+        assert told.delivered == len(set(carrier.ids))
+    assert failed > 2 or when_full.startswith("drop")
+
+
+ERRORS = ("SQLITE_IOERR_WRITE", "SQLITE_IOERR_FSYNC", "SQLITE_FULL", "SQLITE_READONLY", "SQLITE_IOERR_READ")
+
+
+class Failing:
+    """A connection whose n-th statement is answered with an error, before or after it is done."""
+
+    def __init__(self, database: Any, fails_at: int, name: str) -> None:
+        self._database, self._fails_at, self._name = database, fails_at, name
+        self.calls = 0
+
+    def execute(self, *words: Any) -> Any:
+        self.calls += 1
+        if self.calls == self._fails_at:
+            error = sqlite3.OperationalError("disk I/O error")
+            error.sqlite_errorname = self._name
+            raise error
+        return self._database.execute(*words)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._database, name)
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name: str) -> None:
+    patient = Policy(when_full="wait", wait_s=20.0, stall_s=2.0)
+    for number in range(1, 60):
+        journal = Journal(str(tmp_path / f"spool-{number}"), 64 * MIB)
+        failing = journal._database = Failing(journal._database, number, name)  # type: ignore[assignment]
+        carrier = Holding()
+        sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), patient)
+        for place in range(3):
+            sink.write(window(ROWS, ROWS * place))
+        told = sink.close()
+        rest = TransportSink(
+            "stub", carrier, Journal(journal.path, 64 * MIB), EncodedBatcher(ENCODER, SENSORS), patient
+        ).close()
+        assert told.dropped == rest.dropped == 0
+        assert told.complaint is None
+        assert list(dict.fromkeys(carrier.ids)) == ids_of(window(3 * ROWS))
+        if failing.calls < number:
+            break
+    assert number > 6
