@@ -1,21 +1,18 @@
 """The page in a real browser: it loads, a launch goes out by its form, and what comes of it is seen."""
 
 import json
-import os
 import re
-import shutil
 from collections.abc import Iterator
 from hashlib import sha256
 from typing import Any
 
 import pytest
 from http_service import Stand, serving
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from page_browser import chromium, opened
+from playwright.sync_api import Browser, Page, expect
 from repository import ROOT
 
 pytestmark = pytest.mark.browser
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -27,32 +24,12 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None and os.environ.get("OPIR_BROWSER") != "required":
-        pytest.skip("no Chromium: apt-get install chromium")
-    assert found, "no Chromium: apt-get install chromium"
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+    with chromium() as running:
         yield running
-        running.close()
-
-
-def opened(browser: Browser, stand: Stand, width: int, scheme: Any) -> tuple[Page, list[str], list[str]]:
-    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    page = context.new_page()
-    complaints: list[str] = []
-    asked: list[str] = []
-    # Chromium's advice on reading a canvas often is for this test, which does, and not for the page, which never does.
-    page.on("console", lambda said: complaints.extend([said.text] if "willReadFrequently" not in said.text else []))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(f"http://127.0.0.1:{stand.port}/")
-    expect(page.locator("#state")).to_have_text("running", timeout=20_000)
-    return page, complaints, asked
 
 
 def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: Stand) -> None:
-    page, complaints, asked = opened(browser, stand, 1280, "light")
+    page, complaints, asked = opened(browser, stand.port, 1280, "light")
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_label("Latitude").first.fill("22.0")
     page.get_by_label("Longitude").first.fill("-160.0")
@@ -72,7 +49,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
 
 @pytest.mark.slow
 def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Browser, stand: Stand) -> None:
-    page, complaints, _ = opened(browser, stand, 1280, "dark")
+    page, complaints, _ = opened(browser, stand.port, 1280, "dark")
     drawn = "() => opirMap.drawn.launches && opirMap.drawn.regions"
     page.wait_for_function(drawn, timeout=180_000)
     # A track of our own, where nothing else is: marks are looked for by their colours.
@@ -121,7 +98,7 @@ def wide(track: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("width", "scheme"), [(375, "dark"), (1920, "dark"), (1920, "light")])
 def test_the_page_fits_its_screen_and_its_map_is_drawn(browser: Browser, stand: Stand, width: int, scheme: str) -> None:
-    page, complaints, _ = opened(browser, stand, width, scheme)
+    page, complaints, _ = opened(browser, stand.port, width, scheme)
     page.wait_for_function("() => document.getElementById('map').width > 300")
     assert page.evaluate("document.documentElement.scrollWidth") == width
     script = (

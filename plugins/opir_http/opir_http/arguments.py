@@ -1,4 +1,4 @@
-"""The arguments of `opir serve`."""
+"""The arguments of `opir serve` and `opir view`."""
 
 import argparse
 import math
@@ -19,13 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (default 50)"
     )
-    parser.add_argument(
-        "--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); any other needs a token"
-    )
-    parser.add_argument("--port", type=_port, default=8000, help="port to bind (default 8000); 0: any free port")
-    parser.add_argument(
-        "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
-    )
+    add_address(parser)
     parser.add_argument("--no-config-writes", action="store_true", help="refuse PUT /config")
     parser.add_argument(
         "--max-targets",
@@ -46,6 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
+    )
+
+
+def add_address(parser: argparse.ArgumentParser) -> None:
+    """Add address and token."""
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); any other needs a token"
+    )
+    parser.add_argument("--port", type=_port, default=8000, help="port to bind (default 8000); 0: any free port")
+    parser.add_argument(
+        "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
     )
 
 

@@ -90,6 +90,23 @@ def document() -> dict[str, Any]:
     }
 
 
+def view_document() -> dict[str, Any]:
+    """Return the OpenAPI document of `opir view`, which only reads a saved run."""
+    whole = document()
+    paths = {"/status": whole["paths"]["/status"], "/replay": {"get": _replay()}}
+    components = whole["components"]
+    components["schemas"] |= {"Replay": schemas.replay()}
+    return whole | {"info": whole["info"] | {"summary": "A saved run of overhead infrared sensors."}, "paths": paths}
+
+
+def _replay() -> Schema:
+    time: Schema = {"type": "string", "pattern": _UTC_TIME}
+    step = {"type": "number", "minimum": 0.1, "maximum": 600, "default": 1}
+    parameters = [_parameter("since", time) | {"required": True}, _parameter("until", time) | {"required": True}]
+    summary = "A part of the saved run: detections (of many a sample), estimates of tracks once a step, exact counts"
+    return _get("replay", summary, "Replay") | {"parameters": [*parameters, _parameter("step_s", step)]}
+
+
 def _schemas() -> Schema:
     return {
         "Trigger": schemas.trigger(),

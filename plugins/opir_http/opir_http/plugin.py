@@ -1,4 +1,4 @@
-"""The command `opir serve`; web libraries are imported when it runs."""
+"""The commands `opir serve` and `opir view`; web libraries are imported when they run."""
 
 import argparse
 from typing import Any
@@ -6,19 +6,30 @@ from typing import Any
 from opir_core.plugin import hookimpl
 
 _SUMMARY = "run a scene in real time, with an HTTP interface and a web page"
+_VIEW = "show a saved run on a web page, with a time axis"
 
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir serve`."""
-    from opir_http.arguments import add_arguments
+    """Add both commands."""
+    from opir_http.arguments import add_address, add_arguments
 
     parser = commands.add_parser("serve", help=_SUMMARY, description=_SUMMARY)
     add_arguments(parser)
     parser.set_defaults(run=_serve)
+    view = commands.add_parser("view", help=_VIEW, description=_VIEW)
+    view.add_argument("run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)")
+    add_address(view)
+    view.set_defaults(run=_view)
 
 
 def _serve(arguments: argparse.Namespace) -> int:
     from opir_http.serving import serve
 
     return serve(arguments)
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    from opir_http.viewing import view
+
+    return view(arguments)

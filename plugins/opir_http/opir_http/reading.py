@@ -65,16 +65,17 @@ def whole_number(given: Mapping[str, str], key: str, default: int, most: int, *,
 
 def unit_number(given: Mapping[str, str], key: str) -> float | None:
     """Return the value of a parameter from 0 to 1, or None if it is absent."""
+    return None if key not in given else number_within(given, key, 0.0, 0.0, 1.0)
+
+
+def number_within(given: Mapping[str, str], key: str, default: float, least: float, most: float) -> float:
+    """Return the value of a parameter from `least` to `most`."""
     word = given.get(key)
     if word is None:
-        return None
-    try:
-        number = float(word) if _NUMBER.fullmatch(word) else -1.0
-    except ValueError:
-        number = -1.0
-    if not 0.0 <= number <= 1.0:
-        raise ProblemError(400, f"{key} must be a number from 0 to 1")
-    return number
+        return default
+    if not _NUMBER.fullmatch(word) or not least <= float(word) <= most:
+        raise ProblemError(400, f"{key} must be a number from {least:g} to {most:g}")
+    return float(word)
 
 
 def instant_us(given: Mapping[str, str], key: str) -> int | None:

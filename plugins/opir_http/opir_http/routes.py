@@ -47,7 +47,7 @@ def application(service: Service) -> Litestar:
     documents = Documents(service)
     return Litestar(
         route_handlers=[
-            *_page_routes(),
+            *page_routes(document()),
             *_health_routes(service),
             *_reading_routes(service, documents),
             _trigger_route(service, documents),
@@ -61,10 +61,11 @@ def application(service: Service) -> Litestar:
     )
 
 
-def _page_routes() -> list[Any]:
+def page_routes(openapi_document: Mapping[str, Any]) -> list[Any]:
+    """Return the routes of the page's files and of the OpenAPI document."""
     files = {path.name: path.read_bytes() for path in _PAGE.iterdir() if path.suffix in _KINDS}
     vendored = {path.name: path.read_bytes() for path in (_PAGE / "vendor").iterdir() if path.suffix in _KINDS}
-    openapi = msgspec.json.encode(document())
+    openapi = msgspec.json.encode(openapi_document)
 
     @get("/", media_type=_KINDS[".html"])
     async def page() -> bytes:

@@ -137,14 +137,16 @@ def status() -> Schema:
     return closed(
         {
             "scene": TEXT,
-            "state": {"type": "string", "enum": ["starting", "running", "ended", "stopped", "failed"]},
+            "state": {"type": "string", "enum": ["starting", "running", "ended", "stopped", "failed", "saved"]},
             "error": or_null(TEXT),
             "clock": closed(clock),
             "counts": closed(dict.fromkeys(counts, COUNT)),
             "sensors": listed(_sensor()),
             "sinks": listed(_sink()),
             "viewers": closed(dict.fromkeys(viewers, COUNT)),
-        }
+            "replay": closed({"since": TIME, "until": TIME}) | {"description": "time covered by a saved run"},
+        },
+        ("replay",),
     )
 
 
@@ -180,6 +182,20 @@ def track() -> Schema:
             | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},
         },
         ("trail",),
+    )
+
+
+def replay() -> Schema:
+    """Return the schema of a part of a saved run; `Activity`, `Detection` and `Track` are components."""
+    reference = {name: {"$ref": f"#/components/schemas/{name}"} for name in ("Detection", "Track", "Activity")}
+    states = listed(closed({"timestamp": TIME, "sensors": listed(_sensor())}))
+    return closed(
+        {
+            "detections": listed(reference["Detection"]),
+            "tracks": listed(reference["Track"]),
+            "activity": reference["Activity"],
+            "sensors": states,
+        }
     )
 
 

@@ -19,6 +19,7 @@ from opir_core.output.sink_thread import SinkStatus
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import refuse_names, refuse_other_names
+from opir_http.sensors import sensor_documents
 from opir_http.settings import LIVE, HttpSettings
 
 _KEYS = 1000
@@ -167,29 +168,9 @@ class Service:
         return HttpSettings(**wanted)
 
     def _sensors(self, live: LiveStatus) -> list[dict[str, Any]]:
-        plan = self.run.plan
-        time_s = np.array([live.time_ns * 1e-9])
-        rows = []
-        for sensor, counts in zip(plan.sensors, live.sensors, strict=True):
-            position = sensor.orbit.position_ecef_m(time_s)[0]
-            period_s = sensor.scan.period_ns * 1e-9
-            last_s = counts.last_detection_s
-            is_detecting = last_s is not None and live.time_ns * 1e-9 - last_s <= 2.0 * period_s + 0.5
-            rows.append(
-                {
-                    "sensor_id": sensor.id,
-                    "sensor_type": sensor.type,
-                    "state": "detecting" if is_detecting else "searching",
-                    "scan_period_ms": sensor.scan.period_ns * 1e-6,
-                    "position_ecef_m": [round(axis, 1) for axis in position.tolist()],
-                    "field_of_regard_half_angle_deg": round(
-                        float(np.degrees(sensor.field_of_regard_half_angle_rad)), 4
-                    ),
-                    "detections": counts.detections,
-                    "last_detection": None if last_s is None else self._timestamp(round(last_s * 1e9)),
-                }
-            )
-        return rows
+        counts = [sensor.detections for sensor in live.sensors]
+        last_s = [sensor.last_detection_s for sensor in live.sensors]
+        return sensor_documents(self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, self.run.scene.epoch_us)
 
     def _timestamp(self, time_ns: int) -> str:
         return timestamp_text(np.array([self.run.scene.epoch_us + time_ns // 1000]))[0]

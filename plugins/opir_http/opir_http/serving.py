@@ -53,7 +53,7 @@ def serve(arguments: argparse.Namespace) -> int:
     service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = Watchdog(service.run, on_stuck, Notifier.of())
-    with _bound(arguments) as listening:
+    with bound_socket(arguments) as listening:
         limit_pauses()
         service.run.start()
         asked_at_s = None
@@ -155,7 +155,8 @@ def final_report(status: LiveStatus) -> str:
     return "".join([head, *sinks])
 
 
-def _bound(arguments: argparse.Namespace) -> socket.socket:
+def bound_socket(arguments: argparse.Namespace) -> socket.socket:
+    """Return the listening socket of the arguments' address; raises `ServeError`."""
     try:
         return bound(arguments.host, arguments.port)
     except (OSError, OverflowError) as error:
@@ -167,17 +168,21 @@ async def _served(
     service: Service, token: str | None, listening: socket.socket, host: str, on_start: Callable[[], None]
 ) -> float | None:
     """Serve until a signal, and return its time on the monotonic clock, s; `on_start` is called once it serves."""
-    name = f"[{host}]" if ":" in host else host
 
     def print_address() -> None:
-        address = f"http://{name}:{listening.getsockname()[1]}"
-        sys.stdout.write(f"opir: {address}\nopir: {address}/page/api.html describes the HTTP interface\n")
+        sys.stdout.write(address_text(host, listening.getsockname()[1]))
         sys.stdout.flush()
         on_start()
 
     server = server_of(service, token, print_address)
     await server.serve(sockets=[listening])
     return server.asked_at_s
+
+
+def address_text(host: str, port: int) -> str:
+    """Return the text printed once a service answers."""
+    address = f"http://{f'[{host}]' if ':' in host else host}:{port}"
+    return f"opir: {address}\nopir: {address}/page/api.html describes the HTTP interface\n"
 
 
 def server_of(service: Service, token: str | None, on_start: Callable[[], None] = lambda: None) -> Server:

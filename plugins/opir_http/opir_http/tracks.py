@@ -39,7 +39,7 @@ class TrackDocuments:
     def take(self, tracks: Tracks) -> Document:
         """Add estimates, sorted by tick; return the document with the last one of each track."""
         last = {number: row for row, number in enumerate(tracks.track.tolist())}
-        documents = self._documents(tracks.take(list(last.values())))
+        documents = self.documents(tracks.take(list(last.values())))
         for document in documents:
             self._documents_by_track[document["track_id"]] = document
             self._documents_by_track.move_to_end(document["track_id"])
@@ -64,7 +64,8 @@ class TrackDocuments:
         if len(trail) > TRAIL:
             del trail[0 : len(trail) // 2 : 2]
 
-    def _documents(self, tracks: Tracks) -> list[Document]:
+    def documents(self, tracks: Tracks) -> list[Document]:
+        """Return a document for each row."""
         place = ecef_to_geodetic(tracks.state[:, :3])
         unix_us, _ = writable_unix_microseconds(tracks.tick_s, self._epoch_us)
         available_us, _ = writable_unix_microseconds(tracks.available_s, self._epoch_us)

@@ -29,9 +29,14 @@ function frame() {
   const timeS = player.tick(), now = performance.now();
   table.update(timeS);
   saved.update();
-  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); }
+  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
   if (now - newsMs > NEWS_MS) { newsMs = now; announce(); }
   return timeS;
+}
+
+function showSaved(timeS) {
+  byId("clock").textContent = `${new Date(timeS * 1000).toISOString().replace("T", " ").slice(0, 21)} Z`;
+  byId("pace").textContent = player.isPlaying ? `${player.speed}×` : "held";
 }
 
 function select(key) {
@@ -65,7 +70,7 @@ function status(data) {
 
 const on = {
   status,
-  detections(data) { store.addDetections(data.detections); showLatest(data.detections); },
+  detections(data) { store.addDetections(data.detections); },
   tracks(data) { data.tracks.forEach((track) => store.addTrack(track)); },
   end() { setState("stopped"); },
   lost() { setState("lost"); },
@@ -81,7 +86,6 @@ async function past(data) {
   for (let page = 0; page < PAGES; page += 1) {
     const found = await got(`/detections?limit=${PAGE}&since=${since}${after}`);
     store.addDetections(found.detections.reverse());
-    if (page === 0) showLatest(found.detections);
     if (!found.next) break;
     after = `&after=${found.next}`;
   }
@@ -108,7 +112,7 @@ byId("show-all").addEventListener("click", () => map.reset());
 async function start() {
   const data = await got("/status");
   status(data);
-  if (data.replay) { byId("launch-panel").hidden = true; await saved.open(data); return; }
+  if (data.replay) { byId("launch-panel").hidden = byId("sinks-panel").hidden = true; await saved.open(data); return; }
   follow("/stream?view=brief", (event, body) => on[event] && on[event](body));
   counts();
   await past(data);

@@ -206,7 +206,7 @@ export class Layers {
     for (let at = end - 1; at >= 0 && at >= end - MOST_HITS; at -= 1) {
       const age = (nowS - store.hits[at].timeS) / shown;
       if (age > 1) break;
-      if (!view.at(store.hits[at].place)) continue;
+      if (!store.hits[at].place || !view.at(store.hits[at].place)) continue;
       const size = (2.2 + (isCalm ? 0 : 3 * Math.max(0, 1 - age * 8))) * this.unit;
       pen.globalAlpha = isCalm ? 0.8 : 0.9 * (1 - age) ** 1.5;
       pen.beginPath(); pen.arc(view.px, view.py, size, 0, 7); pen.fill();

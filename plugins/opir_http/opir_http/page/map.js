@@ -29,14 +29,14 @@ export class WorldMap {
   xy(lon, lat) { return this.view.at(prepared(lon, lat)) ? [this.view.px, this.view.py] : null; }
 
   show(kind) {
-    const hit = this.store.hits[this.store.hits.length - 1];
+    const hit = this.store.hits.findLast((each) => each.place);
     if (kind === "globe" && hit && this.view.zoom <= 1) this.view.lookAt(hit.lon, Math.max(-55, Math.min(55, hit.lat)));
     this.view.show(kind); this.moved();
   }
 
   // The first detection is in view on the globe, and not at the map's edge.
   centre() {
-    const hit = this.store.hits[this.store.hits.length - 1];
+    const hit = this.store.hits.findLast((each) => each.place);
     if (this.isCentred || !hit) return;
     this.isCentred = true;
     this.view.lookAt(hit.lon, this.view.kind === "globe" ? hit.lat : 0);

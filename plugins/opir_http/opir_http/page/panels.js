@@ -20,11 +20,9 @@ export function setState(name) {
   if (state.textContent !== name) { state.textContent = name; state.className = name; }
 }
 
-const latest = [];
+// Detections, newest first.
 export function showLatest(events) {
-  latest.unshift(...events.slice(-12).reverse());
-  latest.length = Math.min(latest.length, 12);
-  rows("latest", latest.map((event) => [event.timestamp.slice(11, 22), event.sensor_id, event.target_type, event.confidence.toFixed(2)]), [], "None yet");
+  rows("latest", events.map((event) => [event.timestamp.slice(11, 22), event.sensor_id, event.target_type, event.confidence === null ? "–" : event.confidence.toFixed(2)]), [], "None yet");
 }
 
 export function position(point) {

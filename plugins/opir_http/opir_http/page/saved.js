@@ -11,8 +11,6 @@ export class Saved {
   async open(data) {
     this.range = { firstS: Date.parse(data.replay.since) / 1000, lastS: Date.parse(data.replay.until) / 1000 };
     this.player.setSaved(this.range.firstS, this.range.lastS);
-    const activity = await (await ask("/activity")).json();
-    this.timeline.set(activity.first_s, activity.sensors);
     await this.seek(this.range.firstS);
   }
 
@@ -54,6 +52,7 @@ export class Saved {
 
   take(found) {
     this.store.addDetections(found.detections);
+    this.timeline.set(found.activity.first_s, found.activity.sensors);
     found.tracks.forEach((track) => this.store.addTrack(track));
     this.sensors.push(...found.sensors.map((each) => ({ timeS: Date.parse(each.timestamp) / 1000, sensors: each.sensors })));
     if (this.sensors.length > 2000) this.sensors.splice(0, 1000);

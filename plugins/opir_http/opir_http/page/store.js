@@ -28,7 +28,7 @@ export class Store {
         : { lat: event.latitude_deg, lon: event.longitude_deg };
       const timeS = unixS(event.timestamp);
       this.seen(timeS);
-      if (place) insert(this.hits, { timeS, lon: place.lon, lat: place.lat, sensor: event.sensor_id, place: prepared(place.lon, place.lat) });
+      insert(this.hits, { timeS, event, sensor: event.sensor_id, ...(place ? { lon: place.lon, lat: place.lat, place: prepared(place.lon, place.lat) } : { place: null }) });
     }
     if (this.hits.length > MOST_HITS) { this.hits.splice(0, this.hits.length - MOST_HITS); this.firstS = this.hits[0].timeS; }
   }
@@ -49,6 +49,12 @@ export class Store {
     if (track.trail.length > TRAIL) thin(track.trail);
     if (track.past.length > (this.tracks.size > 200 ? 12 : 60)) thin(track.past);
     track.version += 1; this.version += 1;
+  }
+
+  // The last detections up to a time, newest first.
+  latest(timeS, count) {
+    const end = after(this.hits, timeS);
+    return this.hits.slice(Math.max(0, end - count), end).reverse().map((hit) => hit.event);
   }
 
   // The document of a track at a time, or null before its first.

@@ -1,0 +1,68 @@
+"""The service's page in Chromium, with what its console says; the server of a saved run."""
+
+import asyncio
+import os
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from opir_http.replay import Replay
+from opir_http.server import Server, bound
+from opir_http.viewing import view_server
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Start the system's Chromium; skips the test if there is none, unless it is required."""
+    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if found is None and os.environ.get("OPIR_BROWSER") != "required":
+        pytest.skip("no Chromium: apt-get install chromium")
+    assert found, "no Chromium: apt-get install chromium"
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+def opened(
+    browser: Browser, port: int, width: int, scheme: Any, state: str = "running"
+) -> tuple[Page, list[str], list[str]]:
+    """Open the page; return it with the messages of its console and the addresses that it requests."""
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page = context.new_page()
+    complaints: list[str] = []
+    asked: list[str] = []
+    # Chromium's advice on reading a canvas often is for a test, which does, and not for the page, which never does.
+    page.on("console", lambda said: complaints.extend([said.text] if "willReadFrequently" not in said.text else []))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"http://127.0.0.1:{port}/")
+    expect(page.locator("#state")).to_have_text(state, timeout=20_000)
+    return page, complaints, asked
+
+
+@contextmanager
+def viewing(replay: Replay) -> Iterator[int]:
+    """Serve a saved run as `opir view` does; yields the port."""
+    servers, begun = list[Server](), threading.Event()
+
+    async def run() -> None:
+        servers.append(view_server(replay, None, begun.set))
+        await servers[0].serve(sockets=[listening])
+
+    with bound("127.0.0.1", 0) as listening:
+        thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
+        thread.start()
+        try:
+            assert begun.wait(10.0), "the server does not start"
+            yield listening.getsockname()[1]
+        finally:
+            for server in servers:
+                server.should_exit = True
+            thread.join(10.0)
