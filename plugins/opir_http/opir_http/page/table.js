@@ -84,7 +84,7 @@ const share = (value) => (value === null || value === undefined ? "–" : value.
 function cellsOf(report) {
   return [
     likeliest(report), ...TYPES.map((type) => share(report.type_probability[type])), share(report.probability_burning),
-    report.altitude_m === null ? "–" : whole.format(Math.round(report.altitude_m / 1000)),
+    report.altitude_m === null ? "–" : whole.format(Math.round(report.altitude_m / 1000) + 0),
     position(report.launch_point), position(report.impact_point), area(report),
   ];
 }

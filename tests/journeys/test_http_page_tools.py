@@ -1,0 +1,227 @@
+"""The page as a tool: globe and map, picking, choosing places, the time axis, a saved run, and axe's rules."""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from http_service import SCENE, Stand, serving
+from opir_http.replay import Replay
+from page_browser import chromium, opened, viewing
+from playwright.sync_api import Browser, Page, expect
+
+from opir_core.cli.main import main
+from opir_core.output.saved_runs import load_run
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+    with serving(tmp_path_factory.mktemp("tools"), "--speed", "20", "--tracker", "imm", "--loop") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    words = ["--tracker", "imm", "--set", "duration_s=240", "--out", str(folder / "events.jsonl"), "--quiet"]
+    assert main(["run", str(folder / "scene.yaml"), *words]) == 0
+    with viewing(Replay(load_run(Path(folder)))) as port:
+        yield port
+
+
+def tracked(page: Page) -> int:
+    """Return the number of the first track, which has a row by then."""
+    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=60_000)
+    return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
+
+
+def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:
+    page, complaints, _ = opened(browser, stand.port, 1280, "light")
+    number = tracked(page)
+    row = page.locator(f"#track-rows tr[data-track='{number}']")
+    row.get_by_role("button").click()
+    assert page.evaluate("opirMap.selected") == f"track {number}"
+    expect(row.get_by_role("button")).to_have_attribute("aria-pressed", "true")
+    page.locator("#map").press("Escape")
+    expect(row.get_by_role("button")).to_have_attribute("aria-pressed", "false")
+    page.get_by_role("button", name="Pause").click()
+    mark = page.evaluate(f"opirMap.layers.marks.find((each) => each.key === 'track {number}')")
+    page.locator("#map").click(position={"x": mark["x"], "y": mark["y"]})
+    selected = str(page.evaluate("opirMap.selected"))
+    assert selected.startswith("track ")
+    chosen = page.locator(f"#track-rows tr[data-track='{selected.removeprefix('track ')}']")
+    expect(chosen.get_by_role("button")).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#picked")).to_contain_text("P(burning)")
+    assert page.evaluate("opirMap.drawn.tracks") == page.locator("#track-rows tr[data-track]:not([hidden])").count()
+    assert not complaints
+    page.context.close()
+
+
+def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -> None:
+    page, complaints, _ = opened(browser, stand.port, 1280, "light")
+    tracked(page)
+    page.get_by_role("button", name="Choose both places").click()
+    for lon, lat in ((-155.0, 20.0), (170.0, 5.0)):
+        x, y = page.evaluate(f"opirMap.xy({lon}, {lat})")
+        page.locator("#map").click(position={"x": x, "y": y})
+    given = [float(page.locator(f"[name={name}]").input_value()) for name in ("launch_lon", "launch_lat", "aim_lon")]
+    assert given == pytest.approx([-155.0, 20.0, 170.0], abs=0.5)
+    page.get_by_label("Type").select_option("IRBM")
+    page.get_by_role("button", name="Launch", exact=True).click()
+    expect(page.locator("#answer")).to_contain_text("launches at", timeout=20_000)
+    assert not complaints
+    page.context.close()
+
+
+@pytest.mark.parametrize("kind", ["map", "globe"])
+def test_places_are_where_d3_has_them_and_keys_move_them(browser: Browser, stand: Stand, kind: str) -> None:
+    page, complaints, _ = opened(browser, stand.port, 1280, "light")
+    page.locator(f"#to-{kind}").click()
+    canvas = page.locator("#map")
+    for key in ("+", "+", "ArrowLeft", "ArrowDown", "-"):
+        canvas.press(key)
+    script = (
+        "() => { const view = opirMap.view, far = []; for (let lon = -175; lon < 180; lon += 10)"
+        " for (let lat = -85; lat < 90; lat += 10) { const found = opirMap.xy(lon, lat); if (!found) continue;"
+        " const d3 = view.projection([lon, lat]); far.push(Math.hypot(found[0] - d3[0], found[1] - d3[1])); }"
+        " return [far.length, Math.max(...far)]; }"
+    )
+    count, farthest = page.evaluate(script)
+    assert count > 50
+    assert farthest < 0.01
+    before = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
+    canvas.press("ArrowRight")
+    canvas.press("+")
+    after = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
+    assert (after[0] - before[0]) % 360.0 == pytest.approx(60.0 / (math.pi / 180 * radius(page) / 1.4), rel=0.7)
+    assert after[1] == pytest.approx(1.4 * before[1])
+    assert not complaints
+    page.context.close()
+
+
+def radius(page: Page) -> float:
+    return float(page.evaluate("opirMap.view.radius"))
+
+
+def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser, stand: Stand) -> None:
+    page, _, _ = opened(browser, stand.port, 1280, "light")
+    page.locator("#to-globe").click()
+    page.evaluate("(opirMap.view.zoom = 0.13, opirMap.view.lookAt(0, 0))")
+    seen = "([lon, height]) => import('/page/view.js').then((view) => opirMap.view.at(view.prepared(lon, 0, height)))"
+    height_m = 35_786_000.0
+    # Seen from far in front, a body at this distance passes behind the Earth's disc within asin(R / r) of its back.
+    hidden_deg = math.degrees(math.asin(6_378_137.0 / (6_378_137.0 + height_m)))
+    for away_deg, is_seen in ((hidden_deg + 0.5, True), (hidden_deg - 0.5, False), (90.0, True)):
+        assert page.evaluate(seen, [180.0 - away_deg, height_m]) is is_seen
+    assert page.evaluate(seen, [89.5, 0.0]) is True
+    assert page.evaluate(seen, [90.5, 0.0]) is False
+    page.context.close()
+
+
+def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
+    first, _, _ = opened(browser, stand.port, 1280, "light")
+    number = tracked(first)
+    first.wait_for_function(f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=60_000)
+    first.context.close()
+    page, complaints, _ = opened(browser, stand.port, 1280, "light")
+    page.wait_for_function("() => opirStore.hits.length > 0 && opirStore.tracks.size > 0")
+    spans = page.evaluate("[...opirStore.tracks.values()].map((track) => track.trail.length)")
+    assert max(spans) > 5
+    activity = stand.ask("GET", "/activity").json
+    assert max(map(sum, activity["sensors"].values())) > 0
+    assert not complaints
+    page.context.close()
+
+
+def test_counts_are_of_two_minutes(stand: Stand) -> None:
+    events, after = [], ""
+    while True:
+        found = stand.ask("GET", f"/detections?limit=1000{after}").json
+        events += found["detections"]
+        if found["next"] is None or len(events) > 8_000:
+            break
+        after = f"&after={found['next']}"
+    activity = stand.ask("GET", "/activity").json
+    lengths = {len(counts) for counts in activity["sensors"].values()}
+    assert lengths == {121}
+    first = activity["first_s"]
+    for name, counts in activity["sensors"].items():
+        seconds = [int(_unix_s(event["timestamp"])) for event in events if event["sensor_id"] == name]
+        # The newest seconds may have grown between both requests.
+        for at in range(100):
+            assert counts[at] == seconds.count(first + at)
+
+
+def _unix_s(timestamp: str) -> float:
+    from datetime import datetime
+
+    return datetime.fromisoformat(timestamp).timestamp()
+
+
+def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
+    page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
+    expect(page.locator("#launch-panel")).to_be_hidden()
+    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=30_000)
+    page.get_by_role("button", name="Pause").click()
+    held = page.evaluate("opirPlayer.timeS")
+    page.evaluate(SEEK, 180)
+    page.wait_for_function("() => opirStore.tracks.size > 0 && opirPlayer.loadedS > opirPlayer.timeS")
+    base = page.evaluate("opirPlayer.baseS()")
+    assert page.evaluate("opirPlayer.timeS") - base == pytest.approx(180.0, abs=0.2)
+    assert held != page.evaluate("opirPlayer.timeS")
+    shown = page.evaluate("opirStore.documentAt([...opirStore.tracks.values()][0], opirPlayer.timeS).timestamp")
+    assert "12:02:" in shown or "12:03:00" in shown
+    page.evaluate(SEEK, 0.5)
+    expect(page.locator("#track-rows")).to_contain_text("None yet")
+    assert not complaints
+    assert {url.split("/")[2] for url in asked} == {f"127.0.0.1:{saved_port}"}
+    page.context.close()
+
+
+#: Moves the time axis to a number of seconds.
+SEEK = (
+    "(second) => { const scrub = document.getElementById('scrub'); scrub.value = second;"
+    " for (const name of ['input', 'change']) scrub.dispatchEvent(new Event(name)); }"
+)
+
+
+@pytest.mark.parametrize("width", [400, 1024, 1600])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str) -> None:
+    for port, state in ((stand.port, "running"), (saved_port, "saved")):
+        page, complaints, _ = opened(browser, port, width, scheme, state)
+        tracked(page)
+        page.locator("#track-rows button").first.click()
+        assert violations(page) == []
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+        page.goto(f"http://127.0.0.1:{port}/page/api.html")
+        expect(page.get_by_label("GET /status", exact=True)).to_contain_text("Answers")
+        assert violations(page) == []
+        assert not complaints
+        page.context.close()
+
+
+def violations(page: Page) -> list[Any]:
+    found = Axe().run(page).response["violations"]
+    return [(each["id"], json.dumps([node["target"] for node in each["nodes"]])) for each in found]
+
+
+def test_the_description_sends_requests(browser: Browser, stand: Stand) -> None:
+    page, complaints, _ = opened(browser, stand.port, 1024, "light")
+    page.goto(f"http://127.0.0.1:{stand.port}/page/api.html")
+    page.get_by_role("button", name="Send GET /status").click()
+    expect(page.get_by_label("Answer of /status")).to_contain_text('"scene": "stand"')
+    assert not complaints
+    page.context.close()
