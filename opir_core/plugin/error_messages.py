@@ -20,7 +20,14 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
-    "opir-export": ("commands.export", "exporters.arrow", "exporters.csv", "exporters.parquet"),
+    "opir-export": (
+        "commands.export",
+        "exporters.arrow",
+        "exporters.csv",
+        "exporters.oem",
+        "exporters.parquet",
+        "exporters.tdm",
+    ),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
     "opir-http": ("commands.serve",),
     "opir-kafka": ("sinks.kafka",),

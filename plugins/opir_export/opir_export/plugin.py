@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any
 
 from opir_core.plugin import ExporterModel, hookimpl
-from opir_export.settings import ArrowConfig, CsvConfig, ParquetConfig
+from opir_export.settings import ArrowConfig, CsvConfig, OemConfig, ParquetConfig, TdmConfig
 
 _SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides"
 
@@ -40,6 +40,18 @@ def opir_exporters() -> Iterable[ExporterModel]:
         summary="a folder of CSV files, one for each table",
         config=CsvConfig,
         build=_built_by("formats.table_files", "csv_folder"),
+    )
+    yield ExporterModel(
+        name="oem",
+        summary="a folder of CCSDS Orbit Ephemeris Messages (KVN), one for each target and sensor",
+        config=OemConfig,
+        build=_built_by("formats.oem", "oem_folder"),
+    )
+    yield ExporterModel(
+        name="tdm",
+        summary="measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
+        config=TdmConfig,
+        build=_built_by("formats.tdm", "tdm_file"),
     )
 
 

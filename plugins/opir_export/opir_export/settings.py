@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.plugin import nested, text
+from opir_core.plugin import nested, number, text
 
 #: The names of the tables of a run.
 TABLES = ("detections", "truth", "tracks", "regions", "targets", "sensors")
@@ -46,3 +46,31 @@ class CsvConfig:
 
     tables: str = nested(default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all")
     delimiter: str = text(default="comma", choices=tuple(DELIMITERS), help="what separates the columns")
+
+
+@frozen(kw_only=True)
+class OemConfig:
+    """States of the sensors and of the true flights."""
+
+    objects: str = text(default="all", choices=("all", "targets", "sensors"), help="objects whose states are written")
+    step_s: float = number(default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states")
+    burn_step_s: float = number(
+        default=1.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states of a burn"
+    )
+    frame: str = text(
+        default="ITRF2000", choices=("ITRF2000", "ITRF-97", "ITRF-93", "ITRF"), help="name of the Earth-fixed frame"
+    )
+
+
+@frozen(kw_only=True)
+class TdmConfig:
+    """Measured angles of each sensor."""
+
+    angles: str = text(
+        default="azel",
+        choices=("azel", "radec"),
+        help="azimuth and elevation at the sensor, or right ascension and declination in EME2000",
+    )
+    objects: str = text(
+        default="tracks", choices=("tracks", "targets"), help="what detections are sorted by: tracks, or true targets"
+    )

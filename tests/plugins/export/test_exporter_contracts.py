@@ -13,3 +13,11 @@ class TestArrowExporter(ExporterContract):
 
 class TestCsvExporter(ExporterContract):
     name = "csv"
+
+
+class TestOemExporter(ExporterContract):
+    name = "oem"
+
+
+class TestTdmExporter(ExporterContract):
+    name = "tdm"
