@@ -1,11 +1,14 @@
 // Draws the layers of the map: ground, night, fields of view, regions, trails, marks. Shapes are kept while the view rests.
 import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/page/earth.js";
 import { after } from "/page/store.js";
+import { Crowd } from "/page/crowd.js";
 import { prepared } from "/page/view.js";
 
 const { geoGraticule10, geoPath } = globalThis.d3;
 // Larger ellipses of linear estimates mean nothing and are not drawn.
 const WIDEST_M = 2.5e6;
+// More tracks are drawn as a crowd; more detections as squares.
+const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
 const COLOURS = ["sea", "land", "shore", "line", "sensor", "hit", "launch", "impact", "ink", "soft", "night", "select"];
 
@@ -26,7 +29,8 @@ function edges(geometry) {
 export class Layers {
   constructor(canvas, view) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.view = view;
-    this.ground = document.createElement("canvas");
+    this.ground = document.createElement("canvas"); this.shade = document.createElement("canvas"); this.crowd = new Crowd(this);
+    this.shadeVersion = null; this.shadeMs = -Infinity;
     this.land = {}; this.groundVersion = null; this.shapes = new Map(); this.sites = new Map();
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
     for (const detail of ["110m", "50m"]) {
@@ -36,10 +40,10 @@ export class Layers {
 
   resize(width, height) {
     const ratio = Math.min(devicePixelRatio || 1, 2), style = getComputedStyle(document.documentElement);
-    for (const each of [this.canvas, this.ground]) { each.width = Math.round(width * ratio); each.height = Math.round(height * ratio); }
+    for (const each of [this.canvas, this.ground, this.shade]) { each.width = Math.round(width * ratio); each.height = Math.round(height * ratio); }
     this.ratio = ratio; this.unit = parseFloat(style.fontSize) / 15;
     this.colour = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-    this.groundVersion = null;
+    this.groundVersion = this.shadeVersion = null;
     this.view.resize(width, height);
   }
 
@@ -48,7 +52,8 @@ export class Layers {
     const detail = isMoving || !this.land["50m"] ? "110m" : "50m", version = `${this.view.version} ${detail}`;
     if (version === this.groundVersion) return;
     this.groundVersion = version;
-    const pen = this.ground.getContext("2d"), path = geoPath(this.view.projection, pen);
+    // Lines are resampled more coarsely while they move.
+    const pen = this.ground.getContext("2d"), path = geoPath(this.view.projection.precision(isMoving ? 4 : 0.5), pen);
     pen.setTransform(1, 0, 0, 1, 0, 0); pen.clearRect(0, 0, this.ground.width, this.ground.height);
     pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     const draw = (shape) => { pen.beginPath(); path(shape); };
@@ -68,7 +73,7 @@ export class Layers {
     pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     this.marks = [];
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
-    if (Number.isFinite(nowS)) { this.drawNight(nowS); this.drawFields(store.sensors); this.drawTracks(store, nowS, speed, selected); this.drawHits(store, nowS, speed, isCalm); }
+    if (Number.isFinite(nowS)) { this.drawShade(store.sensors, nowS); this.drawTracks(store, nowS, speed, selected, isMoving); this.drawHits(store, nowS, speed, isCalm); }
     this.drawSensors(store.sensors, selected);
     this.drawPlaces(places, crosshair);
   }
@@ -81,6 +86,20 @@ export class Layers {
     geoPath(this.view.projection, path)(make());
     this.shapes.set(key, { version: this.view.version, mark, path });
     return path;
+  }
+
+  // Night and fields of view: drawn again when the view changes, and else once in a while.
+  drawShade(sensors, nowS) {
+    const { pen, shade } = this, now = performance.now(), version = this.view.version;
+    if (version !== this.shadeVersion || now - this.shadeMs > SHADE_MS) {
+      this.shadeVersion = version; this.shadeMs = now;
+      this.pen = shade.getContext("2d");
+      this.pen.setTransform(1, 0, 0, 1, 0, 0); this.pen.clearRect(0, 0, shade.width, shade.height);
+      this.pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+      this.drawNight(nowS); this.drawFields(sensors);
+      this.pen = pen;
+    }
+    pen.save(); pen.setTransform(1, 0, 0, 1, 0, 0); pen.drawImage(shade, 0, 0); pen.restore();
   }
 
   drawNight(nowS) {
@@ -101,22 +120,27 @@ export class Layers {
     pen.globalAlpha = 1;
   }
 
-  drawTracks(store, nowS, speed, selected) {
-    const gone = GONE_S * Math.max(1, speed);
+  drawTracks(store, nowS, speed, selected, isMoving) {
+    const gone = GONE_S * Math.max(1, speed), seen = [];
     for (const track of store.tracks.values()) {
       const report = store.documentAt(track, nowS);
       if (!report) continue;
       const count = after(track.trail, nowS), last = count ? track.trail[count - 1] : null;
-      const isOld = nowS - Date.parse(report.timestamp) / 1000 > gone, isSelected = selected === `track ${track.id}`;
-      this.drawn.tracks += 1;
-      this.pen.globalAlpha = isOld ? 0.35 : 1;
-      this.drawRegions(track.id, report, isSelected);
-      this.drawTrail(track.trail, count, isSelected);
-      if (report.launch_point) this.drawLaunch(track.id, report.launch_point);
-      if (report.impact_point) this.drawImpact(track.id, report, store.tracks.size < 60 || isSelected);
-      if (last && !isOld) this.drawNow(track.id, last, isSelected, store.tracks.size < 60 || isSelected);
+      const isOld = nowS - (last ? last.timeS : Date.parse(report.timestamp) / 1000) > gone;
+      seen.push({ track, report, count, last, isOld, isSelected: selected === `track ${track.id}` });
     }
+    if (seen.length > FEW) this.crowd.draw(seen, isMoving);
+    else { this.drawn.tracks = seen.length; seen.forEach((one) => this.drawTrack(one, true)); }
     this.pen.globalAlpha = 1;
+  }
+
+  drawTrack({ track, report, count, last, isOld, isSelected }, hasLabel) {
+    this.pen.globalAlpha = isOld ? 0.35 : 1;
+    this.drawRegions(track.id, report, isSelected);
+    this.drawTrail(track.trail, count, isSelected);
+    if (report.launch_point) this.drawLaunch(track.id, report.launch_point);
+    if (report.impact_point) this.drawImpact(track.id, report, hasLabel);
+    if (last && !isOld) this.drawNow(track.id, last, isSelected, hasLabel);
   }
 
   drawTrail(trail, count, isSelected) {
@@ -133,16 +157,16 @@ export class Layers {
     pen.stroke();
   }
 
-  // The areas of 50, 90 and 95 % at their true size; the ellipses of a track that has no regions.
-  drawRegions(id, report, isSelected) {
+  // The areas of 50, 90 and 95 % at their true size, if that is `leastM` or more; the ellipses of a track that has no regions.
+  drawRegions(id, report, isSelected, leastM = 0) {
     const pen = this.pen, impact = report.impact_point;
     pen.strokeStyle = pen.fillStyle = isSelected ? this.colour.select : this.colour.impact; pen.lineWidth = (isSelected ? 2 : 1.2) * this.unit;
     const alpha = pen.globalAlpha, shapes = [];
-    for (const region of report.impact_regions || []) shapes.push([region.containment, () => rewound(region.geometry)]);
+    for (const region of report.impact_regions || []) if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([region.containment, () => rewound(region.geometry)]);
     this.drawn.regions += shapes.length;
-    if (!shapes.length && impact) {
+    if (!(report.impact_regions || []).length && impact) {
       for (const [share, shape] of [[0.5, impact.ellipse_50], [0.9, impact.ellipse_90], [0.95, impact.ellipse]]) {
-        if (shape && shape.semi_major_m <= WIDEST_M) shapes.push([share, () => ellipse(impact, shape)]);
+        if (shape && shape.semi_major_m <= WIDEST_M && shape.semi_major_m >= leastM) shapes.push([share, () => ellipse(impact, shape)]);
       }
       this.drawn.ellipses += shapes.length;
     }
@@ -202,6 +226,7 @@ export class Layers {
 
   drawHits(store, nowS, speed, isCalm) {
     const { pen, view } = this, shown = SHOWN_S * Math.max(1, speed), end = after(store.hits, nowS);
+    const isMany = end > FEW_HITS && nowS - store.hits[end - FEW_HITS].timeS < shown;
     pen.fillStyle = this.colour.hit;
     for (let at = end - 1; at >= 0 && at >= end - MOST_HITS; at -= 1) {
       const age = (nowS - store.hits[at].timeS) / shown;
@@ -209,6 +234,7 @@ export class Layers {
       if (!store.hits[at].place || !view.at(store.hits[at].place)) continue;
       const size = (2.2 + (isCalm ? 0 : 3 * Math.max(0, 1 - age * 8))) * this.unit;
       pen.globalAlpha = isCalm ? 0.8 : 0.9 * (1 - age) ** 1.5;
+      if (isMany) { pen.fillRect(view.px - 1.5 * this.unit, view.py - 1.5 * this.unit, 3 * this.unit, 3 * this.unit); continue; }
       pen.beginPath(); pen.arc(view.px, view.py, size, 0, 7); pen.fill();
     }
     pen.globalAlpha = 1;

@@ -1,7 +1,7 @@
 // The table of tracks: a row for every track on the map, changed in place, a few rows in each frame.
 import { byId, position, whole } from "/page/panels.js";
 
-const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 11, ROWS_A_FRAME = 60, EVERY_MS = 500;
+const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 11, ROWS_A_FRAME = 20, EVERY_MS = 500;
 
 export class TrackTable {
   constructor(body, store, onPick) {

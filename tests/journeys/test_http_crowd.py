@@ -1,0 +1,69 @@
+"""A crowd of tracks on the page: all are drawn where they are, have rows, and can be selected."""
+
+import os
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from http_service import Stand, serving
+from playwright.sync_api import Page, expect, sync_playwright
+
+pytestmark = pytest.mark.browser
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+COUNT = 200
+
+#: Adds tracks on a grid, 2 degrees apart, each with an impact region that is a square of 3 degrees.
+ADDED = """(count) => {
+  const timestamp = new Date(opirStore.lastS * 1000).toISOString();
+  for (let id = 1000; id < 1000 + count; id += 1) {
+    const lat = -20 + 2 * Math.floor((id - 1000) / 20), lon = -40 + 2 * (id % 20), at = { lat_deg: lat, lon_deg: lon };
+    const ring = [[lon, lat], [lon + 3, lat], [lon + 3, lat + 3], [lon, lat + 3], [lon, lat]];
+    const region = { containment: 0.95, area_km2: 1e5, geometry: { type: "Polygon", coordinates: [ring] } };
+    opirStore.addTrack({
+      track_id: id, timestamp, latitude_deg: lat, longitude_deg: lon, altitude_m: 0, probability_burning: 0.5,
+      type_probability: { ICBM: 1, IRBM: 0, SRBM: 0, UNKNOWN: 0 },
+      launch_point: at, impact_point: at, impact_regions: [region],
+    });
+  }
+}"""
+
+
+@pytest.fixture(scope="module")
+def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+    with serving(tmp_path_factory.mktemp("crowd"), "--loop") as running:
+        yield running
+
+
+@pytest.fixture
+def page(stand: Stand) -> Iterator[Page]:
+    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if found is None and os.environ.get("OPIR_BROWSER") != "required":
+        pytest.skip("no Chromium: apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(f"http://127.0.0.1:{stand.port}/")
+        expect(page.locator("#state")).to_have_text("running", timeout=20_000)
+        page.wait_for_function("() => Number.isFinite(opirStore.lastS)")
+        page.evaluate(ADDED, COUNT)
+        yield page
+        browser.close()
+
+
+def test_every_track_of_a_crowd_is_drawn_and_has_a_row(page: Page) -> None:
+    page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=60_000)
+    rows = page.locator("#track-rows tr[data-track]:not([hidden])")
+    page.wait_for_function(f"() => document.querySelectorAll('#track-rows tr[data-track]').length >= {COUNT}")
+    assert rows.count() >= COUNT
+    assert page.evaluate("opirMap.drawn.impacts") >= COUNT
+
+
+def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
+    page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=60_000)
+    # Track 1045 is at 16 degrees south, 30 degrees west.
+    place = page.evaluate("opirMap.xy(-30, -16)")
+    page.locator("#map").click(position={"x": place[0], "y": place[1]})
+    page.wait_for_function("() => opirMap.selected === 'track 1045'")
+    page.locator("#track-rows tr[data-track='1046'] button").press("Enter", timeout=60_000)
+    page.wait_for_function("() => opirMap.selected === 'track 1046'")
