@@ -59,6 +59,19 @@ def test_ground_tracks_begin_at_the_launch_and_end_at_the_impact() -> None:
         assert own["time_s"][~own["is_burning"]].min() > truth["burnout_s"] == own["time_s"][own["is_burning"]].max()
 
 
+def test_a_target_does_not_burn_between_its_burns() -> None:
+    run = example_run("gravity_turn", duration_s=60)
+    tracks = ground_tracks(run.plan)
+    seen = 0
+    for row, name in enumerate(run.target_ids):
+        own = tracks.where(tracks["target_id"] == name)
+        for start_s, stop_s in run.plan.targets.dark_gaps_s[row][np.isfinite(run.plan.targets.dark_gaps_s[row, :, 0])]:
+            inside = (own["time_s"] > start_s) & (own["time_s"] < stop_s)
+            assert not own["is_burning"][inside].any()
+            seen += int(np.count_nonzero(inside))
+    assert seen
+
+
 def test_fields_of_view_end_where_the_ground_is_no_longer_visible() -> None:
     """Within a degree: the ellipsoid is up to 14 km lower than the sphere, and its vertical 0.2 degrees off."""
     run = example_run("arctic_watch")

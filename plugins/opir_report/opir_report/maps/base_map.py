@@ -21,6 +21,8 @@ _KM_PER_DEG = 111.195
 _FEWEST = 3
 #: Points of a line of the graticule, and places across a map at which the graticule's extent is found.
 _LINE_POINTS, _SAMPLES = 121, 25
+#: A map with more parallels has labels on them where the left edge has hardly any.
+_FEW_PARALLELS = 4
 #: Least distance of the labels below a map, as a share of its width.
 _APART = 0.07
 
@@ -116,7 +118,7 @@ def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> Non
         (axes.set_yticks, _apart(ticks[1], 0.0)),
     ):
         place([value for value, _ in kept], [text for _, text in kept])
-    if len(ticks[1]) < 2:
+    if len(ticks[1]) < 2 and len(parallels) > _FEW_PARALLELS:
         _label_inside(axes, projection, parallels)
     axes.set(xlim=(west, east), ylim=(south, north))
 

@@ -12,6 +12,7 @@ from opir_report.palette import ROLES
 
 #: Nothing is fetched: styles are in the page, and pictures are data.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+_NUMBER = re.compile(r"-|[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 _COLOUR = re.compile("|".join(ROLES))
 
 
@@ -124,8 +125,8 @@ def _row(row: Sequence[str]) -> str:
 
 
 def _kind(cell: str) -> str:
-    """Return the class of a cell that starts as a number."""
-    return ' class="n"' if cell[:1].isdigit() or cell[:1] in "-–" else ""
+    """Return the class of a cell that is a number, perhaps with a unit and an interval, or the sign for none."""
+    return ' class="n"' if _NUMBER.fullmatch(cell.partition(" ")[0]) else ""
 
 
 def themed(svg: str) -> str:

@@ -206,7 +206,7 @@ def provenance_section(plots: RunPlots) -> ReportSection:
     versions = ", ".join(f"{name} {version}" for name, version in manifest["versions"].items())
     rows = [
         ("scene", scene.name),
-        ("epoch", str(np.datetime64(scene.epoch_us, "us")) + "Z"),
+        ("epoch", str(np.datetime64(scene.epoch_us, "us")).removesuffix(".000000") + "Z"),
         ("seed", f"seed {scene.seed}"),
         ("scene hash", str(manifest["scene_hash"])),
         ("versions", versions),

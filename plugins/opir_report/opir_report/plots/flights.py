@@ -10,7 +10,7 @@ from opir_report.figure_data import FigureData
 from opir_report.maps.spheres import EARTH_RADIUS_KM
 
 #: Points of a burn and of the flight after it.
-_BURN_POINTS, _FLIGHT_POINTS = 25, 81
+_BURN_POINTS, _FLIGHT_POINTS = 41, 81
 #: Longest flight that is drawn after burnout, s: an orbit has no end.
 _LONGEST_S = 7200.0
 #: Times of a satellite's ground track.
@@ -29,13 +29,14 @@ def ground_tracks(plan: Plan) -> FigureData:
         time_s = np.linspace(start_s, burnout_s, _BURN_POINTS)
         if end_s > burnout_s:
             time_s = np.append(time_s, np.linspace(burnout_s, end_s, _FLIGHT_POINTS)[1:])
-        place = ecef_to_geodetic(targets.position_ecef_m(np.full(len(time_s), row, dtype=np.int32), time_s))
+        own = np.full(len(time_s), row, dtype=np.int32)
+        place = ecef_to_geodetic(targets.position_ecef_m(own, time_s))
         columns["target_id"] += [name] * len(time_s)
         columns["time_s"] += time_s.tolist()
         columns["latitude_deg"] += np.degrees(place.latitude_rad).tolist()
         columns["longitude_deg"] += np.degrees(place.longitude_rad).tolist()
         columns["height_km"] += (1e-3 * place.height_m).tolist()
-        columns["is_burning"] += (time_s <= burnout_s).tolist()
+        columns["is_burning"] += ((time_s <= burnout_s) & ~targets.is_dark(own, time_s)).tolist()
     return FigureData({name: np.asarray(column) for name, column in columns.items()})
 
 

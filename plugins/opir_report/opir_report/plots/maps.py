@@ -83,11 +83,11 @@ def _draw_flights(axes: Axes, projection: MapProjection, facts: RunFacts, tracks
         own = tracks.where(tracks["target_id"] == name)
         line = np.radians(np.stack([own["latitude_deg"], own["longitude_deg"]], axis=1))
         hue = facts.hues.of_target[target]
-        burning = int(np.count_nonzero(own["is_burning"]))
-        drawn_line(axes, projection, line[:burning], color=hue.colour, linewidth=2.6, zorder=3)
-        if burning < len(line):
-            style = {"color": hue.colour, "linestyle": hue.dashes, "linewidth": 1.2, "zorder": 3}
-            drawn_line(axes, projection, line[burning - 1 :], **style)
+        is_burning = own["is_burning"].astype(np.bool_)
+        for part in np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_burning)) + 1):
+            thick = {"linewidth": 2.6} if is_burning[part[0]] else {"linewidth": 1.2, "linestyle": hue.dashes}
+            # Each part begins where the one before ends.
+            drawn_line(axes, projection, line[max(part[0] - 1, 0) : part[-1] + 1], color=hue.colour, zorder=3, **thick)
         _draw_point(axes, projection, line[0], color=hue.colour, marker="o", markersize=5)
         impact = np.array(facts.true_point(target, "impact"))
         _draw_point(axes, projection, impact, color=hue.colour, marker="x", markersize=7, markeredgewidth=1.8)
