@@ -29,7 +29,7 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="overrides",
-        help="override one value, e.g. sensors[0].scan_period_ms=50; repeatable",
+        help="override one value, e.g. sensors[0].scan_period_ms=50, or sensors[*]. for every item; repeatable",
     )
 
 

@@ -41,6 +41,14 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-report": ("commands.report",),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
+    "opir-studies": (
+        "commands.sweep",
+        "executors.processes",
+        "executors.serial",
+        "metrics.detection_by_time",
+        "metrics.false_events",
+        "metrics.latency",
+    ),
     "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),
 }
 

@@ -22,7 +22,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export")
+PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies")
 #: What others are made of: no scene names them.
 BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
 

@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +36,9 @@ _DEFAULTS = {key: default for key, (_, default) in CHOICES.items()}
 def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), host: Host | None = None) -> Scene:
     """Return the scene of a YAML file.
 
-    `overrides` (`sensors[0].scan_period_ms=50`) change it before it is checked. Components come from `host`, by default
-    from the installed plugins. Raises `SceneError` with every problem and its scene path, line and column; if the
-    scene is valid, `PluginError` for missing components.
+    `overrides` (`sensors[0].scan_period_ms=50`, or `sensors[*].scan_period_ms=50` for every item) change it before it
+    is checked. Components come from `host`, by default from the installed plugins. Raises `SceneError` with every
+    problem and its scene path, line and column; if the scene is valid, `PluginError` for missing components.
     """
     source = os.fspath(path)
     try:
@@ -117,7 +118,7 @@ def _scene_error(complaints: Iterable[Complaint], source: str) -> SceneError:
     return SceneError([Problem(complaint.path, complaint.text) for complaint in shown], source=source)
 
 
-_STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
+_STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]|\[(\*)\]")
 _SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECASE)
 #: What the values that are read as YAML begin with, and what these end with.
 _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
@@ -127,6 +128,7 @@ def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str 
     """Apply overrides to a scene's nodes in order, and return their errors.
 
     A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
+    `[*]` stands for every item of a list.
     `defaults` are the keys that choose a component, with the name chosen where the scene has none: a component named
     without settings (`detection: constant`) becomes a block when a setting of it is overridden.
     """
@@ -153,11 +155,15 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
     _set(root, steps, value, shown)
 
 
-def _steps(path: str, shown: str) -> list[str | int]:
-    steps: list[str | int] = []
+#: A step of an override's path: a key, the number of an item, or `None` for every item.
+_Step = str | int | None
+
+
+def _steps(path: str, shown: str) -> list[_Step]:
+    steps: list[_Step] = []
     at, dotted = 0, f".{path}"
     while found := _STEP.match(dotted, at):
-        steps.append(found[1] if found[1] is not None else int(found[2]))
+        steps.append(found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None)
         at = found.end()
     if at < len(dotted) or not steps:
         raise InvalidNode([Complaint(f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id")])
@@ -178,7 +184,7 @@ def _value(text: str, shown: str) -> Node:
         raise InvalidNode(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
 
 
-def _open_choice(root: Node, steps: list[str | int], defaults: Mapping[str, str | None], shown: str) -> None:
+def _open_choice(root: Node, steps: Sequence[_Step], defaults: Mapping[str, str | None], shown: str) -> None:
     """Turn the name of a component into a block, if the path leads to one of its settings."""
     key = steps[0]
     if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
@@ -188,11 +194,15 @@ def _open_choice(root: Node, steps: list[str | int], defaults: Mapping[str, str 
         root.value[key] = Node({"model": chosen}, chosen.place, chosen.key_place)
 
 
-def _set(root: Node, steps: list[str | int], value: Node, shown: str) -> None:
-    node, path = root, ""
-    for step in steps:
+def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str = "") -> None:
+    for place, step in enumerate(steps):
         if node.value is UNREADABLE:
             raise InvalidNode
+        if step is None:
+            for number in range(_count(node, path, shown)):
+                inner = f"{path}{index_step(number)}".removeprefix(".")
+                _set(node.value[number], steps[place + 1 :], deepcopy(value), shown, inner)
+            return
         node = _item(node, step, path, shown) if isinstance(step, int) else _entry(node, step, path, shown)
         path = f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(".")
     node.value, node.place, node.written, node.complaints = value.value, value.place, value.written, value.complaints
@@ -204,6 +214,14 @@ def _entry(node: Node, key: str, path: str, shown: str) -> Node:
         raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
     entry: Node = node.value.setdefault(key, Node({}, shown, shown))
     return entry
+
+
+def _count(node: Node, path: str, shown: str) -> int:
+    """Return the number of items that `[*]` stands for, at least one."""
+    if not isinstance(node.value, list) or not node.value:
+        what = "an empty list" if isinstance(node.value, list) else _kind(node)
+        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {what}, which has no items for [*]")])
+    return len(node.value)
 
 
 def _item(node: Node, index: int, path: str, shown: str) -> Node:

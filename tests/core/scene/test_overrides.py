@@ -43,6 +43,12 @@ def test_an_override_sets_nothing_else() -> None:
     assert evolve(scene, seed=7) == read()
 
 
+def test_an_override_of_every_item_is_one_of_each() -> None:
+    assert read("targets[*].launch.time_s=3") == read(*(f"targets[{row}].launch.time_s=3" for row in range(2)))
+    assert read("targets[*].launch.time_s=3") != read("targets[0].launch.time_s=3")
+    assert read("sensors[1].bands[*]=LWIR").sensors != read().sensors
+
+
 def test_an_override_opens_a_name_and_a_default() -> None:
     assert read("tracker.window_s=3", tracker="arc").tracker.config.window_s == 3.0
     without = {key: value for key, value in good_mapping().items() if key != "confidence"}
@@ -72,6 +78,8 @@ def test_the_last_override_counts_and_one_may_mend_the_file(tmp_path: Path) -> N
         ("a[-1]=3", "override 'a[-1]=3': 'a[-1]' is not a scene path; write it like sensors[0].id"),
         ("sensors[2].id=A", "override 'sensors[2].id=A': sensors has 2 items, numbered from 0"),
         ("sensors.id=A", "override 'sensors.id=A': sensors is a list, which has no key id"),
+        ("seed[*]=1", "override 'seed[*]=1': seed is a single value, which has no items for [*]"),
+        ("a[**]=3", "override 'a[**]=3': 'a[**]' is not a scene path; write it like sensors[0].id"),
         ("seed[0]=1", "override 'seed[0]=1': seed is a single value, which has no item 0"),
         ("seed.x=1", "override 'seed.x=1': seed is a single value, which has no key x"),
         ("scene='a' # b", "override \"scene='a' # b\": text that begins with ' needs quotes"),
@@ -88,6 +96,11 @@ def test_the_last_override_counts_and_one_may_mend_the_file(tmp_path: Path) -> N
 )  # fmt: skip
 def test_an_override_is_refused(override: str, problem: str) -> None:
     assert problems(override) == [problem]
+
+
+def test_an_override_of_every_item_names_each_that_is_wrong() -> None:
+    words = "95.0 is outside [-90, 90] deg (override 'targets[*].launch.lat_deg=95')"
+    assert problems("targets[*].launch.lat_deg=95") == [f"targets[{row}].launch.lat_deg: {words}" for row in range(2)]
 
 
 def test_overrides_are_checked_with_the_scene() -> None:

@@ -1,0 +1,48 @@
+"""The arguments of `opir sweep`; nothing heavy is imported here."""
+
+import argparse
+
+from opir_core.cli.scene_arguments import add_overrides
+
+
+def sweep_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the study or scene, what varies, the runs, the executor and the output."""
+    parser.add_argument("study", metavar="STUDY|SCENE", help="a study (YAML), or a scene to vary")
+    parser.add_argument(
+        "--vary",
+        metavar="PATH=VALUES",
+        action="append",
+        default=[],
+        help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc; repeatable",
+    )
+    add_overrides(parser)
+    parser.add_argument("--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)")
+    parser.add_argument(
+        "--metric",
+        metavar="NAME",
+        action="append",
+        default=[],
+        dest="metrics",
+        help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
+        " detection_by_time)",
+    )
+    parser.add_argument("--out", metavar="FOLDER", help="folder of the study (default: the file's name, with -study)")
+    parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
+    parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")
+    parser.add_argument(
+        "--until",
+        metavar="FIGURE:WIDTH",
+        help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or latency_s:0.2 (s)",
+    )
+    parser.add_argument("--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube")
+    parser.add_argument("--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)")
+    parser.add_argument("--seed", metavar="N", type=int, help="seed of the Latin hypercube (default 0)")
+    parser.add_argument(
+        "--show",
+        metavar="FIGURE",
+        action="append",
+        default=[],
+        help="a figure to print; repeatable (default: the first of each metric)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")

@@ -1,0 +1,180 @@
+"""The executors `serial` and `processes`: where the runs of a study are made.
+
+Workers are new processes (spawned, not forked: other threads, such as a progress bar's, may hold locks), so a script
+that uses them needs `if __name__ == "__main__":`.
+"""
+
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait as wait_for_objects
+from threading import Thread
+from typing import Any
+
+from attrs import define
+
+from opir_core.errors import OpirError
+from opir_core.interfaces.results import ExecutorContext
+from opir_core.plugin import NoConfig
+from opir_studies.configs import ProcessesConfig
+
+#: A task is given up after so many deaths of its worker while no other task was running.
+DEATHS_ALONE = 3
+#: After so many deaths of any worker while it was running, a task is run alone.
+DEATHS_BESIDE_OTHERS = 2
+
+
+class LostTasksError(OpirError):
+    """Tasks whose worker died again and again; raised after all other tasks have given their results.
+
+    `tasks` are their indices. An executor of a plugin raises it too.
+    """
+
+    exit_code = 4
+
+    def __init__(self, tasks: Sequence[int]) -> None:
+        self.tasks = tuple(tasks)
+        super().__init__(f"the worker of {len(self.tasks)} tasks ended {DEATHS_ALONE} times, possibly out of memory")
+
+
+class SerialExecutor:
+    """Runs tasks one after another in this process."""
+
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield the index and the result of each task, in order."""
+        for index, task in enumerate(tasks):
+            yield index, function(task)
+
+    def close(self) -> None:
+        """Do nothing: there are no workers."""
+
+
+def serial_executor(_config: NoConfig, _context: ExecutorContext) -> SerialExecutor:
+    """Return the executor `serial`."""
+    return SerialExecutor()
+
+
+def processes_executor(config: ProcessesConfig, context: ExecutorContext) -> "ProcessesExecutor":
+    """Return the executor `processes`."""
+    return ProcessesExecutor(context.workers or config.workers or _cores())
+
+
+def _cores() -> int:
+    count: int | None = getattr(os, "process_cpu_count", os.cpu_count)()
+    return count or 1
+
+
+@define
+class _Progress:
+    """The tasks that are left, and how often the workers of each died: while others ran, and alone."""
+
+    waiting: deque[int]
+    deaths: dict[int, int]
+    deaths_alone: dict[int, int]
+    suspects: deque[int]
+    lost: list[int]
+
+
+class ProcessesExecutor:
+    """Runs tasks in worker processes of this computer.
+
+    If a worker dies, the pool is rebuilt and unfinished tasks run again. A task that was running at several deaths runs
+    alone; if its worker dies three times then, the task is lost (`LostTasksError`, after the others have ended).
+    """
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield the index and the result of each task once, as they end."""
+        left = _Progress(deque(range(len(tasks))), {}, {}, deque(), [])
+        running: dict[Future[Any], int] = {}
+        while left.waiting or left.suspects or running:
+            dead = self._filled(running, left, function, tasks)
+            done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
+            for future in done:
+                if isinstance(future.exception(), BrokenProcessPool):
+                    dead = True
+                else:
+                    yield running.pop(future), future.result()
+            if dead:
+                yield from self._rebuilt(running, left)
+        if left.lost:
+            raise LostTasksError(sorted(left.lost))
+
+    def close(self) -> None:
+        """End the workers, also those that are in the middle of a task."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            # The workers by process number; a public way to end them exists from Python 3.14 on.
+            workers = list((getattr(pool, "_processes", None) or {}).values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.terminate()
+
+    def _filled(
+        self, running: dict[Future[Any], int], left: _Progress, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> bool:
+        """Submit tasks until the workers have enough to do; return whether a worker had died already."""
+        # Few are on their way at a time, so that a death puts few under suspicion.
+        while left.waiting and len(running) < 2 * self.workers:
+            if not self._submitted(left.waiting, running, function, tasks):
+                return True
+        if left.suspects and not left.waiting and not running:
+            return not self._submitted(left.suspects, running, function, tasks)
+        return False
+
+    def _submitted(
+        self, queue: deque[int], running: dict[Future[Any], int], function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> bool:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=start_worker)
+        try:
+            running[self._pool.submit(function, tasks[queue[0]])] = queue[0]
+        except BrokenProcessPool:
+            return False
+        queue.popleft()
+        return True
+
+    def _rebuilt(self, running: dict[Future[Any], int], left: _Progress) -> Iterator[tuple[int, Any]]:
+        """Yield what had ended before a worker died, and put the rest back into the queues."""
+        wait(running)
+        ended = {future: index for future, index in running.items() if future.exception() is None}
+        unfinished = sorted(index for future, index in running.items() if future not in ended)
+        running.clear()
+        self.close()
+        is_alone = len(unfinished) == 1 and unfinished[0] in left.deaths_alone
+        for index in reversed(unfinished):
+            _put_back(index, left, is_alone=is_alone)
+        yield from ((index, future.result()) for future, index in ended.items())
+
+
+def _put_back(index: int, left: _Progress, *, is_alone: bool) -> None:
+    if is_alone:
+        left.deaths_alone[index] += 1
+        (left.lost if left.deaths_alone[index] >= DEATHS_ALONE else left.suspects).append(index)
+        return
+    left.deaths[index] = left.deaths.get(index, 0) + 1
+    if left.deaths[index] < DEATHS_BESIDE_OTHERS:
+        left.waiting.appendleft(index)
+    else:
+        left.deaths_alone[index] = 0
+        left.suspects.append(index)
+
+
+def start_worker() -> None:
+    """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    wait_for_objects([sentinel])
+    os._exit(1)

@@ -1,0 +1,111 @@
+"""Metrics of detections: latency, share of targets detected by time, false events."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.interfaces.results import MetricContext
+from opir_core.plugin import NoConfig
+from opir_core.simulation.run import Run
+from opir_studies.configs import DetectionByTimeConfig
+
+_DAY_S = 86_400.0
+
+
+def _detected(run: Run, column: str) -> FloatArray:
+    """Return latencies (n,), s, of a run's launches, nan for those not detected."""
+    rows = run.summary["targets"][: len(run.plan.scene.targets)]
+    return np.array([np.nan if row[column] is None else row[column] for row in rows], dtype=np.float64)
+
+
+@frozen
+class LatencyMetric:
+    """From ignition to the first detection, and to its report, over the launches of a run that are detected."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        names = ("latency_s", "latency_p50_s", "latency_p90_s", "latency_end_to_end_s", "latency_end_to_end_p90_s")
+        return {**dict.fromkeys(names, "s"), "detected": ""}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return mean and quantiles over launches, and the share of launches detected."""
+        sensor, report = _detected(run, "latency_s"), _detected(run, "end_to_end_latency_s")
+        return {
+            "latency_s": _mean(sensor),
+            "latency_p50_s": _quantile(sensor, 0.5),
+            "latency_p90_s": _quantile(sensor, 0.9),
+            "latency_end_to_end_s": _mean(report),
+            "latency_end_to_end_p90_s": _quantile(report, 0.9),
+            "detected": float(np.isfinite(sensor).mean()) if len(sensor) else np.nan,
+        }
+
+
+def latency_metric(_config: NoConfig, _context: MetricContext) -> LatencyMetric:
+    """Return the metric `latency`."""
+    return LatencyMetric()
+
+
+@frozen
+class DetectionByTimeMetric:
+    """The share of a run's launches that are detected within each time: its mean over runs is the cumulative P_d."""
+
+    times_s: tuple[float, ...]
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures, without units."""
+        return {f"detected_by_{time_words(time_s)}": "" for time_s in self.times_s}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return the share detected within each time."""
+        latency_s = _detected(run, "latency_s")
+        shares = [float((latency_s <= time_s).mean()) if len(latency_s) else np.nan for time_s in self.times_s]
+        return dict(zip(self.units, shares, strict=True))
+
+
+def detection_by_time_metric(config: DetectionByTimeConfig, _context: MetricContext) -> DetectionByTimeMetric:
+    """Return the metric `detection_by_time`."""
+    return DetectionByTimeMetric(config.times_s)
+
+
+@frozen
+class FalseEventsMetric:
+    """Detections that belong to no launch, and those without any source, per day."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {"false_events_a_day": "1/day", "false_alarms_a_day": "1/day"}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return both rates over the duration of the scene: all false events, and those of noise alone."""
+        days = run.plan.scene.duration_s / _DAY_S
+        target = run.truth.target
+        is_launch = (target >= 0) & (target < len(run.plan.scene.targets))
+        return {
+            "false_events_a_day": float(np.count_nonzero(~is_launch)) / days,
+            "false_alarms_a_day": float(np.count_nonzero(target < 0)) / days,
+        }
+
+
+def false_events_metric(_config: NoConfig, _context: MetricContext) -> FalseEventsMetric:
+    """Return the metric `false_events`."""
+    return FalseEventsMetric()
+
+
+def time_words(time_s: float) -> str:
+    """Return a time as part of a name, `2_5_s`."""
+    return f"{time_s:g}_s".replace(".", "_").replace("-", "m").replace("+", "")
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
+def _quantile(values: FloatArray, share: float) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if len(known) else np.nan

@@ -1,0 +1,159 @@
+"""A study made ready to run: every design's scene compiled once, metrics built, keys known."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from attrs import asdict, evolve, frozen
+
+from opir_core.errors import PluginError, Problem, SceneError
+from opir_core.interfaces.results import ExecutorContext, Metric, MetricContext
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.components import ExecutorModel, MetricModel
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import load_scene, scene_from_mapping
+from opir_core.scene.reading.component_reader import ComponentReader, Settings
+from opir_core.scene.reading.nodes import InvalidNode, ordered
+from opir_core.scene.reading.plain_data import node_of_data
+from opir_core.scene.reading.structuring import block_of
+from opir_core.scene.scene import Choice, Scene
+from opir_studies.axes import Design, designs_of, override_text
+from opir_studies.runs import identity_of, run_key
+from opir_studies.study import Study
+from opir_studies.until import Until, until_of
+
+#: The most problems that one message lists.
+_MOST_PROBLEMS = 20
+
+
+@frozen
+class PlannedDesign:
+    """A design with its scene, and the identity of its runs."""
+
+    design: Design
+    scene: Scene
+    identity: str
+
+    def key(self, replicate: int) -> str:
+        """Return the key of a run of the design."""
+        return run_key(self.identity, replicate)
+
+
+@frozen
+class PlannedStudy:
+    """A study whose designs compile and whose metrics exist."""
+
+    study: Study
+    designs: tuple[PlannedDesign, ...]
+    names: tuple[str, ...]
+    metrics: tuple[Metric, ...]
+    until: Until | None
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the unit of each figure, by name."""
+        return {name: unit for metric in self.metrics for name, unit in metric.units.items()}
+
+
+def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
+    """Return a study made ready to run.
+
+    Raises `SceneError` with the problems of all designs, each with the design and the place in its scene, or
+    `PluginError` for a component that is missing.
+    """
+    host = host or Host.discover()
+    choices = [_choice(MetricModel.hook, each, f"metrics[{row}]", host) for row, each in enumerate(study.metrics)]
+    metrics = tuple(_built_metric(choice, host) for choice in choices)
+    _require_distinct(metrics, study)
+    described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
+    designs, problems = list[PlannedDesign](), list[Problem]()
+    for design in designs_of(study):
+        try:
+            plan = _compiled(study, design, host)
+            designs.append(PlannedDesign(design, plan.scene, identity_of(plan, described)))
+        except SceneError as error:
+            problems += [Problem(design.name, str(problem)) for problem in error.problems]
+    if problems:
+        raise SceneError(_cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}")
+    figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
+    names = _numbered([choice.name for choice in choices])
+    return PlannedStudy(study, tuple(designs), names, metrics, until_of(study, figures))
+
+
+def built_executor(study: Study, workers: int | None, host: Host | None = None) -> Any:
+    """Return the executor of a study; raises `SceneError` or `PluginError` as `planned_study` does."""
+    host = host or Host.discover()
+    choice = _choice(ExecutorModel.hook, study.executor, "executor", host)
+    return host.component(ExecutorModel, choice.name).build(choice.config, ExecutorContext(workers=workers))
+
+
+def _compiled(study: Study, design: Design, host: Host) -> Plan:
+    fixed = [f"{path}={override_text(value)}" for path, value in study.overrides.items()]
+    overrides = [*fixed, *design.overrides]
+    if isinstance(study.scene, Mapping):
+        scene = scene_from_mapping(study.scene, overrides=overrides, host=host)
+    else:
+        scene = load_scene(study.scene, overrides=overrides, host=host)
+    return compile_plan(evolve(scene, outputs=()), host)
+
+
+def _cut_short(problems: Sequence[Problem]) -> Sequence[Problem]:
+    rest = len(problems) - _MOST_PROBLEMS
+    return [*problems[:_MOST_PROBLEMS], *([Problem("", f"and {rest} more")] if rest > 0 else [])]
+
+
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names with a number where one is repeated, as a metric with other settings is."""
+    return tuple(
+        name if name not in names[:place] else f"{name}_{names[:place].count(name) + 1}"
+        for place, name in enumerate(names)
+    )
+
+
+def _scene_name(study: Study) -> str:
+    return str(study.scene.get("scene", "")) if isinstance(study.scene, Mapping) else str(study.scene)
+
+
+def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
+    """Return the component that a study names: a name, or a block {name: settings}."""
+    reader, source = ComponentReader(host), "study"
+    name, settings = written, None
+    if isinstance(written, Mapping) and len(written) == 1:
+        ((name, settings),) = written.items()
+    if not isinstance(name, str) or not name:
+        raise SceneError([Problem(path, "write a name, or {name: settings}")], source=source)
+    node = node_of_data(settings or {})
+    try:
+        return reader.choice(hook, name, path, Settings(node, dict(block_of(node)), other_keys=("preset",)))
+    except InvalidNode as refused:
+        problems = [
+            Problem(f"{path}.{name}{'.' if each.path else ''}{each.path}", each.text)
+            for each in ordered(refused.complaints)
+        ]
+        if problems:
+            raise SceneError(problems, source=source) from None
+        raise PluginError("\n".join(map(str, reader.failures))) from None
+
+
+def _owner(choice: Choice, host: Host) -> str:
+    owner = host.provenance(choice.hook, choice.name)
+    return f"{owner.distribution} {owner.version}"
+
+
+def _built_metric(choice: Choice, host: Host) -> Metric:
+    metric: Metric = host.component(MetricModel, choice.name).build(choice.config, MetricContext())
+    return metric
+
+
+def _require_distinct(metrics: Sequence[Metric], study: Study) -> None:
+    names = [name for metric in metrics for name in metric.units]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    reserved = sorted(set(names) & {"key", "replicate", "seed", "run_time_s", "design"})
+    if twice or reserved or not names:
+        words = (
+            f"two metrics give {twice[0]}"
+            if twice
+            else f"{reserved[0]} is reserved"
+            if reserved
+            else "name one at least"
+        )
+        raise SceneError([Problem("metrics", words)], source=f"study {study.study}")

@@ -1,0 +1,69 @@
+"""What the package offers: metrics, executors and commands; heavy modules are imported when one of them is used."""
+
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from typing import Any
+
+from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
+from opir_studies.configs import DetectionByTimeConfig, ProcessesConfig
+
+_SWEEP = "run a scene over many settings and seeds, and print metrics with intervals"
+
+
+def _built_by(module: str, name: str) -> Callable[[Any, Any], Any]:
+    def build(config: Any, context: Any) -> Any:
+        return getattr(import_module(f"opir_studies.{module}"), name)(config, context)
+
+    return build
+
+
+@hookimpl
+def opir_metrics() -> Iterable[MetricModel]:
+    """Yield the standard metrics."""
+    detection = "metrics.detection_metrics"
+    yield MetricModel(
+        name="latency",
+        summary="time from ignition to the first detection and to its report; share of launches detected",
+        build=_built_by(detection, "latency_metric"),
+    )
+    yield MetricModel(
+        name="detection_by_time",
+        summary="share of launches detected by given times: cumulative probability of detection",
+        config=DetectionByTimeConfig,
+        build=_built_by(detection, "detection_by_time_metric"),
+    )
+    yield MetricModel(
+        name="false_events",
+        summary="detections of no launch, and false alarms, per day",
+        build=_built_by(detection, "false_events_metric"),
+    )
+
+
+@hookimpl
+def opir_executors() -> Iterable[ExecutorModel]:
+    """Yield the executors of one computer."""
+    yield ExecutorModel(
+        name="serial", summary="one run after another, in this process", build=_built_by("executors", "serial_executor")
+    )
+    yield ExecutorModel(
+        name="processes",
+        summary="worker processes on this computer; a worker that dies is replaced",
+        config=ProcessesConfig,
+        build=_built_by("executors", "processes_executor"),
+    )
+
+
+@hookimpl
+def opir_add_commands(commands: Any) -> None:
+    """Add `opir sweep`."""
+    arguments = import_module("opir_studies.arguments")
+    parser = commands.add_parser("sweep", help=_SWEEP, description=f"{_SWEEP[0].upper()}{_SWEEP[1:]}.")
+    arguments.sweep_arguments(parser)
+    parser.set_defaults(run=_run("sweep_command", "sweep_command"))
+
+
+def _run(module: str, name: str) -> Callable[[Any], int]:
+    def run(arguments: Any) -> int:
+        return int(getattr(import_module(f"opir_studies.{module}"), name)(arguments))
+
+    return run

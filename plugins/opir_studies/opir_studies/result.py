@@ -1,0 +1,191 @@
+"""The result of a study: tidy tables in a folder, the same bytes whatever ran them and in which order.
+
+`results.parquet` and `results.csv` have a row per design and figure, `runs.parquet` a row per run, `study.json` the
+definition. Processor times are in `run_times.csv` alone, which differs from one execution to the next.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from attrs import frozen
+
+from opir_core.errors import Problem, SceneError, reason_of
+from opir_studies.axes import Level
+from opir_studies.parts import write_table, write_whole
+from opir_studies.planning import PlannedStudy
+from opir_studies.runs import RunRecord
+from opir_studies.statistics import difference_of, figures_of
+
+RESULTS, RESULTS_CSV, RUNS, DEFINITION, TIMES = (
+    "results.parquet",
+    "results.csv",
+    "runs.parquet",
+    "study.json",
+    "run_times.csv",
+)
+_VERSION = 1
+
+
+@frozen(eq=False)
+class StudyResult:
+    """A study's result.
+
+    `table` has a row per design and figure: `design`, a column for each path that varies, `figure`, `unit`, `runs`,
+    `first_seed`, `last_seed`, `runs_with_value`, `mean`, `low_95`, `high_95`, `sd`, `q10`, `median`, `q90`, and the
+    paired `difference` from design 0 with its 95 % interval. `runs` has a row per run: `design`, the paths,
+    `replicate`, `seed` and a column per figure. `definition` is the content of `study.json`.
+    """
+
+    folder: Path
+    definition: Mapping[str, Any]
+    table: pa.Table
+    runs: pa.Table
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Return the paths that vary."""
+        return tuple(self.definition["vary"])
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the units of the figures by name."""
+        units: Mapping[str, str] = self.definition["figures"]
+        return units
+
+    def rows(self, figure: str) -> list[dict[str, Any]]:
+        """Return the rows of a figure, one per design; raises `KeyError` for an unknown figure."""
+        if figure not in self.units:
+            raise KeyError(f"{figure}; there are {', '.join(self.units)}")
+        return [row for row in self.table.to_pylist() if row["figure"] == figure]
+
+    def to_pandas(self) -> Any:
+        """Return the table as a data frame of pandas."""
+        return self.table.to_pandas()
+
+    def __repr__(self) -> str:
+        """Return the study with its size, in one line."""
+        name, designs, runs = self.definition["study"], len(self.definition["designs"]), self.runs.num_rows
+        return f"<StudyResult {name}: {designs} designs, {runs} runs, {len(self.units)} figures>"
+
+
+def load_study(folder: str | Path) -> StudyResult:
+    """Return the result of a study from its folder; raises `SceneError` if there is none."""
+    place = Path(folder)
+    try:
+        definition = json.loads((place / DEFINITION).read_text(encoding="utf-8"))
+        return StudyResult(place, definition, pq.read_table(place / RESULTS), pq.read_table(place / RUNS))
+    except OSError as error:
+        words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
+        raise SceneError([Problem("", words)], source=str(place)) from error
+    except (ValueError, pa.ArrowException) as error:
+        words = f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are kept"
+        raise SceneError([Problem("", words)], source=str(place)) from error
+
+
+def written_result(planned: PlannedStudy, folder: Path, records: Sequence[Sequence[RunRecord | None]]) -> StudyResult:
+    """Write the result of a study from the records of each design's runs, None for a run that failed; return it."""
+    definition = _definition(planned)
+    runs, table = _runs_table(planned, records), _results_table(planned, records)
+    text = json.dumps(definition, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_whole(folder / DEFINITION, lambda path: path.write_text(text, encoding="utf-8"))
+    write_table(runs, folder / RUNS)
+    write_table(table, folder / RESULTS)
+    _write_csv(table, folder / RESULTS_CSV)
+    _write_csv(_times_table(planned, records), folder / TIMES)
+    return StudyResult(folder, definition, table, runs)
+
+
+def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
+    study = planned.study
+    return {
+        "study_version": _VERSION,
+        "study": study.study,
+        "scene": planned.designs[0].scene.name,
+        "design": study.design,
+        "vary": list(planned.designs[0].design.paths),
+        "runs": study.runs,
+        "until": study.until,
+        "figures": dict(planned.units),
+        "metrics": {name: list(metric.units) for name, metric in zip(planned.names, planned.metrics, strict=True)},
+        "designs": [
+            {
+                "design": each.design.number,
+                **{path: level.label for path, level in zip(each.design.paths, each.design.levels, strict=True)},
+                "runs_of": each.identity,
+            }
+            for each in planned.designs
+        ],
+    }
+
+
+def _labels(planned: PlannedStudy, counts: Sequence[int]) -> dict[str, pa.Array]:
+    """Return the columns of the designs: the number, and the label of each path, repeated `counts` times."""
+    designs = [each.design for each in planned.designs]
+    repeated = np.repeat(np.arange(len(designs)), counts).tolist()
+    columns = {"design": pa.array(repeated, pa.int64())}
+    for place, path in enumerate(designs[0].paths):
+        levels = [design.levels[place] for design in designs]
+        labels = _same_kind(levels)
+        columns[path] = pa.array([labels[row] for row in repeated])
+    return columns
+
+
+def _same_kind(levels: Sequence[Level]) -> list[Any]:
+    """Return labels as numbers if all are, else as text."""
+    labels = [level.label for level in levels]
+    if all(isinstance(label, int | float) and not isinstance(label, bool) for label in labels):
+        return [float(label) for label in labels if label is not None]
+    return [label if isinstance(label, str) else level.text for label, level in zip(labels, levels, strict=True)]
+
+
+def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
+    kept = [[record for record in each if record is not None] for each in records]
+    every = [record for each in kept for record in each]
+    columns = _labels(planned, [len(each) for each in kept])
+    columns["replicate"] = pa.array([record.replicate for record in every], pa.int64())
+    columns["seed"] = pa.array([record.seed for record in every], pa.int64())
+    for place, name in enumerate(planned.units):
+        columns[name] = pa.array([record.values[place] for record in every], pa.float64())
+    return pa.table(columns)
+
+
+def _results_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
+    units, rows = planned.units, list[dict[str, Any]]()
+    values = [_values(each, len(units)) for each in records]
+    for each, own in zip(planned.designs, values, strict=True):
+        seeds = {"runs": len(own), "first_seed": each.scene.seed, "last_seed": each.scene.seed + len(own) - 1}
+        for place, (name, unit) in enumerate(units.items()):
+            difference = difference_of(own[:, place], values[0][:, place])
+            rows.append({"figure": name, "unit": unit, **seeds, **figures_of(own[:, place]), **difference})
+    columns = _labels(planned, [len(units)] * len(records))
+    return pa.table({**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}})
+
+
+def _values(records: Sequence[RunRecord | None], figures: int) -> Any:
+    """Return the values (runs, figures), nan for runs that failed."""
+    none = (np.nan,) * figures
+    rows = [none if record is None else record.values for record in records]
+    return np.array(rows, dtype=np.float64).reshape(-1, figures)
+
+
+def _times_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
+    times = [np.array([record.run_time_s for record in each if record is not None]) for each in records]
+    rows = [figures_of(each) for each in times]
+    columns = {**_labels(planned, [1] * len(records)), "unit": pa.array(["s"] * len(rows))}
+    return pa.table({**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}})
+
+
+def _write_csv(table: pa.Table, path: Path) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.column_names)
+    for row in table.to_pylist():
+        writer.writerow(["" if value != value else value for value in row.values()])
+    write_whole(path, lambda place: place.write_text(text.getvalue(), encoding="utf-8"))

@@ -1,0 +1,99 @@
+"""One run of a study: what workers are given, and what they return."""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from attrs import evolve, frozen
+
+from opir_core._version import __version__
+from opir_core.interfaces.optional import FromFiles
+from opir_core.interfaces.results import Metric
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.error_messages import described_error
+from opir_core.plugin.host import Host
+from opir_core.random_streams.philox import SCHEME
+from opir_core.scene.reading import scene_hash
+from opir_core.scene.scene import Scene
+from opir_core.simulation.manifest import components_used
+from opir_core.simulation.run import run_of_plan
+
+
+@frozen
+class RunTask:
+    """Runs of one design: replicate k has the scene's seed plus k, whatever the design."""
+
+    scene: Scene
+    replicates: tuple[int, ...]
+    metrics: tuple[Metric, ...]
+
+
+@frozen
+class RunRecord:
+    """A finished run: the values of the figures in the order of the metrics, or the reason why there are none."""
+
+    replicate: int
+    seed: int
+    run_time_s: float
+    values: tuple[float, ...] = ()
+    failure: str = ""
+
+
+@frozen
+class TaskResult:
+    """The records of a task's runs, and the version of opir-core that made them."""
+
+    core_version: str
+    records: tuple[RunRecord, ...]
+
+
+def result_of(task: RunTask) -> TaskResult:
+    """Return the records of a task: the function that executors run."""
+    return TaskResult(__version__, tuple(_record(task, number) for number in task.replicates))
+
+
+def _record(task: RunTask, replicate: int) -> RunRecord:
+    seed, start = task.scene.seed + replicate, time.perf_counter()
+    try:
+        run = run_of_plan(compile_plan(evolve(task.scene, seed=seed), worker_host()))
+        values = tuple(float(value) for metric in task.metrics for value in _in_order(metric, metric.values(run)))
+    except Exception as error:  # of any plugin: the other runs go on, and the study reports it
+        return RunRecord(replicate, seed, time.perf_counter() - start, failure=described_error(error))
+    return RunRecord(replicate, seed, time.perf_counter() - start, values)
+
+
+def _in_order(metric: Metric, values: Mapping[str, float]) -> Sequence[float]:
+    if values.keys() != metric.units.keys():
+        raise ValueError(f"the metric gives {', '.join(values)}, where its figures are {', '.join(metric.units)}")
+    return [values[name] for name in metric.units]
+
+
+@cache
+def worker_host() -> Host:
+    """Return the installed plugins, found once per process."""
+    return Host.discover()
+
+
+def identity_of(plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str]]) -> str:
+    """Return the SHA-256 of all that the runs of a design depend on, except their number.
+
+    These are the scene, the files that it reads, opir-core, the plugins of its components, and the metrics: name,
+    settings and owner of each.
+    """
+    owners = sorted({(part["distribution"], part["version"]) for part in components_used(plan)})
+    files = run_files(plan)
+    parts = [scene_hash(plan.scene), files, SCHEME, __version__, owners, [list(each) for each in metrics]]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def run_files(plan: Plan) -> list[Any]:
+    """Return the files that a plan's trajectories were read from, with their hashes, as in the manifest."""
+    return [file for part in plan.targets.trajectories if isinstance(part, FromFiles) for file in part.files]
+
+
+def run_key(identity: str, replicate: int) -> str:
+    """Return the key of a run, 40 hexadecimal digits."""
+    return hashlib.sha256(f"{identity}:{replicate}".encode()).hexdigest()[:40]

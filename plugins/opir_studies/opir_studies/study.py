@@ -1,0 +1,105 @@
+"""The definition of a study: a scene, what varies, how often it runs, and which figures count."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from attrs import evolve, frozen
+
+from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.scene.fields import nested, number, text
+from opir_core.scene.reading.nodes import InvalidNode, complaints_inside, ordered
+from opir_core.scene.reading.strict_yaml import node_of_yaml
+from opir_core.scene.reading.structuring import class_reader
+
+FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = ("factorial", "one-at-a-time", "latin-hypercube")
+
+#: The most runs of one design.
+MAXIMUM_RUNS = 1_000_000
+
+#: Runs before the first decision to stop early.
+MINIMUM_RUNS = 20
+
+
+@frozen(kw_only=True)
+class Study:
+    """A study, as its file has it.
+
+    `scene` is the path of a scene file or a scene as a mapping. Everything is checked by `opir_studies.sweep`, before
+    the first run.
+    """
+
+    scene: Any = nested(help="path of the scene, relative to the study's file", source="")
+    study: str = text(help="name of the study", default="study", source="")
+    overrides: Mapping[str, Any] = nested(
+        help="settings of the scene in all designs: path to value", default={}, source=""
+    )
+    vary: Mapping[str, Any] = nested(
+        help="what varies: path to a list, to {from, to, step} or {from, to, count, scale}, to {named: {name: value}},"
+        " or to {uniform: [low, high], scale} for a Latin hypercube",
+        default={},
+        source="",
+    )
+    design: str = text(
+        help="which combinations run: all (factorial), the first one and each change of one setting"
+        " (one-at-a-time), or samples of a Latin hypercube",
+        default=FACTORIAL,
+        choices=DESIGNS,
+        source="",
+    )
+    samples: int = number(
+        help="designs of a Latin hypercube", default=20, minimum=1, maximum=10_000, source="arbitrary"
+    )
+    seed: int = number(
+        help="seed of the Latin hypercube; runs have the scene's seed plus their number",
+        default=0,
+        minimum=0,
+        maximum=2**63 - 1,
+        source="arbitrary",
+    )
+    runs: int = number(
+        help="runs of each design; with `until` the most", default=100, minimum=1, maximum=MAXIMUM_RUNS, source=""
+    )
+    until: str = text(
+        help="stop a design early when the half width of the 95 % interval of a figure is small enough:"
+        " `latency_s:0.5%` of the mean, or `latency_s:0.2` in its unit; '' for never",
+        default="",
+        source="",
+    )
+    metrics: tuple[Any, ...] = nested(
+        help="metrics, by name, or {name: settings}", default=("latency", "detection_by_time"), source=""
+    )
+    executor: Any = nested(help="where the runs are made: a name, or {name: settings}", default="processes", source="")
+
+
+def read_study(path: str | Path) -> Study:
+    """Return the study of a YAML file; the path of its scene is relative to the file.
+
+    Raises `SceneError` with each problem, its key and line.
+    """
+    place = Path(path)
+    try:
+        root = node_of_yaml(place.read_text(encoding="utf-8"))
+        complaints = list(complaints_inside(root))
+        if complaints:
+            raise InvalidNode(complaints)
+        study: Study = class_reader(Study).made(root, ())
+    except InvalidNode as refused:
+        problems = [Problem(each.path, each.text) for each in ordered(refused.complaints)]
+        raise SceneError(problems, source=str(path)) from None
+    except OSError as error:
+        raise SceneError([Problem("", f"cannot be read: {reason_of(error)}")], source=str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError([Problem("", "is not UTF-8 text")], source=str(path)) from None
+    if isinstance(study.scene, str):
+        return evolve(study, scene=str(place.parent / study.scene))
+    return study
+
+
+def is_study(path: str | Path) -> bool:
+    """Return whether a file is a study rather than a scene: it has the key `scene`, and no `sensors`."""
+    try:
+        root = node_of_yaml(Path(path).read_text(encoding="utf-8"))
+    except (InvalidNode, OSError, UnicodeDecodeError):
+        return False
+    return isinstance(root.value, dict) and "scene" in root.value and not {"sensors", "epoch"} & root.value.keys()

@@ -1,0 +1,194 @@
+"""`opir sweep`: read the study, run it with progress and remaining time, print a table."""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from attrs import evolve
+
+from opir_core.cli.terminal import grouped, table
+from opir_core.errors import Problem, SceneError, nearest
+from opir_core.scene.reading.nodes import InvalidNode
+from opir_core.scene.reading.plain_data import data_of_node
+from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_studies.axes import AxisError, vary_of_text
+from opir_studies.result import RESULTS_CSV, StudyResult
+from opir_studies.study import Study, is_study, read_study
+from opir_studies.sweeping import StudyProgress, sweep
+
+_HERE = "command line"
+#: The most designs that are printed; all are in the files.
+_MOST_ROWS = 40
+#: The most figures that are printed, the first of each metric, unless the user names them.
+_MOST_FIGURES = 4
+
+
+def sweep_command(arguments: argparse.Namespace) -> int:
+    """Run the study of the arguments and print its results."""
+    study = study_of(arguments)
+    if arguments.workers is not None and arguments.workers < 1:
+        raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
+    folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
+    with _progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
+        try:
+            result = sweep(study, folder, workers=arguments.workers, on_progress=on_progress)
+        except KeyboardInterrupt:
+            sys.stderr.write(f"stopped; finished runs are kept in {folder}, and the same command continues\n")
+            raise
+    if arguments.quiet:
+        return 0
+    text = json.dumps(_plain(result), indent=2) if arguments.json else as_text(result, arguments.show)
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def study_of(arguments: argparse.Namespace) -> Study:
+    """Return the study of the arguments: that of the file, or of a scene, with what the command line changes."""
+    path = arguments.study
+    study = read_study(path) if is_study(path) else Study(scene=path, study=Path(path).stem)
+    changes = {name: getattr(arguments, name) for name in ("runs", "executor", "until", "design", "samples", "seed")}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    vary, overrides = dict(study.vary), dict(study.overrides)
+    for words in arguments.vary:
+        try:
+            axis, values = vary_of_text(words)
+        except AxisError as error:
+            raise _refused("--vary", str(error)) from error
+        vary[axis] = values
+    for words in arguments.overrides:
+        axis, equals, text = words.partition("=")
+        if not equals:
+            raise _refused("--set", f"{words!r} has no '='; write PATH=VALUE")
+        overrides[axis.strip()] = _value("--set", text)
+    metrics = tuple(_value("--metric", words) for words in arguments.metrics) or study.metrics
+    if "executor" in changes:
+        changes["executor"] = _value("--executor", changes["executor"])
+    study = evolve(study, vary=vary, overrides=overrides, metrics=metrics)
+    for name, value in changes.items():
+        try:
+            study = evolve(study, **{name: value})
+        except ValueError as error:
+            raise _refused(f"--{name}", str(error)) from error
+    return study
+
+
+def _value(flag: str, text: str) -> Any:
+    plain = text.strip()
+    try:
+        node = node_of_yaml(plain, plain) if plain[:1] in tuple("'\"[{") else node_of_scalar(plain, plain)
+        return data_of_node(node)
+    except (InvalidNode, IndexError) as refused:
+        words = "; ".join(each.message for each in getattr(refused, "complaints", ())) or "a value is missing"
+        raise _refused(flag, words) from refused
+
+
+def _refused(path: str, words: str) -> SceneError:
+    return SceneError([Problem(path, words)], source=_HERE)
+
+
+@contextmanager
+def _progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
+    """Show a bar with the remaining time on standard error, if `is_shown`."""
+    if not is_shown:
+        yield lambda _progress: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("runs", total=None)
+        # Runs that were there before took no time now: the remaining time is that of the others.
+        yield lambda progress: bar.update(
+            task, total=progress.total - progress.found, completed=progress.done - progress.found
+        )
+
+
+def as_text(result: StudyResult, figures: Sequence[str] = ()) -> str:
+    """Return a table with a row per design: the figures with their 95 % intervals; raises for an unknown figure."""
+    shown = _shown(result, figures)
+    rows = {name: result.rows(name) for name in shown}
+    designs = result.definition["designs"]
+    head = [*map(_short, result.paths), "runs", *shown]
+    body = [
+        [
+            *(str(design[path]) for path in result.paths),
+            str(rows[shown[0]][place]["runs"]),
+            *(_cell(rows[name][place]) for name in shown),
+        ]
+        for place, design in enumerate(designs[:_MOST_ROWS])
+    ]
+    more = len(designs) - len(body)
+    return "\n\n".join(
+        [
+            _heading(result),
+            table(head, body) + (f"\nand {more} more designs" if more > 0 else ""),
+            *_differences(result, shown, rows),
+            f"All figures: {result.folder / RESULTS_CSV}",
+        ]
+    )
+
+
+def _shown(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
+    for name in figures:
+        if name not in result.units:
+            words = f"no metric gives {name!r}{nearest(name, result.units)}; there are {', '.join(result.units)}"
+            raise _refused("--show", words)
+    return figures or [names[0] for names in result.definition["metrics"].values()][:_MOST_FIGURES]
+
+
+def _heading(result: StudyResult) -> str:
+    definition, runs = result.definition, result.runs.num_rows
+    count = len(definition["designs"])
+    return (
+        f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''}, {grouped(runs)} runs;"
+        " mean [95 % interval] over runs"
+    )
+
+
+def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> Sequence[str]:
+    """Return the table of differences from the first design, of the same seeds; none for a single design."""
+    designs = result.definition["designs"][1:_MOST_ROWS]
+    if not designs:
+        return ()
+    head = ["minus the first design", *shown]
+    body = [
+        [
+            ", ".join(str(design[path]) for path in result.paths),
+            *(_cell(rows[name][place], "difference", "difference_low_95", "difference_high_95") for name in shown),
+        ]
+        for place, design in enumerate(designs, start=1)
+    ]
+    return (table(head, body),)
+
+
+def _short(path: str) -> str:
+    return path.rpartition(".")[2]
+
+
+def _cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95") -> str:
+    if not math.isfinite(row[mean]):
+        return "-"
+    if not math.isfinite(row[low]):
+        return f"{row[mean]:.4g}"
+    digits = _digits(row[mean], row[high] - row[low])
+    return f"{row[mean]:.{digits}f} [{row[low]:.{digits}f}, {row[high]:.{digits}f}]"
+
+
+def _digits(mean: float, width: float) -> int:
+    """Return the decimals that show two digits of an interval's width, or four of the mean without one."""
+    size = width if width > 0.0 else abs(mean) * 1e-2
+    return min(max(0, 1 - math.floor(math.log10(size))), 9) if size > 0.0 else 0
+
+
+def _plain(result: StudyResult) -> Mapping[str, Any]:
+    rows = [
+        {name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in row.items()}
+        for row in result.table.to_pylist()
+    ]
+    return {**result.definition, "results": rows}

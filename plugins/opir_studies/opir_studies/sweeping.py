@@ -1,0 +1,180 @@
+"""Running a study: what is not on the disk yet is run, in rounds, and kept as it ends."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from attrs import define, field, frozen
+
+from opir_core._version import __version__
+from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.interfaces.results import Executor
+from opir_studies.executors import LostTasksError
+from opir_studies.parts import PARTS, Parts, remove_unfinished
+from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study
+from opir_studies.result import StudyResult, written_result
+from opir_studies.runs import RunRecord, RunTask, TaskResult, result_of
+from opir_studies.study import Study
+from opir_studies.until import rounds
+
+#: A round is cut into about so many tasks; each is one file when it has ended.
+_TASKS = 64
+_LONGEST_TASK = 200
+#: The most failed runs that a message lists.
+_SHOWN = 10
+
+
+class StudyError(OpirError):
+    """Runs of a study that failed; all others are kept."""
+
+    exit_code = 4
+
+
+@frozen
+class StudyProgress:
+    """How far a study is: finished runs of those that it needs at most, and those that were on the disk before."""
+
+    done: int
+    total: int
+    found: int
+
+
+def sweep(
+    study: Study,
+    folder: str | Path,
+    *,
+    workers: int | None = None,
+    on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
+) -> StudyResult:
+    """Run a study into a folder and return its result; runs that are there already are not run again.
+
+    `workers` is for the study's executor. A script with the executor `processes` needs `if __name__ == "__main__":`.
+    Raises `SceneError` or `PluginError` for an invalid study before the first run, and `StudyError`, when everything
+    else has ended, with the runs that failed.
+    """
+    planned = planned_study(study)
+    place = Path(folder)
+    remove_unfinished(place)
+    wanted = {design.key(number) for design in planned.designs for number in range(study.runs)}
+    parts = Parts(place / PARTS, tuple(planned.units))
+    state = _Sweep(planned, parts, parts.found(wanted), workers, on_progress)
+    try:
+        counts = state.run()
+    finally:
+        state.close()
+    result = written_result(
+        planned, place, [state.records_of(*each) for each in zip(planned.designs, counts, strict=True)]
+    )
+    state.require_no_failure()
+    return result
+
+
+@define
+class _Sweep:
+    """The state of a study that runs."""
+
+    planned: PlannedStudy
+    parts: Parts
+    records: dict[str, RunRecord]
+    workers: int | None
+    on_progress: Callable[[StudyProgress], None]
+    executor: Executor | None = None
+    found: int = field(init=False)
+    failures: list[str] = field(factory=list)
+
+    def __attrs_post_init__(self) -> None:
+        self.found = len(self.records)
+
+    def run(self) -> Sequence[int]:
+        """Run what is missing, round by round; return the number of runs of each design."""
+        planned, counts = self.planned, [0] * len(self.planned.designs)
+        active = list(range(len(counts)))
+        for number in rounds(planned.study.runs, planned.until):
+            for place in active:
+                counts[place] = number
+            self._run_missing(counts, active)
+            active = [place for place in active if not self._is_narrow(place, number)]
+        return counts
+
+    def close(self) -> None:
+        """End the executor's workers."""
+        if self.executor is not None:
+            self.executor.close()
+
+    def records_of(self, design: PlannedDesign, count: int) -> Sequence[RunRecord | None]:
+        """Return the records of the first runs of a design, None for those that failed."""
+        every = (self.records.get(design.key(number)) for number in range(count))
+        return [None if record is None or record.failure else record for record in every]
+
+    def require_no_failure(self) -> None:
+        """Raise `StudyError` with the runs that failed."""
+        if self.failures:
+            count, rest = len(self.failures), len(self.failures) - _SHOWN
+            head = f"{count} run{'s' if count > 1 else ''} failed; the others are kept in {self.parts.folder.parent}"
+            more = [f"and {rest} more"] if rest > 0 else []
+            raise StudyError("\n  ".join([head, *self.failures[:_SHOWN], *more]))
+
+    def _is_narrow(self, place: int, number: int) -> bool:
+        until = self.planned.until
+        if until is None:
+            return True
+        column = list(self.planned.units).index(until.figure)
+        records = self.records_of(self.planned.designs[place], number)
+        return until.is_met([record.values[column] for record in records if record is not None])
+
+    def _run_missing(self, counts: Sequence[int], active: Sequence[int]) -> None:
+        tasks = list(self._tasks(counts, active))
+        self._report(counts)
+        if tasks:
+            lost = list(self._lost(tasks, counts))
+            # Which run of a lost task is the cause shows when each is a task of its own.
+            singles = [(place, (number,)) for place, numbers in lost for number in numbers]
+            for place, numbers in singles if len(singles) == len(lost) else self._lost(singles, counts):
+                self._fail(place, numbers[0], "its worker process ended three times, possibly out of memory")
+
+    def _tasks(self, counts: Sequence[int], active: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
+        missing = {
+            place: [
+                number for number in range(counts[place]) if self.planned.designs[place].key(number) not in self.records
+            ]
+            for place in active
+        }
+        size = min(max(1, sum(map(len, missing.values())) // _TASKS), _LONGEST_TASK)
+        longest = max(map(len, missing.values()), default=0)
+        for start in range(0, longest, size):
+            for place, numbers in missing.items():
+                if numbers[start : start + size]:
+                    yield place, tuple(numbers[start : start + size])
+
+    def _lost(
+        self, tasks: Sequence[tuple[int, tuple[int, ...]]], counts: Sequence[int]
+    ) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """Run tasks and keep their records; yield those whose worker died again and again."""
+        self.executor = self.executor or built_executor(self.planned.study, self.workers)
+        given = [RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics) for place, numbers in tasks]
+        try:
+            for index, result in self.executor.results(result_of, given):
+                self._keep(tasks[index][0], result)
+                self._report(counts)
+        except LostTasksError as error:
+            yield from (tasks[index] for index in error.tasks)
+
+    def _keep(self, place: int, result: TaskResult) -> None:
+        if result.core_version != __version__:
+            words = f"a worker has opir-core {result.core_version}, and this is {__version__}; install the same on both"
+            raise SceneError([Problem("executor", words)], source="study")
+        design = self.planned.designs[place]
+        kept = {design.key(record.replicate): record for record in result.records if not record.failure}
+        if kept:
+            self.parts.write(kept)
+        self.records.update(kept)
+        for record in result.records:
+            if record.failure:
+                self._fail(place, record.replicate, record.failure)
+
+    def _fail(self, place: int, replicate: int, reason: str) -> None:
+        design = self.planned.designs[place]
+        self.records[design.key(replicate)] = RunRecord(replicate, 0, 0.0, failure=reason)
+        self.failures.append(f"{design.design.name}, seed {design.scene.seed + replicate}: {reason}")
+
+    def _report(self, counts: Sequence[int]) -> None:
+        self.on_progress(StudyProgress(len(self.records), sum(counts), self.found))

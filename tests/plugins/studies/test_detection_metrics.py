@@ -1,0 +1,80 @@
+"""Metrics of detections, against the columns of the run."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from opir_studies.metrics.detection_metrics import (
+    DetectionByTimeMetric,
+    FalseEventsMetric,
+    LatencyMetric,
+    time_words,
+)
+from study_scene import SCENE
+
+import opir_core
+from opir_core.testing import MetricContract
+
+
+class TestLatency(MetricContract):
+    name = "latency"
+
+
+class TestDetectionByTime(MetricContract):
+    name = "detection_by_time"
+
+
+class TestFalseEvents(MetricContract):
+    name = "false_events"
+
+
+def launch(number, time_s):
+    return {**SCENE["targets"][0], "id": f"T{number}", "launch": {**SCENE["targets"][0]["launch"], "time_s": time_s}}
+
+
+@pytest.fixture(scope="module")
+def run():
+    targets = [*(launch(number, 1.0 + number) for number in range(5)), launch(9, 19.99)]
+    return opir_core.simulate(opir_core.scene_from_mapping({**SCENE, "targets": targets}))
+
+
+def first_latencies(run):
+    ignition_s = run.plan.targets.ignition_s
+    seen = [run.detections.time_s[run.truth.target == row] for row in range(len(ignition_s))]
+    return np.array([times[0] - start if len(times) else np.nan for times, start in zip(seen, ignition_s, strict=True)])
+
+
+def test_latency_is_that_of_the_first_detections(run):
+    expected, found = first_latencies(run), LatencyMetric().values(run)
+    assert found["detected"] == pytest.approx(np.isfinite(expected).mean()) == 5 / 6
+    assert found["latency_s"] == pytest.approx(np.nanmean(expected), abs=1e-8)
+    assert found["latency_p90_s"] == pytest.approx(np.nanquantile(expected, 0.9), abs=1e-8)
+    assert found["latency_end_to_end_s"] == pytest.approx(found["latency_s"], abs=1e-8)
+
+
+def test_reports_follow_their_looks(run):
+    late = {**SCENE, "sensors": [{**SCENE["sensors"][0], "reporting": "paper-ground-chain"}]}
+    found = LatencyMetric().values(opir_core.simulate(opir_core.scene_from_mapping(late)))
+    assert found["latency_end_to_end_s"] > found["latency_s"] + 0.1
+
+
+def test_detection_by_time_counts_launches(run):
+    expected = first_latencies(run)
+    found = DetectionByTimeMetric((0.1, 0.5, 10.0)).values(run)
+    assert found == {
+        "detected_by_0_1_s": np.mean(expected <= 0.1),
+        "detected_by_0_5_s": np.mean(expected <= 0.5),
+        "detected_by_10_s": 5 / 6,
+    }
+    assert time_words(2.5) == "2_5_s"
+
+
+def test_false_events_are_scaled_to_a_day(run):
+    rows = len(run.detections)
+    target = run.truth.target.copy()
+    target[: rows // 4] = -1
+    changed = evolve(run, truth=evolve(run.truth, target=target))
+    expected = (rows // 4) * 86400.0 / 20.0
+    assert FalseEventsMetric().values(changed) == pytest.approx(
+        {"false_events_a_day": expected, "false_alarms_a_day": expected}
+    )
+    assert FalseEventsMetric().values(run) == {"false_events_a_day": 0.0, "false_alarms_a_day": 0.0}

@@ -1,0 +1,59 @@
+"""Executors give every result once, whatever happens to their workers."""
+
+import os
+from itertools import islice
+
+import pytest
+from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
+from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, own_number
+
+from opir_core.testing import ExecutorContract
+
+
+class TestSerial(ExecutorContract):
+    name = "serial"
+
+
+@pytest.mark.slow
+class TestProcesses(ExecutorContract):
+    name = "processes"
+
+
+@pytest.fixture
+def executor():
+    made = ProcessesExecutor(2)
+    yield made
+    made.close()
+
+
+def test_work_is_done_elsewhere(executor):
+    assert os.getpid() not in dict(executor.results(own_number, range(3))).values()
+    assert dict(SerialExecutor().results(own_number, [1])) == {0: os.getpid()}
+
+
+def test_a_killed_worker_costs_no_result(executor, tmp_path):
+    tasks = [(number, str(tmp_path / f"killed-{number}") if number in (2, 11) else "") for number in range(20)]
+    assert dict(executor.results(doubled_or_killed, tasks)) == {number: 2 * number for number in range(20)}
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_every_worker_is_lost_alone(executor):
+    found = {}
+    with pytest.raises(LostTasksError) as caught:
+        found.update(executor.results(doubled_or_always_killed, range(8)))
+    assert caught.value.tasks == (3,)
+
+
+@pytest.mark.slow
+def test_all_other_results_come_before_the_loss(executor):
+    results = executor.results(doubled_or_always_killed, range(8))
+    found = dict(islice(results, 7))
+    with pytest.raises(LostTasksError):
+        next(results)
+    assert found == {number: 2 * number for number in range(8) if number != 3}
+
+
+def test_an_executor_can_be_used_again(executor):
+    for _ in range(2):
+        assert dict(executor.results(doubled, [1, 2])) == {0: 2, 1: 4}
