@@ -19,6 +19,7 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: The packages of this project and what they advertise, for messages about what is not installed. A test compares this
 #: table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
+    "opir-dask": ("executors.dask",),
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
     "opir-export": (
         "commands.export",
@@ -45,9 +46,13 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "commands.sweep",
         "executors.processes",
         "executors.serial",
+        "metrics.accuracy",
         "metrics.detection_by_time",
         "metrics.false_events",
+        "metrics.impact_region",
         "metrics.latency",
+        "metrics.launch_error",
+        "metrics.tracks",
     ),
     "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),
 }

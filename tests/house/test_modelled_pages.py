@@ -22,7 +22,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies")
+PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies", "dask")
 #: What others are made of: no scene names them.
 BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
@@ -30,12 +30,13 @@ BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
 def settable() -> dict[str, type]:
     """Return the configuration classes that a scene or a user may set, by their names in the table of defaults."""
     from opir_http.settings import HttpSettings
+    from opir_studies import Study
 
     host = Host.discover(PLUGINS)
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
     components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
     others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
-    return {**components, **others, "opir serve": HttpSettings}
+    return {**components, **others, "opir serve": HttpSettings, "study": Study}
 
 
 def defaults(config: type) -> Iterator[FieldRow]:

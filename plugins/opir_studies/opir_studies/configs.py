@@ -38,3 +38,56 @@ class DetectionByTimeConfig:
         check=_times_complaint,
         source="arbitrary",
     )
+
+
+#: Phases of a flight at which predicted impacts are scored, as in `opir_core.scoring`.
+PHASE_NAMES = (
+    "25 % of burn",
+    "50 % of burn",
+    "75 % of burn",
+    "95 % of burn",
+    "5 s after burnout",
+    "20 s after burnout",
+    "last estimate",
+)
+_CONTAINMENTS_PERCENT = (50.0, 90.0, 95.0)
+
+
+def _phases_complaint(phases: Any) -> str | None:
+    unknown = [each for each in phases if each not in PHASE_NAMES]
+    if unknown or len(set(phases)) < len(phases):
+        return f"{unknown[0]!r} is no phase; there are {', '.join(PHASE_NAMES)}" if unknown else "a phase is repeated"
+    return None
+
+
+def _moments_complaint(times: Any) -> str | None:
+    return None if list(times) == sorted(set(times)) else "the times must increase"
+
+
+@frozen(kw_only=True)
+class ImpactConfig:
+    """The settings of the metric `impact_region`."""
+
+    containment_percent: float = number(
+        help="containment of the regions: 50, 90 or 95", default=95.0, unit="%", minimum=50.0, maximum=95.0, source=""
+    )
+    phases: tuple[str, ...] = nested(
+        help="phases of the flight",
+        default=("last estimate", "5 s after burnout", "75 % of burn"),
+        check=_phases_complaint,
+        source="arbitrary",
+    )
+    times_s: tuple[float, ...] = nested(
+        help="times since ignition; an estimate counts for 5 s",
+        default=(),
+        unit="s",
+        minimum=0.0,
+        check=_moments_complaint,
+        source="arbitrary",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.containment_percent not in _CONTAINMENTS_PERCENT:
+            raise ValueError(f"containment_percent: {self.containment_percent:g} is not 50, 90 or 95")
+        if not self.phases and not self.times_s:
+            raise ValueError("give phases or times_s")

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
-from opir_studies.configs import DetectionByTimeConfig, ProcessesConfig
+from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig
 
 _SWEEP = "run a scene over many settings and seeds, and print metrics with intervals"
 
@@ -36,6 +36,28 @@ def opir_metrics() -> Iterable[MetricModel]:
         name="false_events",
         summary="detections of no launch, and false alarms, per day",
         build=_built_by(detection, "false_events_metric"),
+    )
+    tracks = "metrics.track_metrics"
+    yield MetricModel(
+        name="tracks",
+        summary="share of launches tracked, completeness, false tracks, time to the first track",
+        build=_built_by(tracks, "tracks_metric"),
+    )
+    yield MetricModel(
+        name="accuracy",
+        summary="errors of tracked position and velocity, root mean square",
+        build=_built_by(tracks, "accuracy_metric"),
+    )
+    yield MetricModel(
+        name="launch_error",
+        summary="errors of estimated launch points and times, root mean square",
+        build=_built_by(tracks, "launch_error_metric"),
+    )
+    yield MetricModel(
+        name="impact_region",
+        summary="area, containment and availability of predicted impact regions, by phase and time",
+        config=ImpactConfig,
+        build=_built_by(tracks, "impact_region_metric"),
     )
 
 

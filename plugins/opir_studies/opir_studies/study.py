@@ -30,22 +30,22 @@ class Study:
     """
 
     scene: Any = nested(help="path of the scene, relative to the study's file", source="")
-    study: str = text(help="name of the study", default="study", source="")
+    study: str = text(help="name of the study", default="study", source="arbitrary")
     overrides: Mapping[str, Any] = nested(
-        help="settings of the scene in all designs: path to value", default={}, source=""
+        help="settings of the scene in all designs: path to value", default={}, source="arbitrary"
     )
     vary: Mapping[str, Any] = nested(
         help="what varies: path to a list, to {from, to, step} or {from, to, count, scale}, to {named: {name: value}},"
         " or to {uniform: [low, high], scale} for a Latin hypercube",
         default={},
-        source="",
+        source="arbitrary",
     )
     design: str = text(
         help="which combinations run: all (factorial), the first one and each change of one setting"
         " (one-at-a-time), or samples of a Latin hypercube",
         default=FACTORIAL,
         choices=DESIGNS,
-        source="",
+        source="arbitrary",
     )
     samples: int = number(
         help="designs of a Latin hypercube", default=20, minimum=1, maximum=10_000, source="arbitrary"
@@ -58,18 +58,24 @@ class Study:
         source="arbitrary",
     )
     runs: int = number(
-        help="runs of each design; with `until` the most", default=100, minimum=1, maximum=MAXIMUM_RUNS, source=""
+        help="runs of each design; with `until` the most",
+        default=100,
+        minimum=1,
+        maximum=MAXIMUM_RUNS,
+        source="arbitrary",
     )
     until: str = text(
         help="stop a design early when the half width of the 95 % interval of a figure is small enough:"
         " `latency_s:0.5%` of the mean, or `latency_s:0.2` in its unit; '' for never",
         default="",
-        source="",
+        source="arbitrary",
     )
     metrics: tuple[Any, ...] = nested(
-        help="metrics, by name, or {name: settings}", default=("latency", "detection_by_time"), source=""
+        help="metrics, by name, or {name: settings}", default=("latency", "detection_by_time"), source="arbitrary"
     )
-    executor: Any = nested(help="where the runs are made: a name, or {name: settings}", default="processes", source="")
+    executor: Any = nested(
+        help="where the runs are made: a name, or {name: settings}", default="processes", source="arbitrary"
+    )
 
 
 def read_study(path: str | Path) -> Study:

@@ -1,0 +1,85 @@
+"""Tasks on the workers of a Dask scheduler; those whose worker dies run again."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+from distributed import Client, LocalCluster, as_completed
+from distributed.scheduler import KilledWorker
+from opir_studies import LostTasksError
+
+from opir_core.errors import OpirError
+
+#: So many tasks are on their way per worker: enough to keep it busy, and few to run again if the study is stopped.
+_AHEAD = 4
+
+
+class DaskExecutor:
+    """Runs tasks on the cluster at an address, or on as many worker processes of this computer.
+
+    Dask runs a task again if its worker dies; one that was running at several deaths is lost (`LostTasksError`, after
+    the others have ended). Nothing is started before the first task.
+    """
+
+    def __init__(self, address: str, workers: int | None, timeout_s: float) -> None:
+        self._address, self._workers, self._timeout_s = address, workers, timeout_s
+        self._client: Client | None = None
+        self._cluster: LocalCluster | None = None
+
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield the index and the result of each task once, as they end."""
+        if not tasks:
+            return
+        client, lost = self._connected(), list[int]()
+        waiting = iter(range(len(tasks)))
+        number: dict[Any, int] = {}
+        running = as_completed()
+        ahead = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+
+        def submit() -> None:
+            index = next(waiting, None)
+            if index is not None:
+                # Not pure: the same task of two studies is not the same result to Dask.
+                future = client.submit(function, tasks[index], pure=False)
+                number[future] = index
+                running.add(future)
+
+        for _ in range(ahead):
+            submit()
+        for future in running:
+            index = number.pop(future)
+            if isinstance(future.exception(), KilledWorker):
+                lost.append(index)
+            else:
+                yield index, future.result()
+            submit()
+        if lost:
+            raise LostTasksError(sorted(lost))
+
+    def close(self) -> None:
+        """Leave the cluster, or end the workers of this computer; allowed several times."""
+        client, cluster = self._client, self._cluster
+        self._client = self._cluster = None
+        for each in (client, cluster):
+            if each is not None:
+                with suppress(OSError, TimeoutError):
+                    each.close()
+
+    def _connected(self) -> Client:
+        if self._client is None:
+            self._client = Client(self._place(), timeout=self._timeout_s) if not self._address else self._at_address()
+        return self._client
+
+    def _place(self) -> LocalCluster:
+        # Runs are Python: threads of one process would wait for each other. Nothing listens to the outside.
+        self._cluster = LocalCluster(
+            n_workers=self._workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        )
+        return self._cluster
+
+    def _at_address(self) -> Client:
+        try:
+            return Client(self._address, timeout=self._timeout_s)
+        except (OSError, TimeoutError, ValueError) as error:
+            words = f"no Dask scheduler answers at {self._address} within {self._timeout_s:g} s: {error}"
+            raise OpirError(f"{words}; start one with `dask scheduler`, or give its address") from error

@@ -1,0 +1,175 @@
+"""Metrics of tracks, from the scores of `opir_core.scoring`: completeness, accuracy, launch points, impact regions."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
+from opir_core.interfaces.results import MetricContext
+from opir_core.plugin import NoConfig
+from opir_core.scoring.coverage import coverage
+from opir_core.scoring.errors import point_errors, state_errors
+from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_run, ownership
+from opir_core.scoring.impacts import OLDEST_S, PHASES, ImpactScores, impact_scores, phase_scores
+from opir_core.simulation.run import Run
+from opir_studies.configs import ImpactConfig
+from opir_studies.metrics.detection_metrics import time_words
+
+
+@lru_cache(maxsize=1)
+def _evidence(run: Run) -> tuple[RunEvidence, Ownership]:
+    """Return a run's evidence and the owners of its tracks; the metrics of a run share them."""
+    evidence = evidence_of_run(run, run.plan)
+    return evidence, ownership(evidence)
+
+
+@frozen
+class TracksMetric:
+    """How completely the launches of a run are tracked, and how many tracks belong to none."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {"tracked": "", "completeness": "", "false_tracks": "", "tracks_a_launch": "", "first_track_s": "s"}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return the figures; `first_track_s` counts from the first detection."""
+        evidence, owners = _evidence(run)
+        found, launches = coverage(evidence, owners), len(run.plan.scene.targets)
+        return {
+            "tracked": np.count_nonzero(found.tracks) / launches if launches else np.nan,
+            "completeness": _mean(found.share),
+            "false_tracks": float(np.count_nonzero(owners.target < 0)),
+            "tracks_a_launch": _mean(found.tracks[found.tracks > 0].astype(np.float64)),
+            "first_track_s": _mean(found.first_track_s),
+        }
+
+
+def tracks_metric(_config: NoConfig, _context: MetricContext) -> TracksMetric:
+    """Return the metric `tracks`."""
+    return TracksMetric()
+
+
+@frozen
+class AccuracyMetric:
+    """Errors of the tracks' states, root mean square over the ticks at which the true state is known."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {"position_rmse_m": "m", "velocity_rmse_m_s": "m/s"}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return both errors; nan without tracks."""
+        errors = state_errors(*_evidence(run))
+        return {"position_rmse_m": _rms(errors.position_m), "velocity_rmse_m_s": _rms(errors.velocity_m_s)}
+
+
+def accuracy_metric(_config: NoConfig, _context: MetricContext) -> AccuracyMetric:
+    """Return the metric `accuracy`."""
+    return AccuracyMetric()
+
+
+@frozen
+class LaunchErrorMetric:
+    """Errors of the last launch estimates, root mean square over the launches with a track."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {"launch_error_m": "m", "launch_time_error_s": "s"}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return both errors; nan without launch estimates."""
+        errors = point_errors(*_evidence(run))
+        return {"launch_error_m": _rms(errors.launch_m), "launch_time_error_s": _rms(errors.launch_time_s)}
+
+
+def launch_error_metric(_config: NoConfig, _context: MetricContext) -> LaunchErrorMetric:
+    """Return the metric `launch_error`."""
+    return LaunchErrorMetric()
+
+
+@frozen
+class ImpactRegionMetric:
+    """Predicted impact regions of one containment at phases of the flight and at times since ignition.
+
+    For each instant: the median area over launches, the share of regions that contain the true impact, and the share of
+    launches with a true impact for which one is predicted.
+    """
+
+    place: int
+    phases: tuple[str, ...]
+    times_s: tuple[float, ...]
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {
+            name: unit for words in self._instants for name, unit in zip(_names(words), ("km2", "", ""), strict=True)
+        }
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return the figures of every instant; nan for those that no track reaches."""
+        evidence, owners = _evidence(run)
+        truth = evidence.plan.targets.truth()[: len(run.plan.scene.targets)]
+        landing = sum(bool(each.get("impact")) for each in truth)
+        found: dict[str, float] = {}
+        phase, scores = phase_scores(evidence, owners)
+        for name in self.phases:
+            found |= self._figures(_phase_words(name), scores.take(phase == PHASES.index(name)), landing)
+        every = impact_scores(evidence, owners) if self.times_s else scores
+        for time_s in self.times_s:
+            found |= self._figures(f"at_{time_words(time_s)}", every.take(_rows_at(evidence, every, time_s)), landing)
+        return found
+
+    @property
+    def _instants(self) -> list[str]:
+        return [*map(_phase_words, self.phases), *(f"at_{time_words(time_s)}" for time_s in self.times_s)]
+
+    def _figures(self, words: str, scores: ImpactScores, landing: int) -> dict[str, float]:
+        scores = scores.take(scores.has_impact)
+        area_km2, contained = scores.area_km2[:, self.place], scores.contained[:, self.place]
+        known = area_km2[np.isfinite(area_km2)]
+        values = (
+            float(np.median(known)) if len(known) else np.nan,
+            _mean(contained),
+            np.count_nonzero(scores.is_predicted) / landing if landing else np.nan,
+        )
+        return dict(zip(_names(words), values, strict=True))
+
+
+def impact_region_metric(config: ImpactConfig, _context: MetricContext) -> ImpactRegionMetric:
+    """Return the metric `impact_region`."""
+    place = int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - config.containment_percent / 100.0)))
+    return ImpactRegionMetric(place, config.phases, config.times_s)
+
+
+def _names(words: str) -> tuple[str, str, str]:
+    return f"impact_area_{words}_km2", f"impact_contained_{words}", f"impact_predicted_{words}"
+
+
+def _phase_words(phase: str) -> str:
+    return phase.replace(" % ", "_").replace(" ", "_")
+
+
+def _rows_at(evidence: RunEvidence, scores: ImpactScores, time_s: float) -> IntArray:
+    """Return the rows of the last estimates of each target up to a time since its ignition, none that is too old."""
+    oldest_s = max(OLDEST_S, evidence.plan.make_tracker().cadence_s or 0.0)
+    since_s = scores.tick_s - evidence.plan.targets.ignition_s[scores.target]
+    rows = np.flatnonzero((since_s <= time_s) & (since_s >= time_s - oldest_s))
+    # Rows are sorted by target and tick: the last one of each target.
+    return rows[np.append(np.diff(scores.target[rows]) != 0, True)] if len(rows) else rows
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) else np.nan
