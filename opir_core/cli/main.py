@@ -18,7 +18,6 @@ COMMANDS = {
     "validate": ("explain", "check a scene without simulating it"),
     "explain": ("explain", "show what a scene computes, and what it skips and why"),
     "score": ("score", "score the tracks of a run against the truth"),
-    "compare": ("score", "run a scene with several trackers, many times, and score them"),
     "plugins": ("components", "list the installed plugins and their components"),
     "describe": ("components", "show the settings of a component: units, ranges, defaults, sources"),
     "physics": ("physics", "evaluate a radiometric formula"),

@@ -1,4 +1,4 @@
-"""`opir score` scores the tracks of a run against the truth, `opir compare` several trackers on the same scenes."""
+"""`opir score` scores the tracks of a run against the truth; tables of scorecards."""
 
 import argparse
 import json
@@ -8,12 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from opir_core.cli.scene_arguments import add_overrides
-from opir_core.cli.terminal import progress, table
+from opir_core.cli.terminal import table
 from opir_core.errors import Problem, SceneError
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scoring import scorecard
-from opir_core.scoring.comparison import compared
 from opir_core.scoring.evidence import evidence_of_files
 from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings, by_class
 
@@ -31,7 +29,7 @@ def score_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
     )
     parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
-    _add_settings(parser)
+    add_settings(parser)
 
 
 def score(arguments: argparse.Namespace) -> int:
@@ -48,56 +46,7 @@ def score(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def compare_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene, the trackers, the number of runs, the score settings and the output format."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
-    parser.add_argument(
-        "--tracker",
-        metavar="NAME",
-        action="append",
-        dest="trackers",
-        help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
-    )
-    parser.add_argument(
-        "--runs", metavar="N", type=int, default=20, help="runs of each tracker, with consecutive seeds (default 20)"
-    )
-    parser.add_argument(
-        "--workers",
-        metavar="N",
-        type=int,
-        default=1,
-        help="number of worker processes (default 1; timings inflate with more than one)",
-    )
-    add_overrides(parser)
-    _add_settings(parser)
-
-
-def compare(arguments: argparse.Namespace) -> int:
-    """Run the scene with every tracker and print the scores."""
-    if arguments.runs < 1:
-        raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")], source=_HERE)
-    if arguments.workers < 1:
-        problem = f"{arguments.workers} is not a number of processes; give 1 or more"
-        raise SceneError([Problem("--workers", problem)], source=_HERE)
-    with progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
-        cards = compared(
-            arguments.scene,
-            trackers=arguments.trackers,
-            runs=arguments.runs,
-            overrides=arguments.overrides,
-            settings=settings_of(arguments),
-            workers=arguments.workers,
-            on_run=on_run,
-        )
-    plain = {name: card.as_plain() for name, card in cards.items()}
-    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else as_text(cards)) + "\n")
-    return 0
-
-
-_HERE = "command line"
-
-
-def _add_settings(parser: argparse.ArgumentParser) -> None:
+def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the score settings and the output format."""
     parser.add_argument(
         "--bin-s", type=float, default=20.0, help="bin width of the time since ignition, s (default 20)"

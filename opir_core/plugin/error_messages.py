@@ -43,6 +43,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
     "opir-studies": (
+        "commands.compare",
         "commands.sweep",
         "executors.processes",
         "executors.serial",

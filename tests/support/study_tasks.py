@@ -26,3 +26,7 @@ def doubled_or_always_killed(number: int) -> int:
 
 def own_number(_task: int) -> int:
     return os.getpid()
+
+
+def killed(_task: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)

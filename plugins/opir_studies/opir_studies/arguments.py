@@ -3,6 +3,7 @@
 import argparse
 
 from opir_core.cli.scene_arguments import add_overrides
+from opir_core.cli.score import add_settings
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,3 +47,27 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def compare_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, the trackers, the number of runs, the score settings and the output format."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument(
+        "--tracker",
+        metavar="NAME",
+        action="append",
+        dest="trackers",
+        help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
+    )
+    parser.add_argument(
+        "--runs", metavar="N", type=int, default=20, help="runs of each tracker, with consecutive seeds (default 20)"
+    )
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=1,
+        help="number of worker processes (default 1; timings inflate with more than one)",
+    )
+    add_overrides(parser)
+    add_settings(parser)

@@ -7,7 +7,10 @@ from typing import Any
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
 from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig
 
-_SWEEP = "run a scene over many settings and seeds, and print metrics with intervals"
+_SUMMARIES = {
+    "compare": "run a scene with several trackers, many times, and score them",
+    "sweep": "run a scene over many settings and seeds, and print metrics with intervals",
+}
 
 
 def _built_by(module: str, name: str) -> Callable[[Any, Any], Any]:
@@ -77,11 +80,12 @@ def opir_executors() -> Iterable[ExecutorModel]:
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir sweep`."""
+    """Add `opir sweep` and `opir compare`."""
     arguments = import_module("opir_studies.arguments")
-    parser = commands.add_parser("sweep", help=_SWEEP, description=f"{_SWEEP[0].upper()}{_SWEEP[1:]}.")
-    arguments.sweep_arguments(parser)
-    parser.set_defaults(run=_run("sweep_command", "sweep_command"))
+    for name, summary in _SUMMARIES.items():
+        parser = commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        getattr(arguments, f"{name}_arguments")(parser)
+        parser.set_defaults(run=_run(f"{name}_command", name))
 
 
 def _run(module: str, name: str) -> Callable[[Any], int]:

@@ -19,16 +19,19 @@ from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study
-from opir_studies.sweeping import StudyProgress, sweep
+from opir_studies.sweeping import StudyProgress
+from opir_studies.sweeping import sweep as result_of_sweep
 
 _HERE = "command line"
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
+#: Means from here on are printed to three digits.
+_LARGE = 1e5
 #: The most figures that are printed, the first of each metric, unless the user names them.
 _MOST_FIGURES = 4
 
 
-def sweep_command(arguments: argparse.Namespace) -> int:
+def sweep(arguments: argparse.Namespace) -> int:
     """Run the study of the arguments and print its results."""
     study = study_of(arguments)
     if arguments.workers is not None and arguments.workers < 1:
@@ -36,7 +39,7 @@ def sweep_command(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
     with _progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
         try:
-            result = sweep(study, folder, workers=arguments.workers, on_progress=on_progress)
+            result = result_of_sweep(study, folder, workers=arguments.workers, on_progress=on_progress)
         except KeyboardInterrupt:
             sys.stderr.write(f"stopped; finished runs are kept in {folder}, and the same command continues\n")
             raise
@@ -176,6 +179,8 @@ def _cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high:
         return "-"
     if not math.isfinite(row[low]):
         return f"{row[mean]:.4g}"
+    if abs(row[mean]) >= _LARGE:
+        return f"{row[mean]:.3g} [{row[low]:.3g}, {row[high]:.3g}]"
     digits = _digits(row[mean], row[high] - row[low])
     return f"{row[mean]:.{digits}f} [{row[low]:.{digits}f}, {row[high]:.{digits}f}]"
 

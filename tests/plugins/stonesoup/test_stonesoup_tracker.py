@@ -11,6 +11,7 @@ from opir_stonesoup.models import EarthFixedTransition, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
 from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
+from opir_studies.comparison import compared
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
 from stonesoup.predictor.particle import ParticlePredictor
@@ -30,7 +31,6 @@ from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import compile_plan
-from opir_core.scoring.comparison import compared
 from opir_core.simulation.run import plan_windows, run_of_plan
 
 SCENE = "examples/first_light.yaml"

@@ -3,10 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
 from typing import NamedTuple
 
 from attrs import evolve
@@ -22,6 +19,8 @@ from opir_core.scene.scene import Scene
 from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run
 from opir_core.simulation.run import run_of_plan
+from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
+from opir_studies.runs import worker_host
 
 
 class TimedTracker:
@@ -76,14 +75,9 @@ def compared(
     # All scenes are read before the first run, so that errors in any of them appear at once.
     scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
-    results, cards = _scored_runs(tasks, workers, host), {}
-    for label in scenes:
-        scored = []
-        for number in range(runs):
-            scored.append(next(results))
-            on_run(label, number + 1)
-        cards[label] = scorecard_of(scored, settings)
-    return cards
+    scored = _scored_runs(tasks, list(scenes), workers, on_run)
+    rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
+    return {label: scorecard_of(own, settings) for label, own in rows.items()}
 
 
 def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
@@ -104,22 +98,30 @@ class _Task(NamedTuple):
     settings: ScoreSettings
 
 
-def _scored_runs(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[ScoredRun]:
-    """Yield scored runs in order, several at once."""
-    if min(workers, len(tasks)) < 2:
-        yield from (_scored(task, host) for task in tasks)
-        return
-    # Not forked: other threads, such as a progress bar's, may hold locks.
-    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=get_context("spawn")) as pool:
-        try:
-            yield from pool.map(_scored, tasks)
-        except BrokenProcessPool as error:
-            words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
-            raise OpirError(words) from error
+def _scored_runs(
+    tasks: Sequence[_Task], labels: Sequence[str], workers: int, on_run: Callable[[str, int], None]
+) -> Sequence[ScoredRun]:
+    """Return scored runs in the order of their tasks, made by an executor."""
+    workers, runs = min(workers, len(tasks)), len(tasks) // len(labels)
+    executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers)
+    found: dict[int, ScoredRun] = {}
+    done = dict.fromkeys(labels, 0)
+    try:
+        for index, scored in executor.results(_scored, tasks):
+            found[index] = scored
+            label = labels[index // runs]
+            done[label] += 1
+            on_run(label, done[label])
+    except LostTasksError as error:
+        words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
+        raise OpirError(words) from error
+    finally:
+        executor.close()
+    return [found[index] for index in range(len(tasks))]
 
 
-def _scored(task: _Task, host: Host | None = None) -> ScoredRun:
-    plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), host)
+def _scored(task: _Task) -> ScoredRun:
+    plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), worker_host())
     timed = TimedTracker(plan.make_tracker())
     run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
     return scored_run(evidence_of_run(run, plan, timed.seconds), task.settings)

@@ -1,0 +1,34 @@
+"""`opir compare`: several trackers on the same runs of a scene."""
+
+import argparse
+import json
+import sys
+
+from opir_core.cli.score import as_text, settings_of
+from opir_core.cli.terminal import progress
+from opir_core.errors import Problem, SceneError
+from opir_studies.comparison import compared
+
+_HERE = "command line"
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    """Run the scene with every tracker and print the scores."""
+    if arguments.runs < 1:
+        raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")], source=_HERE)
+    if arguments.workers < 1:
+        problem = f"{arguments.workers} is not a number of processes; give 1 or more"
+        raise SceneError([Problem("--workers", problem)], source=_HERE)
+    with progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
+        cards = compared(
+            arguments.scene,
+            trackers=arguments.trackers,
+            runs=arguments.runs,
+            overrides=arguments.overrides,
+            settings=settings_of(arguments),
+            workers=arguments.workers,
+            on_run=on_run,
+        )
+    plain = {name: card.as_plain() for name, card in cards.items()}
+    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else as_text(cards)) + "\n")
+    return 0
