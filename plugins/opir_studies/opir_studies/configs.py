@@ -69,7 +69,12 @@ class ImpactConfig:
     """The settings of the metric `impact_region`."""
 
     containment_percent: float = number(
-        help="containment of the regions: 50, 90 or 95", default=95.0, unit="%", minimum=50.0, maximum=95.0, source=""
+        help="containment of the regions: 50, 90 or 95",
+        default=95.0,
+        unit="%",
+        minimum=50.0,
+        maximum=95.0,
+        source="convention",
     )
     phases: tuple[str, ...] = nested(
         help="phases of the flight",
