@@ -14,7 +14,9 @@ class DaskConfig:
     """The settings of the executor `dask`."""
 
     address: str = text(
-        help="address of a scheduler, tcp://HOST:8786; '' starts workers on this computer", default="", source=""
+        help="address of a scheduler, tcp://HOST:8786; '' starts workers on this computer",
+        default="",
+        source="arbitrary",
     )
     workers: int | None = number(
         help="number of workers on this computer; --workers takes precedence",
