@@ -65,7 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BaseException as error:
         # argparse ends the program with SystemExit, and so may commands of plugins.
         is_meant = isinstance(error, SystemExit) and not (arguments is not None and is_core)
-        if is_meant or (is_debugged and not hasattr(error, "exit_code")):
+        # With `--debug` also the tracebacks of plugins, whose exceptions are the causes of opir's own errors.
+        if is_meant or (is_debugged and not (hasattr(error, "exit_code") and error.__cause__ is None)):
             raise
         from opir_core.cli.error_report import report
 

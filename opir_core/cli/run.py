@@ -18,7 +18,7 @@ from attrs import asdict
 
 from opir_core.cli.answers import answers, point_text
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
-from opir_core.cli.terminal import grouped, progress, table
+from opir_core.cli.terminal import grouped, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
 from opir_core.output.delivery import RunOutcome, deliver
 from opir_core.output.pump import SinkReport
@@ -48,7 +48,17 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate the scene."""
+    """Simulate the scene; what plugins print goes to standard error."""
+    with prints_on_standard_error():
+        scene, outcome, files = _simulated(arguments)
+    written = {} if outcome.incomplete else {what: path for what, path in files.items() if path is not None}
+    _print_summary(arguments, scene, outcome, written)
+    outcome.raise_for_failures()
+    return 0
+
+
+def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[str, Path | None]]:
+    """Return the scene, the outcome of its run, and the paths of its files."""
     host = Host.discover()
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
@@ -69,10 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
             manifest_path=manifest,
             on_window=lambda window: update(scene.name, window.end_s),
         )
-    written = {} if outcome.incomplete else {what: path for what, path in files.items() if path is not None}
-    _print_summary(arguments, scene, outcome, written)
-    outcome.raise_for_failures()
-    return 0
+    return scene, outcome, files
 
 
 @contextmanager

@@ -1,7 +1,11 @@
 """Text for terminals: tables, numbers and progress bars. Tables are the same on a terminal and in a file."""
 
+import io
+import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int] = ()) -> str:
@@ -34,6 +38,52 @@ def progress(total: float, *, is_shown: bool) -> Iterator[Callable[[str, float],
             bar.update(tasks[name], completed=completed)
 
         yield update
+
+
+class _Diverted(io.TextIOBase):
+    """Standard output during a run: text goes to standard error, `fileno` is that of the true standard output."""
+
+    def __init__(self, descriptor: int | None) -> None:
+        self._descriptor = descriptor
+
+    @property
+    def buffer(self) -> Any:
+        return sys.stderr.buffer
+
+    def write(self, text: str) -> int:
+        return sys.stderr.write(text)
+
+    def flush(self) -> None:
+        sys.stderr.flush()
+
+    def fileno(self) -> int:
+        if self._descriptor is None:
+            raise OSError("standard output has no file descriptor")
+        return self._descriptor
+
+
+@contextmanager
+def prints_on_standard_error() -> Iterator[None]:
+    """Send what is printed, also by libraries in C, to standard error; only the sinks write to standard output."""
+    outer = sys.stdout
+    try:
+        outer.flush()
+        descriptor = outer.fileno()
+        kept: int | None = os.dup(descriptor)
+        os.dup2(_STANDARD_ERROR, descriptor)
+    except (OSError, ValueError, AttributeError):
+        descriptor, kept = -1, None
+    try:
+        sys.stdout = _Diverted(kept)
+        yield
+    finally:
+        sys.stdout = outer
+        if kept is not None:
+            os.dup2(kept, descriptor)
+            os.close(kept)
+
+
+_STANDARD_ERROR = 2
 
 
 def _line(row: Sequence[str], widths: Sequence[int], numbers: Sequence[int]) -> str:

@@ -12,11 +12,13 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
+from opir_core.output.checked_parts import checked_encoder, checked_sink, is_of_core
 from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
 from opir_core.output.transaction import OutputFiles
 from opir_core.planning.plan import Plan, built
+from opir_core.plugin.boundary import check_hint, owner_text
 from opir_core.plugin.components import EventEncoder
 from opir_core.scene.scene import Choice
 from opir_core.simulation.manifest import run_manifest
@@ -139,8 +141,11 @@ def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mappin
     return sinks
 
 
-def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None) -> Sink:
-    """Return the sink of a scene's output, open; `stage` as in `SinkContext`."""
+def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, *, is_checked: bool = True) -> Sink:
+    """Return the sink of a scene's output, open; `stage` as in `SinkContext`.
+
+    Unless it is not to be checked, a plugin's sink is behind the boundary of `checked_parts`.
+    """
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(
         make_encoder=make_encoder,
@@ -152,7 +157,9 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None) 
     made: Any = built(plan.host, choice, context)
     if choice.spool is None and not isinstance(made, Transport):
         sink: Sink = made
-        return sink
+        component = plan.host.component(choice.hook, choice.name)
+        owner = partial(owner_text, plan.host, choice)
+        return sink if not is_checked or is_of_core(component) else checked_sink(sink, owner, check_hint(choice.name))
     from opir_core.output.spool.transport_sink import transport_sink
 
     return transport_sink(choice, made, make_encoder, plan.sensors)
@@ -172,5 +179,7 @@ def _encoder(plan: Plan, choice: Choice) -> Encoder:
     """Return the encoder of an output."""
     component = _encoder_model(plan, choice)
     context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
-    encoder: Encoder = component.build(component.config(), context)
-    return encoder
+    chosen = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
+    encoder: Encoder = built(plan.host, chosen, context, component.config())
+    owner = partial(owner_text, plan.host, chosen)
+    return encoder if is_of_core(component) else checked_encoder(encoder, owner, check_hint(component.name))

@@ -11,9 +11,10 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.errors import ModelError, OpirError, kind_of
+from opir_core.errors import ModelError, kind_of
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
+from opir_core.planning.built_parts import sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.reported_types import paper_codes, reported_types, with_paper_types
 from opir_core.planning.sensor_states import PointingBias, SensorStates
@@ -22,7 +23,7 @@ from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.visibility import compile_pairs
 from opir_core.planning.work import Workload
-from opir_core.plugin.error_messages import described_error
+from opir_core.plugin.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
@@ -119,8 +120,15 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     for more work than `scene.limits` accept.
     """
     host = host or Host.discover()
+    with PluginErrors(host, scene):
+        plan = _compiled(scene, host)
+    plan.workload.require_run()
+    return plan
+
+
+def _compiled(scene: Scene, host: Host) -> Plan:
     sensors: tuple[Sensor, ...] = tuple(
-        built(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
+        _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
     )
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
@@ -134,7 +142,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
-    plan = Plan(
+    return Plan(
         scene=scene,
         host=host,
         sensors=sensors,
@@ -149,13 +157,12 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         reported_types=reported_types(scene, host),
         exclusions=exclusions,
     )
-    plan.workload.require_run()
-    return plan
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
-    models = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
+    with PluginErrors(plan.host, plan.scene):
+        models = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
     return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
 
 
@@ -167,6 +174,16 @@ def whole_flights(plan: Plan) -> Targets:
     scene, rows = plan.scene, _rows_by_model(plan.scene)
     trajectories = [_trajectories(scene, plan.host, places, True) for places in rows]
     return join_targets([target.id for target in scene.targets], trajectories, rows)
+
+
+def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
+    """Return a sensor; raises `ModelError` if what its component builds is none, or has values out of range."""
+    sensor: Sensor = built(host, choice, context)
+    hint = check_hint(choice.name)
+    fault = blamed_call(lambda: owner_text(host, choice), hint, "orbit or scan", lambda: sensor_fault(sensor))
+    if fault:
+        raise ModelError(f"{owner_text(host, choice)}: build made {fault}; {hint}")
+    return sensor
 
 
 def _models(
@@ -224,23 +241,9 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
     Raises `ModelError` that names the component and its owner if it fails.
     """
     component = host.component(choice.hook, choice.name, choice.path)
-    try:
-        return component.build(choice.config if config is None else config, context)
-    except OpirError:
-        raise
-    except Exception as error:
-        raise ModelError(f"{owner_text(host, choice)}: build raised {described_error(error)}") from error
-
-
-def owner_text(host: Host, choice: Choice) -> str:
-    """Return the beginning of a message: a component with its path in the scene and its owner."""
-    kind, owner = host.component(choice.hook, choice.name).kind, host.provenance(choice.hook, choice.name)
-    return f"{choice.path}: the {kind} {choice.name!r} of {owner}"
-
-
-def check_hint(name: str) -> str:
-    """Return the end of a message about a broken component: the command that tests it."""
-    return f"`opir check {name}` shows what is required"
+    settings = choice.config if config is None else config
+    hint = check_hint(choice.name)
+    return blamed_call(lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context))
 
 
 def _tracker_fault(part: Any) -> str:
@@ -303,6 +306,10 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
     )
     configs = [target.model.config for target in chosen]
     trajectories: Trajectories = built(host, chosen[0].model, context, configs)
+    fault = trajectories_fault(trajectories, len(chosen))
+    if fault:
+        owner = owner_text(host, chosen[0].model)
+        raise ModelError(f"{owner}: build made trajectories with {fault}; {check_hint(chosen[0].model.name)}")
     return trajectories
 
 

@@ -185,8 +185,8 @@ def described_error(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text in one line, cut after 300 characters."""
-    line = " ".join(text.split())
+    """Return a text in one line, cut after 300 characters, with control characters escaped."""
+    line = "".join(char if char.isprintable() else repr(char)[1:-1] for char in " ".join(text.split()))
     return line if len(line) <= _LONGEST_WORDS else f"{line[:_LONGEST_WORDS]}…"
 
 
@@ -207,6 +207,15 @@ def _place(error: BaseException) -> str:
         lines.append((trace.tb_frame, trace.tb_lineno))
         trace = trace.tb_next
     return _place_among(lines)
+
+
+def is_of_plugin(frame: FrameType) -> bool:
+    """Return whether a frame is of a package outside the core, Python's own library, numpy and scipy."""
+    path = PurePath(frame.f_code.co_filename)
+    root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+    if not _LIBRARIES.isdisjoint(path.parent.parts) or str(path).startswith("<frozen ") or root in stdlib_module_names:
+        return False
+    return not path.is_relative_to(_CORE)
 
 
 def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:

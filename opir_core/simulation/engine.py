@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import evolve
+from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Measured
@@ -18,12 +18,19 @@ from opir_core.interfaces.records import Detections, DetectionTruth, Window
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Pairs
+from opir_core.plugin.boundary import PluginErrors
 from opir_core.random_streams.detection_ids import stream_key_words
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.random_streams.philox import uniforms_of
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.confirmation import Confirmation
 from opir_core.simulation.measurement import DetectionBuilder, Hits, with_tracks
+from opir_core.simulation.output_checks import (
+    checked_confirmation,
+    checked_measured,
+    checked_probability,
+    checked_types,
+)
 from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
@@ -41,16 +48,22 @@ class Engine:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.time_ns = 0
+        self._plugin_errors = PluginErrors(plan.host, plan.scene)
+        with self._plugin_errors:
+            self._prepare(plan)
+
+    def _prepare(self, plan: Plan) -> None:
         self._names = plan.pair_names()
         self._geometry = plan.look_geometry()
         self._streams = PairStreams(plan.scene.seed, self._names, plan.scan_names())
-        scene, pairs = plan.scene, plan.pairs
+        scene = plan.scene
         self._builder = DetectionBuilder(
             geometry=self._geometry,
             detection=plan.detection,
             classifier=plan.classifier,
             confidence=plan.confidence,
-            pair_type=plan.classifier.pair_type(pairs.sensor, pairs.target, self._streams.of_pairs()),
+            pair_type=_pair_types(plan, self._streams),
+            types=len(plan.reported_types),
             id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
             band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
         )
@@ -87,7 +100,14 @@ class Engine:
         return self._scheduled
 
     def advance(self, end_ns: int) -> Window:
-        """Return the window of observations from the end of the last one to `end_ns`, whenever they are reported."""
+        """Return the window of observations from the end of the last one to `end_ns`, whenever they are reported.
+
+        Raises `ModelError` for what a component raises or returns wrongly.
+        """
+        with self._plugin_errors:
+            return self._advanced(end_ns)
+
+    def _advanced(self, end_ns: int) -> Window:
         start_ns, self.time_ns = self.time_ns, end_ns
         looks = Looks.between(self.plan.pairs, start_ns, end_ns)
         numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
@@ -173,7 +193,12 @@ class Engine:
         if not len(hits):
             return None
         dice = numbers.of(hits.row, hits.pair, hits.direction_words)
-        measured = interpolant.measured(hits.row, self.plan.pairs.sensor[hits.pair], dice, hits.probability)
+        measured = checked_measured(
+            interpolant.measured(hits.row, self.plan.pairs.sensor[hits.pair], dice, hits.probability),
+            len(hits),
+            int(self._builder.band_totals.max()),
+            "measure_response",
+        )
         return measured if self._builder.classifies_measurements else evolve(measured, band_noise_w_m2=None)
 
     def _order(self, time_ns: IntArray, pair: IntArray) -> IntArray:
@@ -190,9 +215,10 @@ class Engine:
         pairs, model = self.plan.pairs, self.plan.detection
         of_pair = model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
         if interpolant is not None:
-            probability = interpolant.probability()
+            probability = checked_probability(interpolant.probability(), len(looks.pair), "response")
         elif of_pair is not None:
-            probability = np.repeat(checked_probability(of_pair, len(looks.active)), looks.scans)
+            of_pair = checked_probability(of_pair, len(looks.active), "pair_probability")
+            probability = np.repeat(of_pair, looks.scans)
         else:
             parts = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
             probability = np.concatenate([*parts, np.empty(0)])
@@ -208,6 +234,13 @@ class Engine:
         return checked_probability(model.probability(exposed), len(exposed))
 
 
+def _pair_types(plan: Plan, streams: PairStreams) -> NDArray[np.uint8] | None:
+    """Return the reported types (pairs,) of a classifier that goes by pairs, else None."""
+    pairs = plan.pairs
+    codes = plan.classifier.pair_type(pairs.sensor, pairs.target, streams.of_pairs())
+    return None if codes is None else checked_types(codes, len(pairs), len(plan.reported_types), "pair_type")
+
+
 def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
     """Return the interpolated P_d of a plan, if its detection model allows interpolation."""
     model = plan.detection
@@ -221,9 +254,12 @@ def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant 
 def _confirmation(plan: Plan) -> Confirmation | None:
     """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
     model = plan.detection
-    if not isinstance(model, ConfirmingModel) or not np.any(model.confirmation[:, 0] > 1):
+    if not isinstance(model, ConfirmingModel):
         return None
-    needed, scans = model.confirmation[plan.pairs.sensor].T
+    confirmation = checked_confirmation(model.confirmation, len(plan.sensors))
+    if not np.any(confirmation[:, 0] > 1):
+        return None
+    needed, scans = confirmation[plan.pairs.sensor].T
     return Confirmation(needed, scans)
 
 
@@ -243,6 +279,7 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | 
         names=names,
         id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, [(name, "\x1fnoise") for name in names]),
         exclusions=geometry.exclusions,
+        types=len(plan.reported_types),
     )
 
 
@@ -269,12 +306,3 @@ def _measured_columns(measured: Measured) -> dict[str, Any]:
         "band_irradiance_w_m2": measured.band_irradiance_w_m2,
     }
     return {name: column for name, column in columns.items() if column is not None}
-
-
-def checked_probability(probability: FloatArray, rows: int) -> FloatArray:
-    """Return the probabilities of a detection model; raises `ModelError` for a wrong shape or values outside [0, 1]."""
-    if np.shape(probability) != (rows,):
-        raise ModelError(f"the detection model returned shape {np.shape(probability)} for {rows} rows")
-    if not np.all((probability >= 0.0) & (probability <= 1.0)):
-        raise ModelError("the detection model returned a probability that is not in [0, 1]")
-    return probability

@@ -24,8 +24,9 @@ from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.random_streams.detection_ids import uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
-from opir_core.scene.scene import UNKNOWN_TYPE
+from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 from opir_core.simulation.measurement import classified, classifier_inputs, confidences
+from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
 
 
 @frozen(eq=False)
@@ -88,9 +89,12 @@ class FalseAlarmGenerator:
         names: Sequence[str],
         id_keys: WordArray,
         exclusions: Sequence[SolarExclusion | None] = (),
+        types: int = len(REPORTED_TYPES),
     ) -> None:
+        self._types_total = types
         self._model, self._classifier, self._confidence, self._states = model, classifier, confidence, states
-        rate, sensors = model.rate_per_scan, states.sensors
+        sensors = states.sensors
+        rate = checked_rates(model.rate_per_scan, len(sensors))
         self._streams = {
             number: FalseAlarmStream(sensors[number], number, names[number], seed, float(rate[number]), model.words)
             for number in np.flatnonzero(rate > 0.0).tolist()
@@ -138,9 +142,10 @@ class FalseAlarmGenerator:
         return phase_ns
 
     def _measured(self, noise: _Placed) -> "FalseAlarms":
-        measured = self._model.measure_noise(noise.sensor, noise.uniforms)
+        rows, bands = len(noise.time_ns), int(self._band_totals.max())
+        noise_only = self._model.measure_noise(noise.sensor, noise.uniforms)
+        measured = checked_measured(noise_only, rows, bands, "measure_noise")
         sightings = self._classifier_inputs(noise, measured)
-        rows = len(noise.time_ns)
         none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
         reported_type, log_probability = self._types(sightings)
@@ -189,13 +194,13 @@ class FalseAlarmGenerator:
         nobody = np.empty(0, dtype=np.int32)
         if self._classifier.pair_type(nobody, nobody, _NoDice()) is not None:
             return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
-        return classified(self._classifier, sightings, _NoDice(len(sightings)))
+        return classified(self._classifier, sightings, _NoDice(len(sightings)), self._types_total)
 
 
 def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
     """Return the detections (sensors,) that a reported false alarm consists of."""
     if isinstance(model, ConfirmingModel):
-        return model.confirmation[:, 0].astype(np.int32)
+        return checked_confirmation(model.confirmation, sensors)[:, 0].astype(np.int32)
     return np.ones(sensors, dtype=np.int32)
 
 

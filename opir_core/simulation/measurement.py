@@ -5,7 +5,6 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
-from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.optional import PosteriorClassifier, TypeConfidence
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured, RandomDraws
@@ -15,6 +14,13 @@ from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import uuid8_words
 from opir_core.random_streams.pair_streams import RowDraws, WindowNumbers
 from opir_core.random_streams.philox import normal_pairs
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.output_checks import (
+    checked_confidence,
+    checked_log_probability,
+    checked_measured,
+    checked_types,
+)
 
 #: The number of bits set in each byte.
 BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
@@ -41,7 +47,8 @@ class DetectionBuilder:
     """Builds detections of hits, block by block.
 
     `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one that uses measurements;
-    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands.
+    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands,
+    `types` the number of types that events may report.
     """
 
     geometry: LookGeometry
@@ -51,6 +58,7 @@ class DetectionBuilder:
     pair_type: NDArray[np.uint8] | None
     id_keys: WordArray
     band_totals: IntArray
+    types: int = len(REPORTED_TYPES)
 
     @property
     def classifies_measurements(self) -> bool:
@@ -64,11 +72,8 @@ class DetectionBuilder:
         dice, states = numbers.of(hits.row, hits.pair, hits.direction_words), self.geometry.states
         time_s = hits.time_ns.astype(np.float64) * 1e-9
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
-        measured = self.detection.measure(exposed, dice) if measured is None else measured
-        required = (len(hits), int(self.band_totals.max()))
-        if measured.band_irradiance_w_m2 is not None and measured.band_irradiance_w_m2.shape != required:
-            shape = measured.band_irradiance_w_m2.shape
-            raise ModelError(f"the detection model measured irradiances of shape {shape}, not {required}")
+        if measured is None:
+            measured = checked_measured(self.detection.measure(exposed, dice), len(hits), int(self.band_totals.max()))
         total = self.band_totals[exposed.sensor]
         sightings = classifier_inputs(
             measured,
@@ -115,7 +120,7 @@ class DetectionBuilder:
 
     def _types(self, sightings: ClassifierInputs, hits: Hits, dice: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
         if self.pair_type is None:
-            return classified(self.classifier, sightings, dice)
+            return classified(self.classifier, sightings, dice, self.types)
         return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
 
 
@@ -148,13 +153,17 @@ def classifier_inputs(
 
 
 def classified(
-    classifier: Classifier, sightings: ClassifierInputs, dice: RandomDraws
+    classifier: Classifier, sightings: ClassifierInputs, dice: RandomDraws, types: int = len(REPORTED_TYPES)
 ) -> tuple[NDArray[np.uint8], FloatArray]:
     """Return reported types (n,) and ln of the type probabilities (n, 4), or (n, 0) if the classifier has none."""
+    rows = len(sightings)
     if not isinstance(classifier, PosteriorClassifier):
-        return classifier.reported_type(sightings, dice), np.empty((len(sightings), 0))
-    log_probability = classifier.log_posterior(sightings)
-    return classifier.reported(log_probability), log_probability
+        codes = checked_types(classifier.reported_type(sightings, dice), rows, types, "reported_type")
+        return codes, np.empty((rows, 0))
+    log_probability = checked_log_probability(
+        classifier.log_posterior(sightings), rows, len(REPORTED_TYPES), "log_posterior"
+    )
+    return checked_types(classifier.reported(log_probability), rows, types, "reported"), log_probability
 
 
 def confidences(
@@ -162,8 +171,8 @@ def confidences(
 ) -> FloatArray:
     """Return confidences (n,) of detections with reported types (n,) and ln of the type probabilities (n, 4)."""
     if isinstance(model, TypeConfidence):
-        return model.of_types(reported_type, log_probability)
-    return model.confidence(sightings)
+        return checked_confidence(model.of_types(reported_type, log_probability), len(sightings), "of_types")
+    return checked_confidence(model.confidence(sightings), len(sightings), "confidence")
 
 
 def with_tracks(
@@ -182,12 +191,14 @@ def with_tracks(
         return detections
     of_track = estimates.type_probability[detections.estimate[rows]]
     log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
-    log_probability[rows] = classifier.revised(log_probability[rows], of_track)
-    reported[rows] = classifier.reported(log_probability[rows])
-    revised = evolve(detections, type_log_probability=log_probability, reported_type=reported)
+    revised = classifier.revised(log_probability[rows], of_track)
+    log_probability[rows] = checked_log_probability(revised, len(rows), log_probability.shape[1], "revised")
+    reported[rows] = checked_types(classifier.reported(log_probability[rows]), len(rows), 256, "reported")
+    changed = evolve(detections, type_log_probability=log_probability, reported_type=reported)
     if not isinstance(confidence, TypeConfidence):
-        return revised
-    return evolve(revised, confidence=confidence.of_types(reported, log_probability))
+        return changed
+    of_types = confidence.of_types(reported, log_probability)
+    return evolve(changed, confidence=checked_confidence(of_types, len(detections), "of_types"))
 
 
 def measured_lines_of_sight(

@@ -7,13 +7,14 @@ import numpy as np
 from attrs import evolve, fields, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import IntArray
-from opir_core.errors import ModelError, OpirError, kind_of
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.errors import ModelError
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
-from opir_core.planning.plan import Plan, check_hint, owner_text
-from opir_core.plugin.error_messages import described_error
+from opir_core.planning.plan import Plan
+from opir_core.plugin.boundary import blamed_call, check_hint, owner_text
+from opir_core.simulation.output_checks import outline
 
 _NS = 1_000_000_000
 
@@ -142,7 +143,7 @@ class CheckedTracker:
         """Return the track numbers (n,) of detections."""
         track = self._called("associate", lambda: self._tracker.associate(detections))
         if not _are_whole(track, len(detections)):
-            raise self._error(f"associate returned {_outline(track)} for {len(detections)} detections; {_REQUIRED}")
+            raise self._error(f"associate returned {outline(track)} for {len(detections)} detections; {_REQUIRED}")
         if len(track) and track.min() < -1:
             raise self._error(f"associate returned the track {track.min()}; {_REQUIRED}")
         numbers: IntArray = track
@@ -164,12 +165,7 @@ class CheckedTracker:
             self._called("set_sensors", lambda: tracker.set_sensors(sensors))
 
     def _called(self, method: str, call: Callable[[], Any]) -> Any:
-        try:
-            return call()
-        except OpirError:
-            raise
-        except Exception as error:
-            raise self._error(f"{method} raised {described_error(error)}") from error
+        return blamed_call(self._owner, self._hint, method, call)
 
     def _error(self, words: str) -> ModelError:
         return ModelError(f"{self._owner()}: {words}; {self._hint}")
@@ -179,17 +175,10 @@ def _are_whole(numbers: Any, count: int) -> bool:
     return isinstance(numbers, np.ndarray) and numbers.dtype.kind in "iu" and numbers.shape == (count,)
 
 
-def _outline(output: Any) -> str:
-    """Return a short description of an output: `float64 (3,)`, `None`, `a list`."""
-    if isinstance(output, np.ndarray):
-        return f"{output.dtype} {output.shape}"
-    return kind_of(output)
-
-
 def _fault(estimates: Any, tick_s: float) -> str:
     """Return what is wrong with the estimates of a tick, or ""."""
     if not isinstance(estimates, Tracks):
-        return f"returned {_outline(estimates)}, no opir_core.interfaces.records.Tracks"
+        return f"returned {outline(estimates)}, no opir_core.interfaces.records.Tracks"
     times: Any = estimates.tick_s
     rows = times.size if isinstance(times, np.ndarray) else 0
     for name, shape in _SHAPES.items():
@@ -197,7 +186,7 @@ def _fault(estimates: Any, tick_s: float) -> str:
         kinds = _KINDS.get(name, "fiu")
         if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (rows, *shape):
             shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
-            return f"returned {name} as {_outline(column)}, not {shapes}"
+            return f"returned {name} as {outline(column)}, not {shapes}"
     if not rows:
         return ""
     if not _are_regions(estimates.impact_regions.tolist()):
@@ -208,7 +197,40 @@ def _fault(estimates: Any, tick_s: float) -> str:
     if not _are_whole(track, rows) or track[0] < 0 or np.count_nonzero(track[1:] <= track[:-1]):
         return f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers from 0 up in order"
     wrong = estimates.tick_s[estimates.tick_s != tick_s]
-    return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else ""
+    return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else _fault_in_values(estimates)
+
+
+def _fault_in_values(estimates: Tracks) -> str:
+    """Return what is wrong with the numbers of estimates, or ""; nan stands for what is unknown."""
+    for name in ("state", "launch", "impact", "burnout"):
+        if np.isinf(getattr(estimates, name)).any():
+            return f"returned {name} with infinite values"
+    for name in ("launch", "impact"):
+        lat_rad, lon_rad = np.abs(getattr(estimates, name)[:, :2]).T
+        if np.any(lat_rad > 0.5 * np.pi + _ROUNDING) or np.any(lon_rad > 2.0 * np.pi + _ROUNDING):
+            return f"returned {name} with a latitude or longitude outside the range of radians"
+    for name in ("probability_burning", "probability_relights", "type_probability"):
+        values = getattr(estimates, name)
+        if np.any((values < -_ROUNDING) | (values > 1.0 + _ROUNDING)):
+            return f"returned {name} outside [0, 1]"
+    if np.any(np.abs(estimates.type_probability.sum(axis=1) - 1.0) > _SUM_ROUNDING):
+        return f"returned type_probability that sums to {estimates.type_probability.sum(axis=1)[:4].tolist()}, not to 1"
+    return next((fault for name in _COVARIANCES if (fault := _fault_in_covariance(name, getattr(estimates, name)))), "")
+
+
+def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
+    """Return what is wrong with covariances (n, k, k), or "": symmetric, no negative variance in any direction."""
+    known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
+    if not len(known):
+        return ""
+    spread = np.sqrt(np.maximum(np.diagonal(known, axis1=1, axis2=2), 0.0))
+    scale = spread[:, :, None] * spread[:, None, :]
+    scaled = np.divide(known, scale, out=np.zeros_like(known), where=scale > 0.0)
+    if not np.isfinite(known).all() or np.any(np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY):
+        return f"returned {name} that is not symmetric and finite"
+    if np.any(np.diagonal(known, axis1=1, axis2=2) < 0.0) or np.linalg.eigvalsh(scaled).min() < -_NEGATIVE:
+        return f"returned {name} that is not positive definite"
+    return ""
 
 
 def _are_regions(rows: list[Any]) -> bool:
@@ -220,6 +242,11 @@ def _are_regions(rows: list[Any]) -> bool:
 
     return all(isinstance(region, ImpactRegion) for row in rows for region in row)
 
+
+#: Rounding of angles and probabilities, of sums of probabilities, and of covariances scaled to correlations: the
+#: asymmetry and the most negative eigenvalue that rounding explains.
+_ROUNDING, _SUM_ROUNDING, _SYMMETRY, _NEGATIVE = 1e-9, 1e-6, 1e-6, 1e-6
+_COVARIANCES = ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance")
 
 #: Kinds of the columns that are not of any numbers, and what a row of them is.
 _KINDS = {"impact_regions": "O", "impact_method": "iu"}

@@ -4,11 +4,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from attrs import Factory, frozen
+from attrs import NOTHING, Factory, fields, frozen
 
 from opir_core.errors import PluginError
 from opir_core.errors import nearest as nearest_words
+from opir_core.plugin.boundary import is_interruption
 from opir_core.plugin.components import CATALOGUE
+from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
 from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
 from opir_core.scene.reading.nodes import (
@@ -99,8 +101,10 @@ class ComponentReader:
             return Choice(hook, name, self._config(component, path, settings), path)
         except InvalidNode:
             raise
-        except Exception as error:  # whatever a configuration class of a plugin may raise
-            raise self.blamed(component, path, f"its configuration fails: {type(error).__name__}: {error}") from error
+        except BaseException as error:  # whatever a configuration class of a plugin may raise
+            if is_interruption(error):
+                raise
+            raise self.blamed(component, path, f"its configuration fails: {described_error(error)}") from error
 
     def blamed(self, component: Any, path: str, reason: str) -> InvalidNode:
         """Record an error of a plugin, and return an empty `InvalidNode`."""
@@ -123,6 +127,9 @@ class ComponentReader:
             self._require_names(component.config, block, path)
             return made
         except InvalidNode as refused:
+            fault = _fault_of_default(component.config, block)
+            if fault:
+                raise self.blamed(component, path, fault) from refused
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
             raise InvalidNode(self._own_complaints(complaints, theirs, component, path)) from refused
@@ -178,6 +185,24 @@ class ComponentReader:
         if taken:
             raise self.blamed(component, path, f"its configuration has the field {taken[0]}, a key reserved by scenes")
         return reader
+
+
+def _fault_of_default(config_class: type, block: Mapping[str, Any]) -> str:
+    """Return which default of a configuration class, of those that a block leaves as they are, is out of range."""
+    for attribute in fields(config_class):
+        default: Any = attribute.default
+        if (
+            attribute.name in block
+            or attribute.validator is None
+            or default is NOTHING
+            or hasattr(default, "takes_self")
+        ):
+            continue
+        try:
+            attribute.validator(None, attribute, default)
+        except ValueError as error:
+            return f"the default of its setting {attribute.name} is invalid: {error}"
+    return ""
 
 
 def component_name(node: Node) -> str:

@@ -186,7 +186,9 @@ class SinkContract(OutputContract):
     def opened(self) -> Iterator[Sink]:
         """Yield the built sink, in an empty folder."""
         with _empty_folder():
-            yield opened_sink(self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"))
+            yield opened_sink(
+                self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"), is_checked=False
+            )
 
     def test_every_event_is_accounted_for(self) -> None:
         """Delivered, spooled, dropped and withheld events add up to the events written."""

@@ -91,7 +91,7 @@ class Reserved:
     [
         (Unheard, "Unheard.when: scenes cannot hold a value of type set[int]"),
         (Unknown, "the field types of Unknown are not known: name 'Nowhere' is not defined"),
-        (Crashing, "its configuration fails: KeyError: 'window'"),
+        (Crashing, "its configuration fails: KeyError: 'window' (scene/test_plugin_faults.py, line 81)"),
         (Reserved, "its configuration has the field model, a key reserved by scenes"),
     ],
 )

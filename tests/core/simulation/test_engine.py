@@ -229,7 +229,7 @@ def test_identifiers_are_unique_and_repeatable() -> None:
 @pytest.mark.parametrize("chance", [-0.1, 1.1, float("nan")])
 def test_a_model_that_returns_no_probability_is_refused(chance: float) -> None:
     plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(), detection=CertainDetection(chance))
-    with pytest.raises(ModelError, match=r"not in \[0, 1\]"):
+    with pytest.raises(ModelError, match=r"in row 0; \[0, 1\] is required"):
         run(plan, [10**11])
 
 

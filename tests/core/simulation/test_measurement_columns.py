@@ -67,7 +67,7 @@ def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not
 
 def test_irradiances_of_another_width_are_refused() -> None:
     plan = stub_plan([stub_sensor(bands=BANDS)], one_target(), ["T"], stub_scene(), detection=Radiometer(bands=3))
-    with pytest.raises(ModelError, match=r"irradiances of shape \(\d+, 3\), not \(\d+, 2\)"):
+    with pytest.raises(ModelError, match=r"irradiance_w_m2 returned float64 \(\d+, 3\); floats of shape \(\d+, 2\)"):
         windows_of(plan, 100.0)
 
 

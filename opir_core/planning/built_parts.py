@@ -1,0 +1,78 @@
+"""Checks of what sensor and target models build: types, shapes, units, ranges."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from opir_core.errors import kind_of
+from opir_core.interfaces.protocols import Sensor
+from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
+
+#: No satellite is nearer to the Earth's centre, m; positions in km are.
+_LEAST_RADIUS_M = 1e5
+#: Lines of sight are more accurate than this, rad; other units are not.
+_MOST_SIGMA_RAD = 0.5
+_SUM_ROUNDING = 1e-6
+
+#: The ranges of a sensor's numbers.
+_RANGES = {
+    "field_of_regard_half_angle_rad": (0.0, math.pi),
+    "minimum_elevation_rad": (-0.5 * math.pi - 1e-9, 0.5 * math.pi + 1e-9),
+    "line_of_sight_sigma_rad": (0.0, _MOST_SIGMA_RAD),
+    "line_of_sight_bias_sigma_rad": (0.0, _MOST_SIGMA_RAD),
+    "solar_exclusion_rad": (0.0, math.pi),
+}
+
+
+def sensor_fault(sensor: Any) -> str:
+    """Return what is wrong with a sensor, or ""; calls its orbit once."""
+    if not isinstance(sensor, Sensor):
+        return f"{kind_of(sensor)}, no opir_core.plugin.Sensor"
+    for name, (low, high) in _RANGES.items():
+        value = getattr(sensor, name)
+        if not isinstance(value, int | float | np.floating) or not low <= value <= high:
+            return f"a sensor with {name} {value!r}; [{low:.4g}, {high:.4g}] is required"
+    period_ns: Any = sensor.scan.period_ns
+    if not isinstance(period_ns, int | np.integer) or period_ns < 1:
+        return f"a sensor with scan.period_ns {period_ns!r}; a positive whole number is required"
+    if not 1 <= len(sensor.bands) <= MAXIMUM_BANDS:
+        return f"a sensor with {len(sensor.bands)} bands; 1 to {MAXIMUM_BANDS} are required"
+    return _orbit_fault(sensor) or _probability_fault(sensor)
+
+
+def _orbit_fault(sensor: Sensor) -> str:
+    position_m: Any = sensor.orbit.position_ecef_m(np.zeros(1))
+    if not isinstance(position_m, np.ndarray) or position_m.shape != (1, 3):
+        return (
+            f"a sensor whose orbit returns {getattr(position_m, 'shape', kind_of(position_m))} for one time, not (1, 3)"
+        )
+    radius_m = float(np.sqrt(np.square(position_m).sum()))
+    if not _LEAST_RADIUS_M <= radius_m < math.inf:
+        return f"a sensor whose orbit is {radius_m:g} m from the Earth's centre; positions are in metres"
+    return ""
+
+
+def _probability_fault(sensor: Sensor) -> str:
+    for kind, chance in sensor.detection_probability.items():
+        if not 0.0 <= chance <= 1.0:
+            return f"a sensor with detection_probability {chance!r} of {kind}; [0, 1] is required"
+    for kind, row in sensor.confusion.items():
+        total = sum(row.values())
+        if min(row.values(), default=0.0) < 0.0 or not abs(total - 1.0) <= _SUM_ROUNDING:
+            return f"a sensor with a confusion of {kind} that sums to {total:g}, not to 1, or has negative values"
+    return ""
+
+
+def trajectories_fault(trajectories: Any, count: int) -> str:
+    """Return what is wrong with the columns of the trajectories of `count` targets, or ""."""
+    for name, kinds in {"type_code": "iu", "ignition_s": "f", "burnout_s": "f"}.items():
+        column = getattr(trajectories, name, None)
+        if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (count,):
+            numbers = "whole numbers" if kinds == "iu" else "floats"
+            return f"{name} as {getattr(column, 'shape', kind_of(column))}; {count} {numbers} are required"
+    if count and trajectories.type_code.max() >= len(EMITTER_TYPES):
+        return f"the type_code {trajectories.type_code.max()}; codes are 0 to {len(EMITTER_TYPES) - 1}"
+    if not np.isfinite(trajectories.ignition_s).all() or np.isnan(trajectories.burnout_s).any():
+        return "times that are not finite"
+    return ""

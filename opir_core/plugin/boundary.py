@@ -1,0 +1,119 @@
+"""The boundary between the core and plugins: whatever a component raises or returns wrongly is one `ModelError`.
+
+The message names the component with its owner and version, the method, the line, and the command that tests it.
+"""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from types import FrameType, TracebackType
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.errors import ModelError, OpirError
+from opir_core.plugin.error_messages import described_error, is_of_plugin
+from opir_core.plugin.host import Host
+from opir_core.scene.scene import Choice, Scene
+
+
+class InvalidOutput(ModelError):  # noqa: N818 - `PluginErrors` adds the owner
+    """What a component returned is invalid; `key` is that of the component in the scene, `detection` for instance."""
+
+    def __init__(self, key: str, method: str, words: str) -> None:
+        self.key, self.method, self.words = key, method, words
+        super().__init__(f"{key}: {method} {words}")
+
+
+def owner_text(host: Host, choice: Choice) -> str:
+    """Return the beginning of a message: a component with its path in the scene and its owner."""
+    kind, owner = host.component(choice.hook, choice.name).kind, host.provenance(choice.hook, choice.name)
+    return f"{choice.path}: the {kind} {choice.name!r} of {owner}"
+
+
+def check_hint(name: str) -> str:
+    """Return the end of a message about a broken component: the command that tests it."""
+    return f"`opir check {name}` shows what is required"
+
+
+def is_interruption(error: BaseException) -> bool:
+    """Return whether an exception is the user's Ctrl-C, which only the main thread gets."""
+    return isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread()
+
+
+@frozen(eq=False)
+class PluginErrors:
+    """A context in which components of a scene are called: their errors leave it as `ModelError`, with the owner.
+
+    opir's own errors and Ctrl-C pass; so does what no plugin has raised, which is an internal error.
+    """
+
+    host: Host
+    scene: Scene
+
+    def __enter__(self) -> None:
+        """Begin the calls."""
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        """Raise the `ModelError` for what has been raised."""
+        if isinstance(error, InvalidOutput):
+            choice: Choice = getattr(self.scene, error.key)
+            raise ModelError(
+                f"{self._owner(choice)}: {error.method} {error.words}; {check_hint(choice.name)}"
+            ) from error
+        if error is None or isinstance(error, OpirError) or is_interruption(error):
+            return
+        text = self._blamed(error)
+        if text:
+            raise ModelError(text) from error
+
+    def _owner(self, choice: Choice) -> str:
+        """Return the owner of a component; its path if the program put a part of its own into the plan."""
+        try:
+            return owner_text(self.host, choice)
+        except (OpirError, ValueError):
+            return choice.path
+
+    def _blamed(self, error: BaseException) -> str:
+        """Return the message about an exception with the component in whose code it was raised; "" for the core's."""
+        chosen = dict(self._roots())
+        for frame in _frames(error):
+            choice = chosen.get(_root(frame.f_globals.get("__name__", ""))) if is_of_plugin(frame) else None
+            if choice is not None:
+                method = frame.f_code.co_name
+                return f"{self._owner(choice)}: {method} raised {described_error(error)}; {check_hint(choice.name)}"
+        return ""
+
+    def _roots(self) -> Iterator[tuple[str, Choice]]:
+        """Yield the packages of the scene's components; of several in a package the first of the scene comes last."""
+        for choice in reversed(self.scene.choices):
+            try:
+                component: Any = self.host.component(choice.hook, choice.name)
+            except (OpirError, ValueError):
+                continue
+            build = getattr(component.build, "func", component.build)
+            yield _root(getattr(build, "__module__", "") or ""), choice
+
+
+def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:
+    """Return what a call returns; what it raises, opir's own errors and Ctrl-C aside, leaves as `ModelError`."""
+    try:
+        return call()
+    except OpirError:
+        raise
+    except BaseException as error:
+        if is_interruption(error):
+            raise
+        raise ModelError(f"{owner()}: {method} raised {described_error(error)}; {hint}") from error
+
+
+def _root(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _frames(error: BaseException) -> Iterable[FrameType]:
+    trace = error.__traceback__
+    while trace is not None:
+        yield trace.tb_frame
+        trace = trace.tb_next
