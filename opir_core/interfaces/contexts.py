@@ -120,7 +120,8 @@ class SinkContext:
     `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it needs. `resumes` is
     true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it. `count`
     returns the number of a window's events in that encoder: of its detections, or of its tracks. `stage` returns where
-    to write a file that the sink makes anew; in a live run, the path itself.
+    to write a file that the sink makes anew; in a live run, the path itself. `origin` are the sensors, the epoch and
+    the reported types of the run, for sinks that write columns and not the messages of an encoder.
     """
 
     make_encoder: Callable[[], Encoder]
@@ -128,3 +129,4 @@ class SinkContext:
     resumes: bool = False
     count: Callable[[Window], int] = field(default=_detection_count, eq=False)
     stage: FilePlacement = field(default=_in_place, eq=False)
+    origin: EncoderContext = field(default=EncoderContext(sensors=(), epoch_us=0), eq=False)

@@ -152,6 +152,7 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
         scene_name=plan.scene.name,
         resumes=choice.spool is not None,
         count=counter_of(plan, choice),
+        origin=_origin(plan),
         **({} if stage is None else {"stage": stage}),
     )
     made: Any = built(plan.host, choice, context)
@@ -178,8 +179,11 @@ def _encoder_model(plan: Plan, choice: Choice) -> EventEncoder:
 def _encoder(plan: Plan, choice: Choice) -> Encoder:
     """Return the encoder of an output."""
     component = _encoder_model(plan, choice)
-    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
     chosen = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
-    encoder: Encoder = built(plan.host, chosen, context, component.config())
+    encoder: Encoder = built(plan.host, chosen, _origin(plan), component.config())
     owner = partial(owner_text, plan.host, chosen)
     return encoder if is_of_core(component) else checked_encoder(encoder, owner, check_hint(component.name))
+
+
+def _origin(plan: Plan) -> EncoderContext:
+    return EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)

@@ -139,8 +139,25 @@ def _unrolled(ring: FloatArray, poles: Poles = None) -> FloatArray:
     if not turns:
         return np.stack([longitude[:-1], points[:-1, 1]], axis=1)
     pole_deg = poles[0] if poles else float(np.copysign(_POLE_DEG, points[:, 1].mean()))
-    along = np.stack([longitude, points[:, 1]], axis=1)
-    return np.concatenate([along, [[longitude[-1], pole_deg], [longitude[0], pole_deg]]])
+    return _around_pole(np.stack([longitude, points[:, 1]], axis=1), 360.0 * turns, pole_deg)
+
+
+def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatArray:
+    """Return a ring around a pole, open, closed along the 180th meridian and the pole.
+
+    Of the ring's crossings of the meridian, the one nearest to the pole is taken, so that no other is cut off.
+    """
+    longitude, latitude = closed.T
+    edges_deg = 360.0 * np.floor((longitude + 180.0) / 360.0) - 180.0
+    crossings = np.flatnonzero(np.diff(edges_deg))
+    at_deg = np.maximum(edges_deg[crossings], edges_deg[crossings + 1])
+    share = (at_deg - longitude[crossings]) / (longitude[crossings + 1] - longitude[crossings])
+    crossed_deg = latitude[crossings] + share * (latitude[crossings + 1] - latitude[crossings])
+    nearest = int(np.argmax(crossed_deg * np.sign(pole_deg)))
+    place, edge_deg, height_deg = int(crossings[nearest]), float(at_deg[nearest]), float(crossed_deg[nearest])
+    later = closed[: place + 1] + np.array([turn_deg, 0.0])
+    closing = [[edge_deg + turn_deg, height_deg], [edge_deg + turn_deg, pole_deg], [edge_deg, pole_deg]]
+    return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
 
 
 def _refined(ring: FloatArray) -> FloatArray:
@@ -165,7 +182,7 @@ def _refined(ring: FloatArray) -> FloatArray:
 def _cut(rings: Rings) -> list[list[list[list[float]]]]:
     """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as coordinates."""
     west, east = float(rings[0][:, 0].min()), float(rings[0][:, 0].max())
-    first, last = int((west + 180.0) // 360.0), int((east + 180.0) // 360.0)
+    first, last = int((west + 180.0) // 360.0), int(np.ceil((east - 180.0) / 360.0))
     parts, rest = list[tuple[int, Rings]](), rings
     for turn in range(first, last):
         edge_deg = 360.0 * turn + 180.0

@@ -23,14 +23,11 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
     "opir-export": (
         "commands.export",
-        "exporters.arrow",
-        "exporters.csv",
-        "exporters.oem",
-        "exporters.parquet",
-        "exporters.tdm",
+        *("exporters.arrow", "exporters.csv", "exporters.czml", "exporters.geojson", "exporters.kml"),
+        *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
     ),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
-    "opir-http": ("commands.serve",),
+    "opir-http": ("commands.serve", "commands.view"),
     "opir-kafka": ("sinks.kafka",),
     "opir-leo": (
         "constellations.LEO-MEDIUM",

@@ -1,12 +1,20 @@
-"""The command `opir export` and the exporters; pyarrow is imported when one of them is built."""
+"""The command `opir export`, the exporters and the sink `parquet`; pyarrow is imported when one of them is built."""
 
 import argparse
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import ExporterModel, hookimpl
-from opir_export.settings import ArrowConfig, CsvConfig, OemConfig, ParquetConfig, TdmConfig
+from opir_core.plugin import ExporterModel, SinkModel, hookimpl
+from opir_export.settings import (
+    ArrowConfig,
+    CsvConfig,
+    MapConfig,
+    OemConfig,
+    ParquetConfig,
+    ParquetSinkConfig,
+    TdmConfig,
+)
 
 _SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides"
 
@@ -23,6 +31,12 @@ def _built_by(module: str, function: str) -> Callable[[Any, Any], Any]:
 @hookimpl
 def opir_exporters() -> Iterable[ExporterModel]:
     """Yield the exporters."""
+    yield from _tables()
+    yield from _maps()
+    yield from _messages()
+
+
+def _tables() -> Iterable[ExporterModel]:
     yield ExporterModel(
         name="parquet",
         summary="a folder of Parquet files, one for each table, with the manifest among the metadata",
@@ -41,6 +55,30 @@ def opir_exporters() -> Iterable[ExporterModel]:
         config=CsvConfig,
         build=_built_by("formats.table_files", "csv_folder"),
     )
+
+
+def _maps() -> Iterable[ExporterModel]:
+    yield ExporterModel(
+        name="geojson",
+        summary="GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, what sensors can see",
+        config=MapConfig,
+        build=_built_by("formats.geojson", "geojson_file"),
+    )
+    yield ExporterModel(
+        name="kml",
+        summary="KML for Google Earth: flights over time, predicted impacts, what sensors can see",
+        config=MapConfig,
+        build=_built_by("formats.kml", "kml_file"),
+    )
+    yield ExporterModel(
+        name="czml",
+        summary="CZML for Cesium: flights and satellites over time, predicted impacts, what sensors can see",
+        config=MapConfig,
+        build=_built_by("formats.czml", "czml_file"),
+    )
+
+
+def _messages() -> Iterable[ExporterModel]:
     yield ExporterModel(
         name="oem",
         summary="a folder of CCSDS Orbit Ephemeris Messages (KVN), one for each target and sensor",
@@ -52,6 +90,17 @@ def opir_exporters() -> Iterable[ExporterModel]:
         summary="measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
         config=TdmConfig,
         build=_built_by("formats.tdm", "tdm_file"),
+    )
+
+
+@hookimpl
+def opir_sinks() -> Iterable[SinkModel]:
+    """Yield the sink `parquet`."""
+    yield SinkModel(
+        name="parquet",
+        summary="detections as columns of a Parquet file",
+        config=ParquetSinkConfig,
+        build=_built_by("parquet_sink", "parquet_sink"),
     )
 
 

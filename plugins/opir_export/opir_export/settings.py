@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.plugin import nested, number, text
+from opir_core.plugin import flag, nested, number, text
 
 #: The names of the tables of a run.
 TABLES = ("detections", "truth", "tracks", "regions", "targets", "sensors")
@@ -73,4 +73,32 @@ class TdmConfig:
     )
     objects: str = text(
         default="tracks", choices=("tracks", "targets"), help="what detections are sorted by: tracks, or true targets"
+    )
+
+
+@frozen(kw_only=True)
+class MapConfig:
+    """What a map shows."""
+
+    step_s: float = number(
+        default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two points of a path"
+    )
+    regions: str = text(
+        default="last",
+        choices=("last", "all", "none"),
+        help="predicted impacts of each track: the last, all with their times, or none",
+    )
+    footprints: bool = flag(default=True, help="the ground that each sensor can see at the scene's start")
+
+
+@frozen(kw_only=True)
+class ParquetSinkConfig:
+    """The settings of the sink `parquet`."""
+
+    path: str = text(default="events.parquet", help="file in an existing folder, overwritten")
+    compression: str = text(
+        default="zstd", choices=("zstd", "snappy", "gzip", "none"), help="compression of the column chunks"
+    )
+    row_group_rows: int = number(
+        default=65_536, minimum=1, maximum=10_000_000, help="fewest detections of a row group but the last"
     )

@@ -19,7 +19,7 @@ PLACES = [
     (9.0, 167.7, 100.0, "Polygon"),
     (9.0, 179.8, 100.0, "MultiPolygon"),
     (-70.0, -180.0, 50.0, "MultiPolygon"),
-    (89.9, 20.0, 300.0, "MultiPolygon"),
+    (89.9, 20.0, 300.0, "Polygon"),
     (-89.9, 180.0, 300.0, "Polygon"),
     (84.0, -150.0, 600.0, "MultiPolygon"),
 ]

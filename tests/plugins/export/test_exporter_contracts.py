@@ -21,3 +21,15 @@ class TestOemExporter(ExporterContract):
 
 class TestTdmExporter(ExporterContract):
     name = "tdm"
+
+
+class TestGeoJsonExporter(ExporterContract):
+    name = "geojson"
+
+
+class TestKmlExporter(ExporterContract):
+    name = "kml"
+
+
+class TestCzmlExporter(ExporterContract):
+    name = "czml"

@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections
 from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known, texts
 
 _UTC = "UTC"
@@ -17,8 +19,21 @@ _UTC = "UTC"
 
 def detection_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `detections` of a run; the truth is not in them."""
-    rows: Detections = run.detections
-    yield from _reports(run, rows)
+    origin = EncoderContext(
+        sensors=tuple(run.sensors), epoch_us=run.plan.scene.epoch_us, reported_types=tuple(run.reported_types)
+    )
+    yield from columns_of_detections(run.detections, origin)
+
+
+def columns_of_detections(
+    rows: Detections, origin: EncoderContext, *, with_unmeasured: bool = False
+) -> Iterator[TableColumn]:
+    """Yield the columns of detections of a run's sensors, epoch and reported types.
+
+    Irradiances and probabilities of types that the run does not have are left out, or null columns
+    (`with_unmeasured`), so that the columns are the same for all windows.
+    """
+    yield from _reports(rows, origin)
     angles = rows.angles()
     yield TableColumn(
         "azimuth_deg", numbers(np.degrees(angles.azimuth_rad)), "deg", "clockwise from north, at the sensor"
@@ -31,15 +46,18 @@ def detection_columns(run: Any) -> Iterator[TableColumn]:
     for axis, letter in enumerate("xyz"):
         position_m = rows.sensor_ecef_m[:, axis]
         yield TableColumn(f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF")
-    yield from _irradiances(rows, run.sensors)
-    yield from _probabilities(rows.type_probability, run.reported_types)
+    irradiances, shares = rows.band_irradiance_w_m2, rows.type_probability
+    if with_unmeasured or irradiances.shape[1]:
+        yield from _irradiances(rows.sensor, irradiances, origin.sensors)
+    if with_unmeasured or shares.shape[1]:
+        yield from _probabilities(shares)
 
 
-def _reports(run: Any, rows: Detections) -> Iterator[TableColumn]:
+def _reports(rows: Detections, origin: EncoderContext) -> Iterator[TableColumn]:
     """Yield what a report says: ids, times, type, confidence, bands, track."""
-    epoch_us = run.plan.scene.epoch_us
+    epoch_us, sensors = origin.epoch_us, origin.sensors
     yield TableColumn("detection_id", texts_of_ids(rows), "", "UUID of the event")
-    yield TableColumn("sensor_id", names(rows.sensor, [each.id for each in run.sensors]), "", "the sensor")
+    yield TableColumn("sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor")
     yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
     yield TableColumn("time", instants(rows.time_ns, epoch_us), _UTC, "time of the look")
     yield TableColumn("reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report")
@@ -47,9 +65,9 @@ def _reports(run: Any, rows: Detections) -> Iterator[TableColumn]:
     yield TableColumn(
         "scan", numbers_known(rows.scan), "", "number of the sensor's scan, null for runs read from files"
     )
-    yield TableColumn("target_type", names(rows.reported_type, run.reported_types), "", "reported type")
+    yield TableColumn("target_type", names(rows.reported_type, origin.reported_types), "", "reported type")
     yield TableColumn("confidence", numbers(rows.confidence), "", "in [0, 1]")
-    yield TableColumn("bands", texts(_bands(rows, run.sensors)), "", "bands that confirm, joined by +")
+    yield TableColumn("bands", texts(_bands(rows, sensors)), "", "bands that confirm, joined by +")
     yield TableColumn("snr", numbers(rows.snr), "", "signal-to-noise ratio")
     yield TableColumn(
         "detection_count", numbers(rows.detection_count), "", "detections of the object by the sensor so far"
@@ -86,21 +104,19 @@ def _spelt(sensor: Sensor, mask: int) -> str:
     return "+".join(band.name for place, band in enumerate(sensor.bands) if mask >> place & 1)
 
 
-def _irradiances(rows: Detections, sensors: Sequence[Sensor]) -> Iterator[TableColumn]:
+def _irradiances(sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sensor]) -> Iterator[TableColumn]:
     """Yield the measured irradiance by band name, null for detections by sensors without the band."""
-    measured = rows.band_irradiance_w_m2
-    if not measured.shape[1]:
-        return
-    for name in dict.fromkeys(band.name for sensor in sensors for band in sensor.bands):
+    for name in dict.fromkeys(band.name for each in sensors for band in each.bands):
         column = np.full(len(measured), np.nan)
-        for number, sensor in enumerate(sensors):
-            own = [band.name for band in sensor.bands]
-            if name in own:
-                mine = rows.sensor == number
+        for number, each in enumerate(sensors):
+            own = [band.name for band in each.bands]
+            if name in own and own.index(name) < measured.shape[1]:
+                mine = sensor == number
                 column[mine] = measured[mine, own.index(name)]
         yield TableColumn(f"irradiance_{name}_w_m2", numbers(column), "W/m2", "measured at the aperture")
 
 
-def _probabilities(shares: FloatArray, types: Sequence[str]) -> Iterator[TableColumn]:
-    for place, name in enumerate(types[: shares.shape[1]]):
-        yield TableColumn(f"probability_{name}", numbers(shares[:, place]), "", "probability of the type")
+def _probabilities(shares: FloatArray) -> Iterator[TableColumn]:
+    for place, name in enumerate(REPORTED_TYPES):
+        column = shares[:, place] if shares.shape[1] else np.full(len(shares), np.nan)
+        yield TableColumn(f"probability_{name}", numbers(column), "", "probability of the type")

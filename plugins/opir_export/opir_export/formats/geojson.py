@@ -1,0 +1,153 @@
+"""The exporter `geojson`: a FeatureCollection (RFC 7946) of flights, sensors and predicted impacts."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.output.geojson import DECIMALS, geometry_of
+from opir_export.files import write_bytes
+from opir_export.scenery.map_features import (
+    Flight,
+    Prediction,
+    SensorPath,
+    flights,
+    predictions,
+    sensor_paths,
+    timestamps,
+)
+from opir_export.settings import MapConfig
+
+_HALF_TURN_DEG = 180.0
+#: Decimals of heights, m.
+_HEIGHT_DECIMALS = 1
+
+Feature = Mapping[str, Any]
+
+
+@frozen
+class GeoJsonFile:
+    """Writes a run as one file of GeoJSON."""
+
+    config: MapConfig
+
+    suffix = ".geojson"
+
+    def write(self, run: Any, path: Path) -> Sequence[Path]:
+        """Write the features of a run to a file."""
+        document = {
+            "type": "FeatureCollection",
+            "name": run.plan.scene.name,
+            "features": list(features(run, self.config)),
+        }
+        write_bytes(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n", "the GeoJSON")
+        return [path]
+
+
+def geojson_file(config: MapConfig, _context: Any) -> GeoJsonFile:
+    """Return the exporter `geojson`."""
+    return GeoJsonFile(config)
+
+
+def features(run: Any, config: MapConfig) -> Iterator[Feature]:
+    """Yield the features of a run: `kind` in their properties says what each is."""
+    for path in sensor_paths(run, config.step_s):
+        yield from _sensor_features(path, config)
+    for flight in flights(run, config.step_s):
+        yield from _flight_features(run, flight)
+    for prediction in predictions(run, config.regions):
+        yield from _prediction_features(run, prediction)
+
+
+def _sensor_features(path: SensorPath, config: MapConfig) -> Iterator[Feature]:
+    named = {"sensor_id": path.sensor.id, "sensor_type": path.sensor.type}
+    places = path.geodetic_deg()
+    yield _feature(_point(places[0]), kind="sensor", **named)
+    if not path.is_stationary:
+        yield _feature(line(places), kind="satellite track", **named)
+    if config.footprints:
+        yield _feature(area(path.footprint), kind="footprint", **named)
+
+
+def _flight_features(run: Any, flight: Flight) -> Iterator[Feature]:
+    named = {"target_id": flight.target_id, "target_type": flight.target_type}
+    places = flight.geodetic_deg()
+    ignition, burnout, end = timestamps(run, [flight.time_s[0], flight.burnout_s, flight.time_s[-1]])
+    yield _feature(line(places), kind="ground track", **named, ignition=ignition, burnout=burnout, end=end)
+    yield _feature(_point(places[0]), kind="launch", **named, time=ignition)
+    if flight.has_impact:
+        yield _feature(_point(places[-1]), kind="impact", **named, time=end)
+
+
+def _prediction_features(run: Any, prediction: Prediction) -> Iterator[Feature]:
+    start = timestamps(run, [prediction.start_s])[0]
+    end = None if prediction.end_s is None else timestamps(run, [prediction.end_s])[0]
+    named = {"track_id": prediction.track, "start": start, "end": end}
+    for kind, place in (("estimated launch", prediction.launch), ("predicted impact", prediction.impact)):
+        if np.isfinite(place[:2]).all():
+            time = timestamps(run, [place[2]])[0] if np.isfinite(place[2]) else None
+            yield _feature(_point(np.degrees(place[1::-1])), kind=kind, **named, time=time)
+    for region in prediction.regions:
+        measures = {"containment": region.containment, "area_km2": round(region.area_km2, 3)}
+        yield _feature(geometry_of(region), kind="impact region", **named, **measures)
+
+
+def area(ring: FloatArray) -> dict[str, Any]:
+    """Return the inside of a closed ring of latitude_rad and longitude_rad as a Polygon or a MultiPolygon.
+
+    It is cut at the 180th meridian and closed around a pole.
+    """
+    return geometry_of(ImpactRegion(containment=1.0, area_km2=0.0, polygons=((ring,),)))
+
+
+def line(places: FloatArray) -> dict[str, Any]:
+    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th meridian if need be."""
+    parts = cut_line(places)
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": _positions(parts[0])}
+    return {"type": "MultiLineString", "coordinates": [_positions(part) for part in parts]}
+
+
+def cut_line(places: FloatArray) -> list[FloatArray]:
+    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180 degrees."""
+    along = places.copy()
+    along[:, 0] = np.unwrap(places[:, 0], period=2.0 * _HALF_TURN_DEG)
+    turn = np.floor((along[:, 0] + _HALF_TURN_DEG) / (2.0 * _HALF_TURN_DEG)).astype(np.int64)
+    parts, start = list[FloatArray](), 0
+    before: FloatArray = along[:0]
+    for place in np.flatnonzero(np.diff(turn)).tolist():
+        edge = 2.0 * _HALF_TURN_DEG * max(turn[place], turn[place + 1]) - _HALF_TURN_DEG
+        share = (edge - along[place, 0]) / (along[place + 1, 0] - along[place, 0])
+        crossing = along[place] + share * (along[place + 1] - along[place])
+        parts.append(_moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place]))
+        before, start = crossing[np.newaxis], place + 1
+    parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
+    return parts
+
+
+def _moved(part: FloatArray, turns: int) -> FloatArray:
+    moved = part.copy()
+    moved[:, 0] = np.clip(part[:, 0] - 2.0 * _HALF_TURN_DEG * turns, -_HALF_TURN_DEG, _HALF_TURN_DEG)
+    return moved
+
+
+def _point(place: FloatArray) -> dict[str, Any]:
+    return {"type": "Point", "coordinates": _positions(place[np.newaxis])[0]}
+
+
+def _positions(places: FloatArray) -> list[list[float]]:
+    """Return rounded positions; a line of one point is that point twice."""
+    rounded = np.round(places, DECIMALS) + 0.0
+    if places.shape[1] > 2:
+        rounded[:, 2] = np.round(places[:, 2], _HEIGHT_DECIMALS) + 0.0
+    positions: list[list[float]] = rounded.tolist()
+    return positions
+
+
+def _feature(geometry: Mapping[str, Any], **properties: Any) -> Feature:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}

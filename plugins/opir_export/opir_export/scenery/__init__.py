@@ -1,0 +1,1 @@
+"""What maps and ephemerides of a run show: paths, footprints, regions."""

@@ -1,0 +1,144 @@
+"""What a map of a run shows, independent of the format: flights, sensors, predicted impacts."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.records import Tracks
+from opir_core.output.events.text import timestamp_text
+from opir_core.planning.plan import whole_flights
+from opir_export.scenery.footprints import sensor_footprint
+
+#: Longest flight after burnout that is shown, s: an orbit has no end.
+_LONGEST_S = 7200.0
+
+
+@frozen(eq=False)
+class Flight:
+    """The true flight of a target: scene times (n,), s, and ECEF positions (n, 3), m, from ignition to the end."""
+
+    target_id: str
+    target_type: str
+    time_s: FloatArray
+    position_ecef_m: FloatArray
+    burnout_s: float
+    #: Whether the last position is the impact.
+    has_impact: bool
+
+    def geodetic_deg(self) -> FloatArray:
+        """Return longitude and latitude, degrees, and height, m, (n, 3)."""
+        return longitude_latitude_height(self.position_ecef_m)
+
+
+@frozen(eq=False)
+class SensorPath:
+    """A sensor: scene times (n,), s, and ECEF positions (n, 3), m, one of each if it does not move in ECEF.
+
+    `footprint` (k, 2) is the boundary of the ground that it can see at the scene's start, latitude_rad and
+    longitude_rad.
+    """
+
+    sensor: Sensor
+    time_s: FloatArray
+    position_ecef_m: FloatArray
+    footprint: FloatArray
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether the sensor stands still in ECEF."""
+        return len(self.time_s) == 1
+
+    def geodetic_deg(self) -> FloatArray:
+        """Return longitude and latitude, degrees, and height, m, (n, 3)."""
+        return longitude_latitude_height(self.position_ecef_m)
+
+
+@frozen(eq=False)
+class Prediction:
+    """Launch and impact of a track as estimated from `start_s` until `end_s`, None for the track's last estimate.
+
+    `launch` and `impact` (3,) are latitude_rad, longitude_rad and time_s, nan where unknown.
+    """
+
+    track: int
+    start_s: float
+    end_s: float | None
+    launch: FloatArray
+    impact: FloatArray
+    regions: tuple[ImpactRegion, ...]
+
+
+def flights(run: Any, step_s: float) -> Iterator[Flight]:
+    """Yield the true flights of a run's launches, with points every `step_s` and at ignition, burnout and the end."""
+    targets, truths = whole_flights(run.plan), run.plan.targets.truth()
+    for row, name in enumerate(targets.ids):
+        start_s, burnout_s = float(targets.ignition_s[row]), float(targets.burnout_s[row])
+        end_s = min(float(targets.end_s[row]), burnout_s + _LONGEST_S)
+        time_s = np.append(_steps(start_s, burnout_s, step_s), _steps(burnout_s, end_s, step_s)[1:])
+        position_m = targets.position_ecef_m(np.full(len(time_s), row, dtype=np.int32), time_s)
+        is_known = np.isfinite(position_m).all(axis=1)
+        yield Flight(
+            target_id=name,
+            target_type=targets.class_names[row],
+            time_s=time_s[is_known],
+            position_ecef_m=position_m[is_known],
+            burnout_s=burnout_s,
+            has_impact=bool(truths[row].get("impact")) and end_s == float(targets.end_s[row]) > burnout_s,
+        )
+
+
+def sensor_paths(run: Any, step_s: float) -> Iterator[SensorPath]:
+    """Yield the sensors of a run, moving ones with points every `step_s` of the scene."""
+    for sensor in run.sensors:
+        still = sensor.orbit.is_stationary
+        time_s = np.zeros(1) if still else _steps(0.0, run.plan.scene.duration_s, step_s)
+        position_m = sensor.orbit.position_ecef_m(time_s)
+        yield SensorPath(sensor, time_s, position_m, sensor_footprint(sensor, position_m[0]))
+
+
+def predictions(run: Any, which: str) -> Iterator[Prediction]:
+    """Yield the estimates of each track: its last one, or all, of which equal successors are one; none for `none`."""
+    rows: Tracks = run.tracks
+    for track in np.unique(rows.track).tolist() if which != "none" else ():
+        own = np.flatnonzero(rows.track == track)
+        known = own[np.isfinite(rows.impact[own, 0]) | np.isfinite(rows.launch[own, 0])]
+        kept = known[-1:] if which == "last" else _changes(rows, known)
+        ends = [*rows.tick_s[kept[1:]].tolist(), None]
+        for row, end_s in zip(kept.tolist(), ends, strict=False):
+            regions = rows.impact_regions[row]
+            yield Prediction(track, float(rows.tick_s[row]), end_s, rows.launch[row], rows.impact[row], regions)
+
+
+def _changes(rows: Tracks, known: Any) -> Any:
+    """Return those rows of a track whose regions, or impact without any, differ from the row before."""
+    regions, impact = rows.impact_regions[known], rows.impact[known]
+    changed = np.ones(len(known), dtype=np.bool_)
+    for place in range(1, len(known)):
+        same_point = np.array_equal(impact[place], impact[place - 1], equal_nan=True)
+        changed[place] = not (same_point and regions[place] == regions[place - 1])
+    return known[changed]
+
+
+def longitude_latitude_height(position_ecef_m: FloatArray) -> FloatArray:
+    """Return longitude and latitude, degrees, and height above the ellipsoid, m, (n, 3), of ECEF positions."""
+    place = ecef_to_geodetic(position_ecef_m)
+    columns = (np.degrees(place.longitude_rad), np.degrees(place.latitude_rad), place.height_m)
+    return np.stack(columns, axis=1)
+
+
+def timestamps(run: Any, time_s: Sequence[float] | FloatArray) -> list[str]:
+    """Return scene times, s, as text of UTC, `2026-04-01T12:00:10.162707Z`."""
+    unix_us = run.plan.scene.epoch_us + np.rint(np.asarray(time_s, dtype=np.float64) * 1e6).astype(np.int64)
+    return timestamp_text(unix_us)
+
+
+def _steps(start_s: float, end_s: float, step_s: float) -> FloatArray:
+    """Return times from start to end in equal steps of at most `step_s`."""
+    count = max(int(np.ceil((end_s - start_s) / step_s - 1e-9)), 1) if end_s > start_s else 0
+    return np.linspace(start_s, end_s, count + 1)

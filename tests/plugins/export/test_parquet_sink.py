@@ -1,0 +1,76 @@
+"""The sink `parquet`: the same detections as in memory, in row groups, complete or not there."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from exported_runs import SCENE, short_run
+from opir_export.parquet_sink import ParquetSink
+from opir_export.settings import ParquetSinkConfig
+from pyarrow import parquet
+from repository import EXAMPLES
+
+import opir_core
+from opir_core.cli.main import main
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.simulation.run import plan_windows
+from opir_core.testing import SinkContract
+
+
+class TestParquetSink(SinkContract):
+    name = "parquet"
+
+
+def run_into(path: Path, *settings: str, scene: Path = SCENE) -> int:
+    words = [f"outputs=[{{parquet: {{path: {path}}}}}]", *settings]
+    return main(["run", str(scene), "--quiet", *(word for each in words for word in ("--set", each))])
+
+
+def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "events.parquet"
+    assert run_into(path, "duration_s=90", "outputs[0].parquet.row_group_rows=3000") == 0
+    read, due = pl.read_parquet(path), short_run().to_polars()["detections"]
+    assert read.select(due.columns).equals(due)
+    assert read["probability_ICBM"].null_count() == read.height
+    assert parquet.ParquetFile(path).num_row_groups == pytest.approx(read.height // 3000, abs=1)
+    assert [each.name for each in tmp_path.iterdir()] == ["events.parquet"]
+
+
+def test_windows_of_any_size_give_the_same_rows(tmp_path: Path) -> None:
+    plan = opir_core.compile_plan(opir_core.load_scene(SCENE, overrides=["duration_s=70"]))
+    tables = [written(plan, tmp_path / f"{window_s}.parquet", window_s) for window_s in (60.0, 1.7)]
+    assert tables[0].equals(tables[1])
+    assert tables[0].height > 3000
+
+
+def written(plan: Any, path: Path, window_s: float) -> pl.DataFrame:
+    origin = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+    sink = ParquetSink(ParquetSinkConfig(path=str(path)), path, origin)
+    for window in plan_windows(plan, window_s):
+        sink.write(window)
+    sink.close()
+    return pl.read_parquet(path)
+
+
+def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
+    path = tmp_path / "events.parquet"
+    scene = EXAMPLES / "photons.yaml"
+    assert run_into(path, "duration_s=120", "tracker=none", scene=scene) == 0
+    run = opir_core.simulate(opir_core.load_scene(scene, overrides=["duration_s=120", "tracker=none"]))
+    rows, read = run.detections, pl.read_parquet(path)
+    assert read.height == len(rows) > 0
+    number = int(rows.sensor[0])
+    band = run.sensors[number].bands[0].name
+    mine = pl.col("sensor_id") == run.sensors[number].id
+    values = read.filter(mine)[f"irradiance_{band}_w_m2"].to_numpy()
+    assert np.array_equal(values, rows.band_irradiance_w_m2[rows.sensor == number, 0], equal_nan=True)
+
+
+def test_a_spool_and_a_missing_folder_are_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spool = f"outputs[0].parquet.spool={{path: {tmp_path / 'spool'}}}"
+    assert run_into(tmp_path / "events.parquet", "duration_s=70", spool) == 5
+    assert "can have no spool; remove spool, or use jsonl" in capsys.readouterr().err
+    assert run_into(tmp_path / "no" / "events.parquet", "duration_s=70") == 5
+    assert "cannot be written" in capsys.readouterr().err
