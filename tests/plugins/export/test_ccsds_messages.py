@@ -12,6 +12,7 @@ from attrs import evolve
 from ccsds_ndm.ndm_io import NdmIo
 from exported_runs import exported, short_run
 from oem import OrbitEphemerisMessage
+from repository import EXAMPLES
 
 import opir_core
 from opir_core.flight.tables.oem_table import oem_table
@@ -89,6 +90,24 @@ def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
     in_burn = table.time_s <= truth["burnout_s"]
     own = run.plan.targets.position_ecef_m(np.zeros(in_burn.sum(), dtype=np.int32), table.time_s[in_burn])
     np.testing.assert_allclose(table.position_m[in_burn], own, atol=1e-2)
+
+
+def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
+    scene = opir_core.load_scene(EXAMPLES / "gravity_turn.yaml", overrides=["duration_s=31"])
+    run = opir_core.simulate(scene)
+    files = {path.stem.removeprefix("target-"): path for path in exported(run, "oem", tmp_path / "out")}
+    counts = []
+    for truth, burns_s in zip(run.plan.targets.truth(), run.plan.targets.burns_s, strict=True):
+        path = files[truth["id"]]
+        table = oem_table(path.read_text(), scene.epoch_us, None)  # opir refuses segments that do not meet
+        assert np.isfinite(table.position_m).all()
+        edges_s = np.array([table.time_s[table.run == number][[0, -1]] for number in np.unique(table.run)])
+        own_s = burns_s[np.isfinite(burns_s).all(axis=1)]
+        # Every second segment is a burn; between two burns, and after the last, it is a flight without.
+        np.testing.assert_allclose(edges_s[0::2], own_s, atol=6e-7)
+        counts.append(len(list(OrbitEphemerisMessage.open(path))))
+    assert counts == [2 * np.isfinite(burns_s[:, 0]).sum() for burns_s in run.plan.targets.burns_s]
+    assert max(counts) > 2
 
 
 def test_objects_and_steps_can_be_chosen(tmp_path: Path) -> None:

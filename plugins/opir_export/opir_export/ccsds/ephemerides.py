@@ -74,7 +74,8 @@ def _stretches(targets: Targets, row: int) -> Iterator[tuple[tuple[float, float]
 
 
 def _ephemeris(name: str, path: Path, stretch: tuple[float, float], step_s: float, is_sensor: bool) -> SampledStates:
-    start_us, stop_us = int(np.ceil(stretch[0] * _US - 1e-3)), int(np.floor(stretch[1] * _US + 1e-3))
+    # Stretches meet at the same microsecond; the states are those within the stretch, at most half of one away.
+    start_us, stop_us = (round(edge_s * _US) for edge_s in stretch)
     count = max(int(np.ceil((stop_us - start_us) / (step_s * _US))) + 1, _FEWEST)
     since_us = np.unique(np.rint(np.linspace(start_us, stop_us, count)).astype(np.int64))
     time_s = np.clip(since_us / _US, *stretch)
