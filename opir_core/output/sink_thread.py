@@ -3,6 +3,7 @@
 In both, given + recovered = delivered + spooled + dropped + withheld + events in queued windows.
 """
 
+import logging
 import math
 import queue
 import threading
@@ -16,15 +17,14 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, ParkingSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
+from opir_core.output.books import COUNTS, balanced
 from opir_core.output.events.encoder_input import detection_count
 from opir_core.plugin.error_messages import described_error
 
 #: Maximum number of windows in the queue of a sink without a spool.
 QUEUED_WINDOWS = 200
 
-#: The counts of a `Delivery`.
-COUNTS = ("delivered", "spooled", "dropped", "withheld", "recovered")
-
+_log = logging.getLogger(__name__)
 _POLL_S = 0.05
 #: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest of the spool.
 _REPLACEMENT_S = 2.5
@@ -34,7 +34,8 @@ _REPLACEMENT_S = 2.5
 class SinkStatus:
     """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
 
-    `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none.
+    `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is the
+    largest number of events by which the sink's own figures did not add up; the counts here do.
     """
 
     path: str
@@ -49,6 +50,7 @@ class SinkStatus:
     queued_windows: int
     waits: int
     busy_s: float
+    unbalanced: int
     error: str | None
 
 
@@ -75,7 +77,9 @@ class OpenSink:
         self._count = self._count_written = count
         self.error: str | None = None
         self._sink = sink
-        self._given = self._written = 0
+        self._given = self._handed = self._written = 0
+        #: By how many events the sink's own figures did not add up, at most.
+        self.unbalanced = 0
         self._replaced = Delivery(delivered=0)
         self._final: Delivery | None = None
 
@@ -120,9 +124,22 @@ class OpenSink:
         if self._final is not None:
             return self._final
         sink = self._sink
-        return sink.delivery_so_far() if isinstance(sink, MonitoredSink) else Delivery(delivered=self._written)
+        if not isinstance(sink, MonitoredSink):
+            return Delivery(delivered=self._written)
+        return self._checked(sink.delivery_so_far(), is_final=False)
+
+    def _checked(self, told: Delivery, *, is_final: bool) -> Delivery:
+        """Return a sink's counts, made to add up; says so if they did not."""
+        counts, off = balanced(told, self._handed, is_final=is_final and self.error is None and told.complaint is None)
+        if off:
+            self.unbalanced = max(self.unbalanced, off)
+            _log.warning("%s: the figures of its sink do not add up, by %d events: %s", self.path, off, told)
+            if is_final:
+                self._fail(f"the figures of its sink do not add up, by {off} events; see the sink's `close`")
+        return counts
 
     def _pass(self, window: Window) -> None:
+        self._handed += self._count_written(window)
         self._sink.write(window)
         self._written += self._count_written(window)
 
@@ -132,7 +149,7 @@ class OpenSink:
             return
         final = Delivery(delivered=0)
         try:
-            final = self._sink.close()
+            final = self._checked(self._sink.close(), is_final=True)
         except SinkError as error:
             self._fail(str(error))
         finally:
@@ -236,6 +253,7 @@ class SinkThread(OpenSink):
             queued_windows=self._queue.qsize(),
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             busy_s=self.busy_s,
+            unbalanced=self.unbalanced,
             error=self.error or self.parked,
         )
 
@@ -283,13 +301,14 @@ class SinkThread(OpenSink):
             self._pass_deadline(min(self._deadline_s, time.monotonic() + _REPLACEMENT_S))
         closed = Delivery(delivered=0)
         try:
-            closed = self._sink.close()
+            closed = self._checked(self._sink.close(), is_final=True)
             made = replacement.make()
         except BaseException:
             self._final = closed
             raise
         before = _sum(self._replaced, closed)
-        self._written, self._sink, self._count_written = 0, made, replacement.count
+        self._written = self._handed = 0
+        self._sink, self._count_written = made, replacement.count
         # Events left in a spool that both sinks share are counted once: with the new sink.
         again = min(before.spooled, self._current().recovered)
         self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)

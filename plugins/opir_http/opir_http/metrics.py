@@ -59,6 +59,7 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
     gauges = {
         "spooled": "Events in spools",
         "queued_windows": "Windows in the queues of sinks",
+        "unbalanced": "Events by which the own figures of sinks did not add up, at most",
         "busy_s": "Duration of the present call of sinks",
     }
     for name, words in gauges.items():

@@ -230,8 +230,8 @@ def _sensor() -> Schema:
 
 def _sink() -> Schema:
     counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
+    numbers = dict.fromkeys((*counts, "unbalanced"), COUNT) | {"busy_s": NUMBER}
     state = {"type": "string", "enum": ["open", "parked", "failed", "closed"]}
-    numbers = dict.fromkeys(counts, COUNT) | {"busy_s": NUMBER}
     return closed({"path": TEXT, "name": TEXT, "state": state, **numbers, "error": or_null(TEXT)})
 
 

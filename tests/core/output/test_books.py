@@ -1,0 +1,86 @@
+"""Books that balance: whatever figures a sink gives, every event is counted once, and a wrong figure is told."""
+
+import threading
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from waiting import until
+
+from opir_core.errors import SinkError
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Window
+from opir_core.output.books import balanced
+from opir_core.output.pump import pump
+from opir_core.output.sink_thread import SinkThread
+from opir_core.testing.doubles import stub_window
+
+FIGURES = st.integers(-20, 40)
+COUNTS = dict.fromkeys(("delivered", "spooled", "dropped", "withheld", "recovered"), FIGURES)
+
+
+def total(told: Any) -> int:
+    return int(told.delivered + told.spooled + told.dropped + told.withheld)
+
+
+class Liar:
+    """A sink that gives the figures that it is told to."""
+
+    def __init__(self, told: Any, *, fails_at: int = 0) -> None:
+        self.told, self.windows, self.fails_at = told, 0, fails_at
+
+    def write(self, window: Window) -> None:
+        self.windows += 1
+        if self.windows == self.fails_at:
+            raise SinkError("full")
+
+    def delivery_so_far(self) -> Any:
+        return self.told
+
+    def close(self) -> Any:
+        return self.told
+
+
+@given(st.builds(Delivery, **COUNTS), st.integers(0, 40), st.booleans())
+def test_counts_add_up_whatever_is_told(told: Delivery, handed: int, is_final: bool) -> None:
+    counts, off = balanced(told, handed, is_final=is_final)
+    due = handed + counts.recovered
+    assert min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered) >= 0
+    assert total(counts) == due if is_final else total(counts) <= due
+    assert counts.delivered <= max(0, told.delivered)
+    is_right = total(told) == handed + told.recovered if is_final else total(told) <= handed + told.recovered
+    is_right = is_right and min(told.delivered, told.spooled, told.dropped, told.withheld, told.recovered) >= 0
+    assert (off == 0) == is_right
+    assert counts == told if is_right else counts != told
+
+
+@pytest.mark.parametrize("figure", [float("nan"), None, 2.5, True, "5"])
+def test_a_figure_that_is_no_number_of_events_counts_for_nothing(figure: Any) -> None:
+    counts, off = balanced(Delivery(delivered=figure), 3, is_final=True)
+    assert (counts.delivered, counts.dropped) == (0, 3)
+    assert off > 0
+
+
+@given(st.builds(Delivery, **COUNTS), st.lists(st.integers(0, 9), max_size=4), st.integers(0, 3))
+def test_the_report_of_a_run_adds_up(told: Delivery, windows: list[int], fails_at: int) -> None:
+    report = pump([stub_window(count) for count in windows], {"a": Liar(told, fails_at=fails_at)})
+    (sink,) = report.sinks
+    handed = sum(windows[:fails_at]) if 0 < fails_at <= len(windows) else sum(windows)
+    assert total(sink) == handed + sink.recovered
+    if total(told) != sum(windows) + told.recovered:
+        assert sink.error is not None
+    if 0 < fails_at <= len(windows):
+        assert sink.error == "full"
+
+
+def test_a_live_sink_tells_by_how_much_its_figures_are_off() -> None:
+    sink = SinkThread("outputs[0]", "liar", Liar(Delivery(delivered=7)))
+    sink.write(stub_window(5), threading.Event())
+    until(lambda: sink.status().queued_windows == 0 and sink.status().delivered == 5)
+    assert sink.status().unbalanced >= 2
+    sink.close(time.monotonic() + 5.0)
+    told = sink.status()
+    assert (told.given, told.delivered, told.dropped) == (5, 5, 0)
+    assert "do not add up, by 2 events" in (told.error or "")
