@@ -1,5 +1,7 @@
 """The books of a sink: its own counts, held against the events that were handed to it."""
 
+from typing import Any
+
 from attrs import evolve
 
 from opir_core.interfaces.protocols import Delivery
@@ -17,7 +19,7 @@ def balanced(told: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, 
     below 0, or that is no whole number, is 0. Of events that are missing at the end, when `is_final`, it is not known
     what became of them: they are dropped.
     """
-    counts = {name: _whole(getattr(told, name)) for name in COUNTS}
+    counts: dict[str, Any] = {name: _whole(getattr(told, name)) for name in COUNTS}
     wrong = sum(counts[name] != getattr(told, name) for name in COUNTS)
     due = handed + counts["recovered"]
     beyond = sum(counts[name] for name in _FATES) - due
