@@ -12,9 +12,8 @@ from attrs import frozen
 
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
-from opir_core.output.books import COUNTS
 from opir_core.output.events.encoder_input import detection_count
-from opir_core.output.sink_thread import Counter, OpenSink
+from opir_core.output.sink_thread import COUNTS, Counter, OpenSink
 
 
 @frozen

@@ -3,13 +3,13 @@
 In both, given + recovered = delivered + spooled + dropped + withheld + events in queued windows.
 """
 
-import logging
 import math
 import queue
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 from attrs import evolve, frozen
 
@@ -17,14 +17,17 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, ParkingSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
-from opir_core.output.books import COUNTS, balanced
 from opir_core.output.events.encoder_input import detection_count
 from opir_core.plugin.error_messages import described_error
 
 #: Maximum number of windows in the queue of a sink without a spool.
 QUEUED_WINDOWS = 200
 
-_log = logging.getLogger(__name__)
+#: The counts of a `Delivery`.
+COUNTS = ("delivered", "spooled", "dropped", "withheld", "recovered")
+#: The fates of events, those a sink is least believed in first.
+_FATES = ("delivered", "dropped", "withheld", "spooled")
+
 _POLL_S = 0.05
 #: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest of the spool.
 _REPLACEMENT_S = 2.5
@@ -133,7 +136,6 @@ class OpenSink:
         counts, off = balanced(told, self._handed, is_final=is_final and self.error is None and told.complaint is None)
         if off:
             self.unbalanced = max(self.unbalanced, off)
-            _log.warning("%s: the figures of its sink do not add up, by %d events: %s", self.path, off, told)
             if is_final:
                 self._fail(f"the figures of its sink do not add up, by {off} events; see the sink's `close`")
         return counts
@@ -328,3 +330,30 @@ class SinkThread(OpenSink):
 
 def _sum(one: Delivery, other: Delivery) -> Delivery:
     return Delivery(**{name: getattr(one, name) + getattr(other, name) for name in COUNTS})
+
+
+def balanced(told: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
+    """Return a sink's counts, made to add up, and by how many events they did not.
+
+    `handed` events were handed to the sink. What it tells beyond these and the recovered ones is taken away; a count
+    below 0, or that is no whole number, is 0. Of events that are missing at the end, when `is_final`, it is not known
+    what became of them: they are dropped.
+    """
+    counts: dict[str, Any] = {name: _whole(getattr(told, name)) for name in COUNTS}
+    wrong = sum(counts[name] != getattr(told, name) for name in COUNTS)
+    due = handed + counts["recovered"]
+    beyond = sum(counts[name] for name in _FATES) - due
+    if beyond > 0:
+        left = beyond
+        for name in _FATES:
+            taken = min(left, counts[name])
+            counts[name], left = counts[name] - taken, left - taken
+    elif is_final:
+        counts["dropped"] -= beyond
+    else:
+        beyond = 0
+    return (evolve(told, **counts), max(abs(beyond), wrong)) if beyond or wrong else (told, 0)
+
+
+def _whole(count: object) -> int:
+    return count if type(count) is int and count > 0 else 0

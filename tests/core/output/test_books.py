@@ -12,9 +12,8 @@ from waiting import until
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
-from opir_core.output.books import balanced
 from opir_core.output.pump import pump
-from opir_core.output.sink_thread import SinkThread
+from opir_core.output.sink_thread import SinkThread, balanced
 from opir_core.testing.doubles import stub_window
 
 FIGURES = st.integers(-20, 40)
