@@ -78,6 +78,9 @@ KINDS: Mapping[str, TemplateKind] = {
         "event_encoders", "event encoder", "EncoderContract", "outputs:\n  - jsonl: {encoder: $name}"
     ),
     "sink": TemplateKind("sinks", "sink", "SinkContract", "outputs:\n  - $name"),
+    "metric": TemplateKind("metrics", "metric", "MetricContract"),
+    "executor": TemplateKind("executors", "executor", "ExecutorContract"),
+    "exporter": TemplateKind("exporters", "exporter", "ExporterContract"),
 }
 
 

@@ -95,6 +95,8 @@ def read_run(
 
     Tracks from elsewhere may be those of another tracker from the same events. Raises `SceneError` as `load_run` does.
     """
+    if not events.name:
+        raise invalid_file(events, "", "is not a file of events; give the path of the events that `opir run` wrote")
     finish_interrupted(manifest or events.with_suffix(_MANIFEST))
     manifest_path = _existing(manifest or events.with_suffix(_MANIFEST), "manifest")
     contents = read_manifest(manifest_path)
@@ -131,8 +133,6 @@ def _events_at(path: Path) -> Path:
             words = f"is no folder of one run (manifests in it: {count}); give the events that `opir run` wrote"
             raise invalid_file(path, "", words)
         path = found[0]
-    if not path.name:
-        raise invalid_file(path, "", "is not a file of events; give the path of the events that `opir run` wrote")
     ending = next((each for each in _BESIDE if path.name.endswith(each)), None)
     if ending is None:
         return path

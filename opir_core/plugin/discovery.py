@@ -132,7 +132,8 @@ def _readers() -> Iterator[tuple[str, _Reader]]:
         else:
             yield from _readers_in_directory(Path(entry))
     if any(hasattr(finder, "find_distributions") for finder in sys.meta_path if finder is not PathFinder):
-        yield from _readers_by_importlib()
+        # Finders of other packages may find again what lies in folders that are read already.
+        yield from _readers_by_importlib(known={Path(entry).resolve() for entry in sys.path})
 
 
 def _readers_in_directory(directory: Path) -> Iterator[tuple[str, _Reader]]:
@@ -151,11 +152,19 @@ def _content(folder: Path, file_name: str) -> str:
         return ""
 
 
-def _readers_by_importlib(**where: Any) -> Iterator[tuple[str, _Reader]]:
+def _readers_by_importlib(known: Collection[Path] = (), **where: Any) -> Iterator[tuple[str, _Reader]]:
     from importlib import metadata
 
     for distribution in metadata.distributions(**where):
-        yield "", partial(lambda read, file_name: read(file_name) or "", distribution.read_text)
+        if not known or Path(str(distribution.locate_file(""))).resolve() not in known:
+            yield "", partial(_text_of, distribution)
+
+
+def _text_of(distribution: Any, file_name: str) -> str:
+    try:
+        return distribution.read_text(file_name) or ""
+    except (OSError, UnicodeError):
+        return ""
 
 
 def _sections(text: str) -> dict[str, list[tuple[str, str]]]:

@@ -145,31 +145,6 @@ def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None
     page.context.close()
 
 
-def test_counts_are_of_two_minutes(stand: Stand) -> None:
-    events, after = [], ""
-    while True:
-        found = stand.ask("GET", f"/detections?limit=1000{after}").json
-        events += found["detections"]
-        if found["next"] is None or len(events) > 8_000:
-            break
-        after = f"&after={found['next']}"
-    activity = stand.ask("GET", "/activity").json
-    lengths = {len(counts) for counts in activity["sensors"].values()}
-    assert lengths == {121}
-    first = activity["first_s"]
-    for name, counts in activity["sensors"].items():
-        seconds = [int(_unix_s(event["timestamp"])) for event in events if event["sensor_id"] == name]
-        # The newest seconds may have grown between both requests.
-        for at in range(100):
-            assert counts[at] == seconds.count(first + at)
-
-
-def _unix_s(timestamp: str) -> float:
-    from datetime import datetime
-
-    return datetime.fromisoformat(timestamp).timestamp()
-
-
 def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
     page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
     expect(page.locator("#launch-panel")).to_be_hidden()

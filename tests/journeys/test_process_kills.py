@@ -106,7 +106,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
             log.unlink(missing_ok=True)
             number = nurse.born(log, *words, "--set", f"seed={life}")
             until(lambda: log.exists() and "http://" in log.read_text(encoding="utf-8"))
-            viewer = Viewer(int(log.read_text(encoding="utf-8").split(":")[3]))
+            viewer = Viewer(int(log.read_text(encoding="utf-8").splitlines()[0].split(":")[3]))
             until(viewer.ids)
             time.sleep(0.2 * dice.random())
             if life < KILLS:
