@@ -63,7 +63,8 @@ def test_any_file_of_the_run_will_do(folder: Path, saved: opir_core.Run, name: s
     assert repr(opir_core.load_run(folder / name)) == repr(saved)
 
 
-def test_a_run_shows_itself_in_a_line(memory: opir_core.Run) -> None:
+def test_a_run_shows_itself_in_a_line(memory: opir_core.Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("opir_core.simulation.run_views.find_spec", lambda _name: None)  # without opir-report
     assert len(repr(memory)) < 200
     assert memory.plan.scene.name in repr(memory)
     assert "<table>" in memory._repr_html_()
