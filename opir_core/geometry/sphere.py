@@ -56,13 +56,17 @@ class AzimuthalEquidistant:
         return latitude, longitude
 
     def points(self, place: FloatArray) -> FloatArray:
-        """Return the points (n, 2), m, of places (n, 2 or more), latitude and longitude first, rad."""
+        """Return the points (n, 2), m, of places (n, 2 or more), latitude and longitude first, rad.
+
+        The antipode of the centre, which lies in all directions, is put to the east.
+        """
         unit = unit_vectors(place)
         level = unit @ self.axes[:2].T
         sine = np.sqrt(np.add.reduce(level * level, axis=1))
         angle = np.arctan2(sine, unit @ self.axes[2])
         ratio = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)
         point: FloatArray = level * (EARTH_EQUATORIAL_RADIUS_M * ratio)[:, None]
+        point[(sine <= 1e-12) & (angle > 1.0)] = np.pi * EARTH_EQUATORIAL_RADIUS_M, 0.0
         return point
 
     def places(self, point: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
@@ -28,6 +28,8 @@ def test_directions_and_distances_are_those_of_geographiclib(
 
 
 @given(places, places)
+@example((np.pi / 2, 0.0), (-np.pi / 2, 0.0))
+@example((0.0, 0.0), (0.0, np.pi))
 def test_places_are_found_again(centre: tuple[float, float], place: tuple[float, float]) -> None:
     chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
     again = chart.places(chart.points(np.array([place])))
