@@ -47,6 +47,18 @@ def tracked(page: Page) -> int:
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
 
 
+def settled(page: Page) -> None:
+    """Wait until the map has kept its place and size for a second: a click is at a position of the map as it was."""
+    page.evaluate(
+        "async () => { let same = 0, last = '';"
+        " for (let turn = 0; turn < 100 && same < 5; turn++) {"
+        " await new Promise((go) => setTimeout(go, 200));"
+        " const box = document.getElementById('map').getBoundingClientRect();"
+        " const now = [box.left, box.top, box.width, box.height, opirMap.view.radius].join();"
+        " same = now === last ? same + 1 : 0; last = now; } }"
+    )
+
+
 def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(page)
@@ -57,6 +69,7 @@ def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> Non
     page.locator("#map").press("Escape")
     expect(row.get_by_role("button")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Pause").click()
+    settled(page)
     mark = page.evaluate(f"opirMap.layers.marks.find((each) => each.key === 'track {number}')")
     page.locator("#map").click(position={"x": mark["x"], "y": mark["y"]})
     selected = str(page.evaluate("opirMap.selected"))
@@ -73,6 +86,7 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     tracked(page)
     page.get_by_role("button", name="Choose both places").click()
+    settled(page)
     for lon, lat in ((-155.0, 20.0), (170.0, 5.0)):
         x, y = page.evaluate(f"opirMap.xy({lon}, {lat})")
         page.locator("#map").click(position={"x": x, "y": y})
