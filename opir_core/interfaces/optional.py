@@ -213,7 +213,7 @@ class ParkingSink(Protocol):
 
 @runtime_checkable
 class ReopenableTransport(Protocol):
-    """A `Transport` that has to be told to try again after a final error."""
+    """A `Transport` that tries again after a final error only when it is asked to."""
 
     def retry(self) -> None:
         """Forget the final error: the batches that follow are sent as if there had been none."""

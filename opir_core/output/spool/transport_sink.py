@@ -5,7 +5,7 @@ number of bytes ahead of the acknowledgements. Events of an earlier run are sent
 events keep their order.
 
 A final error of the transport ends a sink without a spool. One with a spool is parked: it takes events as before, and
-sends them again after a pause, which grows, or when it is told to.
+sends them again after a pause, which grows, or on request.
 """
 
 import math

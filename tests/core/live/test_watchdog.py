@@ -1,4 +1,4 @@
-"""A live run is watched: calls that hang or end their thread are noticed while they last, cycles that end are told."""
+"""A live run is watched: calls that hang or end their thread are noticed meanwhile, finished cycles are reported."""
 
 import socket
 import threading

@@ -1,4 +1,4 @@
-"""Books that balance: whatever figures a sink gives, every event is counted once, and a wrong figure is told."""
+"""Books that balance: whatever figures a sink gives, every event is counted once, and a wrong figure is reported."""
 
 import threading
 import time
@@ -25,7 +25,7 @@ def total(told: Any) -> int:
 
 
 class Liar:
-    """A sink that gives the figures that it is told to."""
+    """A sink that gives the figures that the test sets."""
 
     def __init__(self, told: Any, *, fails_at: int = 0) -> None:
         self.told, self.windows, self.fails_at = told, 0, fails_at
