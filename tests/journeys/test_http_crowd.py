@@ -1,16 +1,14 @@
 """A crowd of tracks on the page: all are drawn where they are, have rows, and can be selected."""
 
-import os
-import shutil
 from collections.abc import Iterator
 
 import pytest
 from http_service import Stand, serving
-from playwright.sync_api import Page, expect, sync_playwright
+from page_browser import chromium, settled
+from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.browser
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 COUNT = 200
 
 #: Adds tracks on a grid, 2 degrees apart, each with an impact region that is a square of 3 degrees.
@@ -37,18 +35,13 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 @pytest.fixture
 def page(stand: Stand) -> Iterator[Page]:
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None and os.environ.get("OPIR_BROWSER") != "required":
-        pytest.skip("no Chromium: apt-get install chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.goto(f"http://127.0.0.1:{stand.port}/")
         expect(page.locator("#state")).to_have_text("running", timeout=20_000)
         page.wait_for_function("() => Number.isFinite(opirStore.lastS)")
         page.evaluate(ADDED, COUNT)
         yield page
-        browser.close()
 
 
 def test_every_track_of_a_crowd_is_drawn_and_has_a_row(page: Page) -> None:
@@ -61,6 +54,7 @@ def test_every_track_of_a_crowd_is_drawn_and_has_a_row(page: Page) -> None:
 
 def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=60_000)
+    settled(page)
     # Track 1045 is at 16 degrees south, 30 degrees west.
     place = page.evaluate("opirMap.xy(-30, -16)")
     page.locator("#map").click(position={"x": place[0], "y": place[1]})

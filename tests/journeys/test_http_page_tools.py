@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from http_service import SCENE, Stand, serving
 from opir_http.replay import Replay
-from page_browser import chromium, opened, viewing
+from page_browser import chromium, opened, settled, viewing
 from playwright.sync_api import Browser, Page, expect
 
 from opir_core.cli.main import main
@@ -45,18 +45,6 @@ def tracked(page: Page) -> int:
     """Return the number of the first track, which has a row by then."""
     expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=60_000)
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
-
-
-def settled(page: Page) -> None:
-    """Wait until the map has kept its place and size for a second: a click is at a position of the map as it was."""
-    page.evaluate(
-        "async () => { let same = 0, last = '';"
-        " for (let turn = 0; turn < 100 && same < 5; turn++) {"
-        " await new Promise((go) => setTimeout(go, 200));"
-        " const box = document.getElementById('map').getBoundingClientRect();"
-        " const now = [box.left, box.top, box.width, box.height, opirMap.view.radius].join();"
-        " same = now === last ? same + 1 : 0; last = now; } }"
-    )
 
 
 def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:

@@ -1,30 +1,21 @@
 """The report in a browser without a network: no request, no complaint, no overflow, in light, dark and print."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from opir_report import write_run_report
-from playwright.sync_api import Browser, sync_playwright
+from page_browser import chromium
+from playwright.sync_api import Browser
 from reported_runs import scored_run
 
 pytestmark = pytest.mark.browser
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None and os.environ.get("OPIR_BROWSER") != "required":
-        pytest.skip("no Chromium: apt-get install chromium")
-    assert found, "no Chromium: apt-get install chromium"
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+    with chromium() as running:
         yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")

@@ -47,6 +47,18 @@ def opened(
     return page, complaints, asked
 
 
+def settled(page: Page) -> None:
+    """Wait until the map has kept its place and size for a second: a click is at a position of the map as it was."""
+    page.evaluate(
+        "async () => { let same = 0, last = '';"
+        " for (let turn = 0; turn < 100 && same < 5; turn++) {"
+        " await new Promise((go) => setTimeout(go, 200));"
+        " const box = document.getElementById('map').getBoundingClientRect();"
+        " const now = [box.left, box.top, box.width, box.height, opirMap.view.radius].join();"
+        " same = now === last ? same + 1 : 0; last = now; } }"
+    )
+
+
 @contextmanager
 def viewing(replay: Replay) -> Iterator[int]:
     """Serve a saved run as `opir view` does; yields the port."""
