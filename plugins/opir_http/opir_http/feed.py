@@ -77,8 +77,8 @@ class LossyQueue(Generic[Item]):
 class Client:
     """A viewer of the stream, on the event loop: a bounded queue of frames; a full one loses the oldest, counted."""
 
-    def __init__(self, *, brief: bool) -> None:
-        self.brief = brief
+    def __init__(self, *, brief: bool, address: str = "") -> None:
+        self.brief, self.address = brief, address
         self.dropped = 0
         self._frames: deque[bytes] = deque()
         self._ready = asyncio.Event()
@@ -169,6 +169,10 @@ class Feed:
         self._windows.close()
         for client in tuple(self._clients):
             client.close()
+
+    def streams_of(self, address: str) -> int:
+        """Return the number of clients of an address."""
+        return sum(client.address == address for client in self._clients)
 
     def join(self, client: Client) -> None:
         """Add a client."""

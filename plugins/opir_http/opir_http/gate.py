@@ -7,8 +7,9 @@ from collections import OrderedDict
 from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from typing import Any
 
+from opir_http.log import RequestLog
 from opir_http.problems import PROBLEM_TYPE, ProblemError, problem_body
-from opir_http.settings import BODY_S, MAXIMUM_BODY_BYTES, HttpSettings
+from opir_http.settings import BODY_S, LOOPBACK, MAXIMUM_BODY_BYTES, HttpSettings
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -20,13 +21,14 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/openapi.json"})
 OPEN_PREFIX = "/page/"
 
-LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+_HEALTH = frozenset({"/health/live", "/health/ready"})
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 #: Requests with a body.
 _TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
 _OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
+_STREAM = b"text/event-stream; charset=utf-8"
 
 _HEADERS = [
     (b"x-content-type-options", b"nosniff"),
@@ -66,8 +68,11 @@ class Rates:
 class Gate:
     """The application behind its checks; also adds the security headers of answers."""
 
-    def __init__(self, app: App, settings: Callable[[], HttpSettings], token: str | None) -> None:
+    def __init__(
+        self, app: App, settings: Callable[[], HttpSettings], token: str | None, log: RequestLog | None = None
+    ) -> None:
         self._app = app
+        self._log = log or RequestLog()
         self._settings = settings
         self._token = token.encode() if token else None
         self._rates = Rates()
@@ -77,13 +82,24 @@ class Gate:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        guarded = _with_headers(send, is_open=_is_open(scope["path"]))
+        guarded = self._log.watched(scope, _with_headers(send, is_open=_is_open(scope["path"])))
         try:
             body = await self._admitted(scope, receive)
         except ProblemError as problem:
             await _answer(problem, guarded)
             return
-        await self._app(scope, _replayed(body, receive), guarded)
+        if scope["method"] == "HEAD":
+            await self._head(scope, _replayed(body, receive), guarded)
+        else:
+            await self._app(scope, _replayed(body, receive), guarded)
+
+    async def _head(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer HEAD as GET without the body, which the server leaves out; a stream is not begun."""
+        if scope["path"] == "/stream":
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-type", _STREAM)]})
+            await send({"type": "http.response.body", "body": b""})
+        else:
+            await self._app({**scope, "method": "GET"}, receive, send)
 
     async def _admitted(self, scope: Scope, receive: Receive) -> bytes:
         """Return the body of an accepted request; raises `ProblemError`."""
@@ -172,13 +188,43 @@ def _replayed(body: bytes, receive: Receive) -> Receive:
 def _with_headers(send: Send, *, is_open: bool) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            given = list(message.get("headers", []))
+            given = [
+                (name, _with_head(value) if name.lower() == b"allow" else value) for name, value in _given(message)
+            ]
             if not any(name.lower() == b"cache-control" for name, _ in given):
                 given.append((b"cache-control", b"no-cache" if is_open else b"no-store"))
             message["headers"] = [*given, *_HEADERS]
         await send(message)
 
     return sending
+
+
+def _given(message: Message) -> list[tuple[bytes, bytes]]:
+    return list(message.get("headers", []))
+
+
+def _with_head(allowed: bytes) -> bytes:
+    """Return the value of `Allow` with HEAD where there is GET."""
+    methods = {method.strip() for method in allowed.split(b",")}
+    return b", ".join(sorted(methods | ({b"HEAD"} if b"GET" in methods else set())))
+
+
+def health_only(app: App) -> App:
+    """Return an application that answers health checks as `app` does and refuses everything else; each closes."""
+
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        async def closing(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*_given(message), (b"connection", b"close")]
+            await send(message)
+
+        if scope["path"] in _HEALTH:
+            await app(scope, receive, closing)
+        else:
+            problem = ProblemError(503, "too many connections", headers={"Retry-After": "5"})
+            await _answer(problem, _with_headers(closing, is_open=False))
+
+    return answer
 
 
 async def _answer(problem: ProblemError, send: Send) -> None:

@@ -15,8 +15,8 @@ from opir_http.problems import ProblemError
 
 _DIGITS = 9
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
-_NAMES = ("path", "file")
-_ENDS = ("_path", "_file", "_variable")
+_NAMES = ("path", "file", "csv")
+_ENDS = ("_path", "_file", "_csv", "_variable")
 _SECRET = "_variable"
 
 

@@ -19,7 +19,7 @@ from opir_http.openapi import document
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
 from opir_http.reading import instant_us, json_object, query, unit_number, whole_number
 from opir_http.service import Service, etag_of
-from opir_http.settings import MAXIMUM_PAGE
+from opir_http.settings import LOOPBACK, MAXIMUM_PAGE, STREAMS_PER_CLIENT
 
 _PAGE = Path(__file__).parent / "page"
 _KINDS = {
@@ -269,7 +269,10 @@ def _stream_route(service: Service) -> Any:
             raise ProblemError(400, "view must be full or brief")
         if service.feed.viewers >= service.settings.maximum_viewers:
             raise ProblemError(503, "the maximum number of viewers is connected", headers={"Retry-After": "5"})
-        client = Client(brief=given.get("view") == "brief")
+        address = request.client.host if request.client else ""
+        if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
+            raise ProblemError(429, "this client has too many streams", headers={"Retry-After": "5"})
+        client = Client(brief=given.get("view") == "brief", address=address)
         service.feed.join(client)
         return Stream(_frames(service, client), media_type="text/event-stream")
 

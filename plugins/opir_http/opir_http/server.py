@@ -10,7 +10,16 @@ from typing import Any
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from opir_http.settings import HEADERS_S, MAXIMUM_CONNECTIONS
+from opir_http.gate import health_only
+from opir_http.settings import (
+    CONNECTIONS_PER_CLIENT,
+    HEADERS_S,
+    LOOPBACK,
+    MAXIMUM_CONNECTIONS,
+    RESERVED_CONNECTIONS,
+    RESERVED_S,
+    WRITE_S,
+)
 
 _CHECK_S = 2.0
 _LONGEST_HEADERS = 16 * 1024
@@ -22,18 +31,36 @@ _CUT_S, _CANCEL_S = 0.8, 2
 
 
 class Connection(H11Protocol):
-    """A connection that is closed if no complete request arrives for `HEADERS_S`."""
+    """A connection that is closed if no complete request arrives for `HEADERS_S`, or the client reads nothing.
+
+    A connection above the limits is served health checks only, and briefly.
+    """
 
     _waiting_s: float | None = None
+    _deadline_s = HEADERS_S
+    _is_reserved = False
+    #: Bytes that wait for the client, and since when none of them has been taken.
+    _unread, _unread_since_s = 0, 0.0
     _check: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
-        """Open the connection, unless there are too many."""
+        """Open the connection, for health checks only if there are too many; close it if there are far too many."""
         super().connection_made(transport)
-        if len(self.connections) > MAXIMUM_CONNECTIONS:
-            transport.close()
-            return
+        self._deadline_s = HEADERS_S
+        if len(self.connections) > MAXIMUM_CONNECTIONS or self._of_client() > CONNECTIONS_PER_CLIENT:
+            if sum(getattr(other, "_is_reserved", False) for other in self.connections) >= RESERVED_CONNECTIONS:
+                transport.close()
+                return
+            self._is_reserved, self._deadline_s, self.app = True, RESERVED_S, health_only(self.app)
         self._look()
+
+    def _of_client(self) -> int:
+        """Return the number of connections of this client; 0 on this machine."""
+        address = self.client[0] if self.client else ""
+        if address in LOOPBACK:
+            return 0
+        others = (getattr(other, "client", None) for other in self.connections)
+        return sum(client is not None and client[0] == address for client in others)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Cancel the check."""
@@ -47,19 +74,33 @@ class Connection(H11Protocol):
         super().on_response_complete()
 
     def _look(self) -> None:
+        now_s = self.loop.time()
+        if self._reads_nothing(now_s):
+            self.transport.abort()
+            return
         if self.transport.is_closing():
+            # Closing lasts until the client has read what waits for it.
+            if self.transport.get_write_buffer_size():
+                self._check = self.loop.call_later(_CHECK_S, self._look)
             return
         cycle: Any = self.cycle
         is_waiting = cycle is None or cycle.response_complete
-        now_s = self.loop.time()
         if not is_waiting:
             self._waiting_s = None
         elif self._waiting_s is None:
             self._waiting_s = now_s
-        elif now_s - self._waiting_s > HEADERS_S:
+        elif now_s - self._waiting_s > self._deadline_s:
             self.transport.close()
             return
         self._check = self.loop.call_later(_CHECK_S, self._look)
+
+    def _reads_nothing(self, now_s: float) -> bool:
+        """Return whether bytes have waited for the client for `WRITE_S` and it has taken none."""
+        unread = self.transport.get_write_buffer_size()
+        if self._unread == 0 or unread < self._unread:
+            self._unread_since_s = now_s
+        self._unread = unread
+        return unread > 0 and now_s - self._unread_since_s > WRITE_S
 
 
 class Server(uvicorn.Server):

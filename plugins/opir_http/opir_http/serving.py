@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import os
 import socket
+import stat
 import sys
 import threading
 import time
@@ -22,11 +23,12 @@ from opir_core.live.watchdog import Notifier, Watchdog
 from opir_core.plugin.host import Host
 from opir_core.plugin.registry import warn
 from opir_core.simulation.plan_warnings import plan_warnings
-from opir_http.gate import LOOPBACK, Gate
+from opir_http.gate import Gate
+from opir_http.log import RequestLog
 from opir_http.routes import application
 from opir_http.server import Server, bound
 from opir_http.service import Service
-from opir_http.settings import HttpSettings
+from opir_http.settings import LOOPBACK, HttpSettings
 
 #: Environment variable of the bearer token, if no file is given.
 TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
@@ -50,6 +52,7 @@ class ServeError(OpirError):
 def serve(arguments: argparse.Namespace) -> int:
     """Run the service until a signal stops it; return the exit code."""
     token = token_of(arguments)
+    log = RequestLog(sys.stderr.write, token_name(arguments))
     service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = Watchdog(service.run, on_stuck, Notifier.of())
@@ -58,7 +61,7 @@ def serve(arguments: argparse.Namespace) -> int:
         service.run.start()
         asked_at_s = None
         try:
-            asked_at_s = asyncio.run(_served(service, token, listening, arguments.host, watchdog.start))
+            asked_at_s = asyncio.run(_served(service, (token, log), listening, arguments.host, watchdog.start))
         finally:
             watchdog.stop()
             service.feed.stop()
@@ -125,6 +128,7 @@ def token_of(arguments: argparse.Namespace) -> str | None:
     """Return the bearer token of the file or the environment; required unless only this machine can connect."""
     token = os.environ.get(TOKEN_VARIABLE)
     if arguments.token_file is not None:
+        _check_permissions(Path(arguments.token_file))
         try:
             token = Path(arguments.token_file).read_text(encoding="ascii").strip()
         except (OSError, ValueError):
@@ -137,6 +141,25 @@ def token_of(arguments: argparse.Namespace) -> str | None:
             " --token-file"
         )
     return token
+
+
+def _check_permissions(path: Path) -> None:
+    """Reject a token file that other users can read or write."""
+    try:
+        found = path.stat()
+    except OSError:
+        return
+    if os.name == "posix" and stat.S_ISREG(found.st_mode) and found.st_mode & 0o077:
+        raise ServeError(
+            f"--token-file: other users can open the file (mode {stat.S_IMODE(found.st_mode):03o}); chmod 600 {path}"
+        )
+
+
+def token_name(arguments: argparse.Namespace) -> str | None:
+    """Return the name of the token in the log of writes: of its file or variable."""
+    if arguments.token_file is not None:
+        return Path(arguments.token_file).name
+    return TOKEN_VARIABLE if TOKEN_VARIABLE in os.environ else None
 
 
 def final_report(status: LiveStatus) -> str:
@@ -165,7 +188,11 @@ def bound_socket(arguments: argparse.Namespace) -> socket.socket:
 
 
 async def _served(
-    service: Service, token: str | None, listening: socket.socket, host: str, on_start: Callable[[], None]
+    service: Service,
+    access: tuple[str | None, RequestLog],
+    listening: socket.socket,
+    host: str,
+    on_start: Callable[[], None],
 ) -> float | None:
     """Serve until a signal, and return its time on the monotonic clock, s; `on_start` is called once it serves."""
 
@@ -174,7 +201,8 @@ async def _served(
         sys.stdout.flush()
         on_start()
 
-    server = server_of(service, token, print_address)
+    token, log = access
+    server = server_of(service, token, print_address, log)
     await server.serve(sockets=[listening])
     return server.asked_at_s
 
@@ -185,7 +213,12 @@ def address_text(host: str, port: int) -> str:
     return f"opir: {address}\nopir: {address}/page/api.html describes the HTTP interface\n"
 
 
-def server_of(service: Service, token: str | None, on_start: Callable[[], None] = lambda: None) -> Server:
+def server_of(
+    service: Service,
+    token: str | None,
+    on_start: Callable[[], None] = lambda: None,
+    log: RequestLog | None = None,
+) -> Server:
     """Return the server of a service, for the running event loop."""
     service.feed.start(asyncio.get_running_loop())
     app: Any = application(service)
@@ -194,4 +227,4 @@ def server_of(service: Service, token: str | None, on_start: Callable[[], None] 
         service.run.halt()
         service.feed.stop()
 
-    return Server(Gate(app, lambda: service.settings, token), stop, on_start)
+    return Server(Gate(app, lambda: service.settings, token, log), stop, on_start)

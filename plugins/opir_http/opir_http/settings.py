@@ -14,6 +14,17 @@ HEADERS_S = 10.0
 BODY_S = 10.0
 #: Maximum number of connections.
 MAXIMUM_CONNECTIONS = 1024
+#: Maximum number of connections of a client, and of its streams. Clients on this machine, such as a proxy that serves
+#: many others, have no limit of their own.
+CONNECTIONS_PER_CLIENT = 128
+STREAMS_PER_CLIENT = 32
+#: Connections above these limits that are still answered, health checks only, and the time, s, they have for a request.
+RESERVED_CONNECTIONS = 64
+RESERVED_S = 2.0
+#: Time, s, after which a client that takes none of the bytes waiting for it is disconnected.
+WRITE_S = 30.0
+#: Addresses of this machine.
+LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 #: Maximum number of detections on a page of GET /detections.
 MAXIMUM_PAGE = 1000
 

@@ -99,6 +99,7 @@ def test_other_addresses_need_a_token(monkeypatch: pytest.MonkeyPatch, tmp_path:
         token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
     secret = tmp_path / "token"
     secret.write_text("from-a-file-of-ours\n")
+    secret.chmod(0o600)
     assert token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret))) == "from-a-file-of-ours"
 
 
