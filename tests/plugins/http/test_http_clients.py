@@ -10,9 +10,9 @@ import pytest
 from http_service import LAUNCH, Stand, serving
 from opir_http import server
 from opir_http.log import RequestLog
+from opir_http.problems import ProblemError
 from opir_http.reading import refuse_other_names
 from opir_http.serving import ServeError, token_of
-from opir_http.problems import ProblemError
 from waiting import until
 
 
