@@ -37,6 +37,7 @@ def ours_and_theirs(number: str) -> tuple[np.ndarray, np.ndarray, Time]:
     return orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s), theirs, times
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
 def test_with_ut1_and_the_pole_put_in_nothing_is_left(number):
     ours, theirs, times = ours_and_theirs(number)

@@ -68,6 +68,7 @@ def photon_radiance(temperature, metres):
     return 2 * C / metres**4 / mp.expm1(H * C / (metres * K * temperature))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ours", "theirs"),
     [(band_radiance, watts), (band_photon_radiance, photons), (band_radiance_slope, rise)],

@@ -63,6 +63,7 @@ def first_scans(model: str) -> np.ndarray:
     return np.concatenate(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
 def test_mean_latency(model: str) -> None:
     period_s, probability = PAPER[model]
@@ -130,6 +131,7 @@ def test_relative_improvements() -> None:
     assert (dsp_s / dsp) / (sbirs_s / sbirs) == pytest.approx(8 / 3)
 
 
+@pytest.mark.slow
 def test_random_scan_phase_has_its_own_mean_latency() -> None:
     """With a uniformly random start of each sensor's scan, the mean is T (1/P - 1/2)."""
     period_s, probability = PAPER["DSP"]

@@ -202,6 +202,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_forces", [False, True])
 def test_gravity_turns_follow_the_equations_from_ignition_to_impact(has_forces):
     air = OTHER_AIR if has_forces else BOOST_AIR

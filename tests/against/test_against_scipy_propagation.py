@@ -87,6 +87,7 @@ def exponential(height_m):
     return 1.225 * np.exp(-height_m / 7200.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("atmosphere", "density"), [("us_standard_1976", us_standard), (EXPONENTIAL, exponential)], ids=["us76", "exp"]
 )
@@ -109,6 +110,7 @@ def test_impact_with_drag(atmosphere, density, height_m):
     assert abs(ecef_to_geodetic(found.position_m).height_m - height_m) <= 1e-7
 
 
+@pytest.mark.slow
 def test_low_orbit_with_drag():
     start = (np.array([6378e3 + 250e3, 0.0, 0.0]), np.array([0.0, 6100.0, 4800.0]))
     forces = Forces(drag=Drag(100.0))
@@ -119,6 +121,7 @@ def test_low_orbit_with_drag():
     assert np.linalg.norm(without - end) > 500.0
 
 
+@pytest.mark.slow
 def test_dense_states():
     starts = np.array(STARTS)
     arcs = dense_arcs(starts[:, 0], starts[:, 1], 1800.0, tolerance_m=1e-5)

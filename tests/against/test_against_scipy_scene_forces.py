@@ -80,6 +80,7 @@ def truth_of(name):
     return compile_plan(load_scene(EXAMPLE, overrides=overrides)).targets.truth()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SCENES))
 def test_every_target_comes_down_within_a_metre_of_its_aim(name):
     _, zonal, beta = SCENES[name]

@@ -10,6 +10,7 @@ from tracked_flights import followed, last_told, rows_of, usual
 from opir_core.scoring.consistency import nees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("course", "kind"), [("staged", "SRBM"), ("tabulated", "SRBM")])
 def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind):
     truth = flown(kind, 60, 1, course)

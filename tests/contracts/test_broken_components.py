@@ -50,6 +50,7 @@ RAISING = {
 }
 
 
+@pytest.mark.slow
 def test_what_the_mutants_are_made_of_is_sound() -> None:
     """The trackers, sinks and models that mutants inherit keep their contracts, so each fault is the mutation's own."""
     from opir_core.testing.contracts import PASSED, conformance_results

@@ -39,6 +39,7 @@ def test_every_kind_has_a_contract_with_promises_in_words() -> None:
             assert "\n" not in requirement
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> None:
     done = opir("check", "weighted")
     assert done.returncode == 0, done.stderr

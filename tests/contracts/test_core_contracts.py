@@ -132,6 +132,7 @@ class TestGlideTargets(TargetContract):
     )
 
 
+@pytest.mark.slow
 class TestGravityTurnTargets(TargetContract):
     name = "gravity-turn"
     settings: ClassVar[Mapping[str, Any]] = {"loft": 0.2, "early_shutdown_s": 1.0}
@@ -222,6 +223,7 @@ class TestBolides(SourceContract):
     settings: ClassVar[Mapping[str, Any]] = {"field": {"region": REGION, "per_million_km2": 3.0}}
 
 
+@pytest.mark.slow
 class TestImm(TrackerContract):
     name = "imm"
     settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}

@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 
+import pytest
 from repository import ROOT
 
 from opir_core.plugin.host import Host
@@ -34,6 +35,7 @@ def names_in(node: ast.ClassDef) -> Iterator[str]:
             yield str(ast.literal_eval(statement.value))
 
 
+@pytest.mark.slow
 def test_every_component_of_this_house_is_held_to_its_contract() -> None:
     held = set(contracts_named())
     fleets = {name for contract, name in held if contract == "ConstellationContract"}

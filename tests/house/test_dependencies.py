@@ -42,6 +42,7 @@ PACKAGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES])
 def test_everything_imported_is_installed_with_the_package(project: Path, package: Path) -> None:
     found = imported(package)

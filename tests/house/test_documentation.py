@@ -56,6 +56,7 @@ def pages_with(language: str) -> list[Any]:
     return [pytest.param(page, id=named(page), marks=[pytest.mark.slow] * (named(page) in LONG)) for page in pages]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with("python"))
 def test_python_blocks_run(page: Path, folder: Path) -> None:
     code = "\n".join(blocks(page, "python"))
@@ -63,6 +64,7 @@ def test_python_blocks_run(page: Path, folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with("console"))
 def test_console_blocks_print_what_they_show(page: Path, folder: Path) -> None:
     for block in blocks(page, "console"):
@@ -89,6 +91,7 @@ def test_links_lead_somewhere() -> None:
     assert not lost
 
 
+@pytest.mark.slow
 def test_generated_pages_are_fresh() -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "docs" / "generate.py", "--check"], capture_output=True, text=True, check=False

@@ -67,6 +67,7 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
     assert not roots & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
     loaded = modules_of(
         command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
@@ -74,6 +75,7 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
     assert not {name for name in loaded if name.startswith("opir_core.radiometry")}
 
 
+@pytest.mark.slow
 def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
     loaded = modules_of(
         command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
@@ -82,6 +84,7 @@ def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None
     assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sink", ["memory", "null"])
 def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: str) -> None:
     scene = str(EXAMPLES / "first_light.yaml")

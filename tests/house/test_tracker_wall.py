@@ -122,6 +122,7 @@ def faults(source: str) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
     sources = {folder: sorted((ROOT / folder).rglob("*.py")) for folder in FOLDERS}
     assert all(sources.values())

@@ -81,6 +81,7 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(
     assert all(name in done.stdout for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"))
 
 
+@pytest.mark.slow
 def test_a_run_says_first_who_saw_what_and_where_it_goes(
     pacific: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:
@@ -118,6 +119,7 @@ def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> N
     assert told[6] == "... and 3 more targets"
 
 
+@pytest.mark.slow
 def test_a_terminal_sees_progress_and_the_table_stays_clean(
     tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]]
 ) -> None:
@@ -227,6 +229,7 @@ def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
     assert max(rates.values()) == pytest.approx(8.73 * confirmed, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path, opir: Opir) -> None:
     aligned = ("--set", "sensors[0].preset=paper")
     done = process(tmp_path, "run", FIRST_LIGHT, *aligned)
@@ -319,6 +322,7 @@ def test_what_cannot_be_done_is_one_message_and_an_exit_code(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hash_seed", ["0", pytest.param("1", marks=pytest.mark.slow)])
 def test_hash_seeds_change_no_byte(
     tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]], hash_seed: str

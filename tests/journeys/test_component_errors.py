@@ -24,6 +24,7 @@ def ran(folder: Path, part: tuple[str, ...], deed: str, *words: str) -> "subproc
     return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False, cwd=folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deed", ["SystemExit", "GeneratorExit", "KeyboardInterrupt", "ZeroDivisionError"])
 @pytest.mark.parametrize("part", [TRACKER, MODEL, SINK], ids=["tracker", "model", "sink"])
 def test_a_run_that_a_component_ends_is_no_success(tmp_path: Path, part: tuple[str, ...], deed: str) -> None:

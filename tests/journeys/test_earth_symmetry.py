@@ -89,6 +89,7 @@ def close(found: Any, expected: Any, scale: float = 0.0) -> None:
     np.testing.assert_allclose(found, expected, rtol=BAR, atol=BAR * max(scale, 1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("forces", "turn_deg"),
     [

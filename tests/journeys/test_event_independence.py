@@ -31,6 +31,7 @@ def whole() -> bytes:
     return events(SCENE, 300.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window_s", [pytest.param(0.2, marks=pytest.mark.slow), 0.77, 1.0, 13.0, 299.999, None])
 def test_window_sizes_change_no_byte(whole: bytes, window_s: float | None) -> None:
     assert events(SCENE, window_s) == whole

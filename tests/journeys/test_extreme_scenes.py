@@ -107,6 +107,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
 
 
 # Shrinking a scene takes minutes and says little more than the scene that was found.
+@pytest.mark.slow
 @settings(
     max_examples=SCENES,
     deadline=None,

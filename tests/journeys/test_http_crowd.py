@@ -52,6 +52,7 @@ def test_every_track_of_a_crowd_is_drawn_and_has_a_row(page: Page) -> None:
     assert page.evaluate("opirMap.drawn.impacts") >= COUNT
 
 
+@pytest.mark.slow
 def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=60_000)
     settled(page)

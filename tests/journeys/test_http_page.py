@@ -28,6 +28,7 @@ def browser() -> Iterator[Browser]:
         yield running
 
 
+@pytest.mark.slow
 def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: Stand) -> None:
     page, complaints, asked = opened(browser, stand.port, 1280, "light")
     page.get_by_label("Type").select_option("IRBM")
@@ -96,6 +97,7 @@ def wide(track: dict[str, Any]) -> dict[str, Any]:
     return track | {"impact_point": track["impact_point"] | {"ellipse": ELLIPSE | {"semi_major_m": 4.0e6}}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(375, "dark"), (1920, "dark"), (1920, "light")])
 def test_the_page_fits_its_screen_and_its_map_is_drawn(browser: Browser, stand: Stand, width: int, scheme: str) -> None:
     page, complaints, _ = opened(browser, stand.port, width, scheme)

@@ -47,6 +47,7 @@ def tracked(page: Page) -> int:
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
 
 
+@pytest.mark.slow
 def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(page)
@@ -70,6 +71,7 @@ def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> Non
     page.context.close()
 
 
+@pytest.mark.slow
 def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     tracked(page)
@@ -87,6 +89,7 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
     page.context.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["map", "globe"])
 def test_places_are_where_d3_has_them_and_keys_move_them(browser: Browser, stand: Stand, kind: str) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
@@ -117,6 +120,7 @@ def radius(page: Page) -> float:
     return float(page.evaluate("opirMap.view.radius"))
 
 
+@pytest.mark.slow
 def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser, stand: Stand) -> None:
     page, _, _ = opened(browser, stand.port, 1280, "light")
     page.locator("#to-globe").click()
@@ -132,6 +136,7 @@ def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser
     page.context.close()
 
 
+@pytest.mark.slow
 def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
     first, _, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(first)
@@ -147,6 +152,7 @@ def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None
     page.context.close()
 
 
+@pytest.mark.slow
 def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
     page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
     expect(page.locator("#launch-panel")).to_be_hidden()
@@ -174,6 +180,7 @@ SEEK = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1024, 1600])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str) -> None:
@@ -195,6 +202,7 @@ def violations(page: Page) -> list[Any]:
     return [(each["id"], json.dumps([node["target"] for node in each["nodes"]])) for each in found]
 
 
+@pytest.mark.slow
 def test_the_description_sends_requests(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1024, "light")
     page.goto(f"http://127.0.0.1:{stand.port}/page/api.html")

@@ -55,6 +55,7 @@ def examined(stand: Stand, folder: Path, phases: str, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand: Stand, tmp_path: Path) -> None:
     more = ("--max-time", str(FOR_S), "--max-examples", str(5 * FOR_S))
     examined(stand, tmp_path, "examples,coverage,fuzzing", *more)

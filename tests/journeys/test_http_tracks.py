@@ -21,6 +21,7 @@ from opir_core.testing.doubles import stub_estimates, stub_regions
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 
 
+@pytest.mark.slow
 def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
     scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace("type: ICBM", "type: SRBM")
     scene = scene.replace("{lat_deg: 9.0, lon_deg: 167.7}", "{lat_deg: 32.0, lon_deg: -124.0}")

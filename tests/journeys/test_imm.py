@@ -50,6 +50,7 @@ def whole() -> tuple[Tracks, np.ndarray]:
     return tracks_of(SCENE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window_s", [0.37, 1.0, 7.0])
 def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: float) -> None:
     tracks, labels = tracks_of(SCENE, window_s)
@@ -58,6 +59,7 @@ def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: 
     assert np.array_equal(tracks.state_covariance, whole[0].state_covariance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracker", [{}, {"association": "joint", "slice_s": 0.2}])
 def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) -> None:
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", **tracker}}))
@@ -117,6 +119,7 @@ def test_bad_settings_are_told_with_their_place() -> None:
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "association": "joined"}})
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("boost_model", ["thrust", "jerk"])
 def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_model: str) -> None:

@@ -132,6 +132,7 @@ def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> 
     examine(mock, topic, 600)
 
 
+@pytest.mark.slow
 def test_the_broker_flaps(mock: Any, spool: Path) -> None:
     topic, dice = mock.topic(), random.Random(5)
     sink = kafka_sink(mock.address, topic, spool)
@@ -153,6 +154,7 @@ def test_the_broker_flaps(mock: Any, spool: Path) -> None:
     examine(mock, topic, 1000)
 
 
+@pytest.mark.slow
 def test_the_broker_is_slow(mock: Any, spool: Path) -> None:
     topic = mock.topic()
     mock.tell("slow", 150)
@@ -162,6 +164,7 @@ def test_the_broker_is_slow(mock: Any, spool: Path) -> None:
     examine(mock, topic, 200)
 
 
+@pytest.mark.slow
 def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> None:
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool)
@@ -175,6 +178,7 @@ def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> Non
     examine(mock, topic, 200)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot stop a process")
 def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool: Path) -> None:
     topic = mock.topic()
@@ -192,6 +196,7 @@ def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool:
     examine(mock, topic, 200)
 
 
+@pytest.mark.slow
 def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path) -> None:
     topic = mock.topic(1)
     sink = kafka_sink(mock.address, topic, spool)
@@ -271,6 +276,7 @@ def test_the_broker_cannot_even_begin(mock: Any, spool: Path, api: int) -> None:
     examine(mock, topic, 100)
 
 
+@pytest.mark.slow
 def test_the_topic_is_not_there_yet(mock: Any, spool: Path) -> None:
     topic = mock.topic()
     mock.tell("topic-error", topic, 3)
@@ -336,6 +342,7 @@ def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
     assert "no broker answers" in (told.complaint or "")
 
 
+@pytest.mark.slow
 def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> None:
     topic = broker.topic()
     first = killed_at_random("kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import kafka_broker
+import pytest
 from kafka_broker import dead_address, messages
 from repository import EXAMPLES
 from waiting import until
@@ -31,6 +32,7 @@ def stopped(run: LiveRun) -> Any:
     return status.sinks[0]
 
 
+@pytest.mark.slow
 def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(tmp_path: Path) -> None:
     host = Host.discover()
     with kafka_broker.broker() as broker:

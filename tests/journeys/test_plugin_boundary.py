@@ -197,6 +197,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_what_a_plugin_prints_does_not_reach_the_events(tmp_path: Path) -> None:
     import json
 

@@ -118,6 +118,7 @@ def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
     return events, json.dumps(manifest, sort_keys=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first_light", pytest.param("pacific_test_range", marks=pytest.mark.slow)])
 def test_other_plugins_and_their_order_change_no_byte(
     name: str, shelf: Mapping[str, Path], path_of_folders: Choose

@@ -92,6 +92,7 @@ def killed(number: int) -> None:
     until(lambda: not is_alive(number))
 
 
+@pytest.mark.slow
 def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nursery, tmp_path: Path) -> None:
     scene, log, lines = tmp_path / "scene.yaml", tmp_path / "log", tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "40"), encoding="utf-8")
@@ -126,6 +127,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
     assert all(seen)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_and_started_again_is_whole(nurse: Nursery, tmp_path: Path) -> None:
     scene, log, lines = tmp_path / "scene.yaml", tmp_path / "log", tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "200"), encoding="utf-8")

@@ -90,6 +90,7 @@ def waiting(spool: Path) -> int:
         return int(opened.execute("SELECT coalesce(sum(events), 0) FROM parcel").fetchone()[0])
 
 
+@pytest.mark.slow
 def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path: Path) -> None:
     kafka = {"bootstrap_servers": dead_address(), "topic": "t", "spool": {"path": str(tmp_path / "spool")}}
     outputs = f"outputs=[{{kafka: {json.dumps(kafka)}}}]"
@@ -106,6 +107,7 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
     assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
 
 
+@pytest.mark.slow
 def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp_path: Path) -> None:
     words = ("--set", 'outputs=["null"]', "--speed", "max", "--loop")
     with serving(tmp_path, *words, stderr=subprocess.STDOUT) as running, socket.socket() as viewer:
@@ -119,6 +121,7 @@ def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp
     assert told[1].startswith("opir: outputs[0] (null): ")
 
 
+@pytest.mark.slow
 def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(tmp_path: Path) -> None:
     pipe, spool = tmp_path / "pipe", tmp_path / "spool"
     os.mkfifo(pipe)

@@ -6,9 +6,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
 from http_service import Stand, serving
 
 
+@pytest.mark.slow
 def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
     with serving(tmp_path, "--speed", "max", "--loop") as running, viewer(running) as idle, viewer(running) as busy:
         give_up_at = time.monotonic() + 60.0

@@ -102,6 +102,7 @@ def test_a_bad_row_of_fires_is_told_with_file_and_line(
     assert f"sources[0].csv: {tmp_path / 'fires.csv'}, {message}" in told
 
 
+@pytest.mark.slow
 def test_what_opir_advises_for_a_band_works(capsys: pytest.CaptureFixture[str]) -> None:
     advice = [f"{sky}.bands={{MWIR: MWIRW_3.5_4.0}}" for sky in ("atmosphere", "background")]
     assert main(["validate", SCENE, *(part for change in (NARROW, *advice) for part in ("--set", change))]) == 0

@@ -33,6 +33,7 @@ def truth_of(kind, range_m, bearing_deg=270.0, **settings):
     return compile_plan(scene_from_mapping(scene)).targets.truth()[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "range_m", "staging", "stages"),
     [
@@ -60,6 +61,7 @@ def test_classes_that_do_not_come_down_ballistically_are_refused(kind, model):
         truth_of(kind, 5000e3)
 
 
+@pytest.mark.slow
 def test_lofts_are_higher_and_later_at_the_same_aim():
     flat, usual, steep = (truth_of("IRBM", 4000e3, loft=loft) for loft in (-0.5, 0.0, 0.5))
     assert flat["impact"]["time_s"] < usual["impact"]["time_s"] < steep["impact"]["time_s"]
@@ -67,6 +69,7 @@ def test_lofts_are_higher_and_later_at_the_same_aim():
     assert max(each["miss_m"] for each in (flat, usual, steep)) < 10.0
 
 
+@pytest.mark.slow
 def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
     whole, early = (truth_of("ICBM", 9000e3, early_shutdown_s=each) for each in (0.0, 3.0))
     assert whole["burnout_s"] - early["burnout_s"] == pytest.approx(3.0, abs=1e-9)
@@ -76,6 +79,7 @@ def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
     assert early["miss_m"] > 500e3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

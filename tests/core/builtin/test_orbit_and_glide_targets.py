@@ -127,6 +127,7 @@ def test_a_glide_is_followed_to_its_impact():
     assert np.isfinite(flown).all()
 
 
+@pytest.mark.slow
 def test_summaries_and_scores_do_without_an_impact():
     """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, and one impact of two."""
     plan = plan_of(SLV, ICBM, tracker="imm")
@@ -140,6 +141,7 @@ def test_summaries_and_scores_do_without_an_impact():
     assert figures["type_right"]["value"] == 0.5
 
 
+@pytest.mark.slow
 def test_no_tracker_predicts_an_impact_of_a_body_in_orbit():
     plan = plan_of({**SLV, "followed_s": 300.0}, follows=True, tracker="imm", duration_s=800.0)
     tracks = run_of_plan(plan).tracks

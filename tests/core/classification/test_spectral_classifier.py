@@ -308,6 +308,7 @@ def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
     assert np.allclose(chances.sum(axis=1), 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.01])
 def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
     """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %, by kind."""

@@ -47,6 +47,7 @@ def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.m
     return mpmath.quad(density, sorted(cuts))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.0, pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 @pytest.mark.parametrize(
     ("snr", "noise"),
@@ -104,6 +105,7 @@ def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioG
         assert abs(passed - rows * chance) < 3.29 * np.sqrt(rows * chance * (1.0 - chance)) + 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
 def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
     rule: AnyBand | RatioGates,
@@ -120,6 +122,7 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
         assert distance < 1.95 * np.sqrt(2.0 / len(kept))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("snr", "least", "most"),
     [([6.0, 8.0, 2.5], 0.1, 1.0), ([2.0, 18.0, 2.0], LEAST_PASSING, 0.01), ([2.0, 28.0, 2.0], 0.0, LEAST_PASSING)],

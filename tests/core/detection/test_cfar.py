@@ -14,6 +14,7 @@ from opir_core.detection import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", [8, 24])
 @pytest.mark.parametrize("snr", [0.0, 4.0])
 def test_draws_of_reference_cells_cross_as_often_as_student_says(cells: int, snr: float) -> None:

@@ -49,6 +49,7 @@ def spot_rad(plane: Any, middle_um: float) -> float:
     return math.sqrt(airy**2 + 1e-12 * (plane.blur_urad**2 + plane.jitter_urad**2 + smear**2 / 24.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
 @pytest.mark.parametrize(
     "changes",
@@ -109,6 +110,7 @@ def test_notional_focal_planes_have_about_the_noise_of_their_sensors_and_clutter
         assert np.all(above < most)
 
 
+@pytest.mark.slow
 def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() -> None:
     seen = {}
     for sky, changes in SKIES.items():
@@ -120,6 +122,7 @@ def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() 
     assert seen["clear by night", "notional"] == pytest.approx(seen["clear by night", "given"], rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
     def signals(well_e: float, **sky: Any) -> np.ndarray:
         plane = {"well_capacity_e": well_e, "dark_current_e_s": 0.0}
@@ -167,6 +170,7 @@ def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
     assert known.detection.rate_per_scan.tolist() == estimated.detection.rate_per_scan.tolist()
 
 
+@pytest.mark.slow
 def test_clutter_that_stays_is_confirmed_over_scans() -> None:
     """Registration errors are new in every frame; what drift leaves is there again in the next scan."""
     confirmed = {}
@@ -194,6 +198,7 @@ def test_worst_phase_and_given_noise() -> None:
     assert given.radiometer.nei_w_m2 == (1e-12, 1e-12)
 
 
+@pytest.mark.slow
 def test_between_knots_no_look_is_off_by_more_than_the_tolerance() -> None:
     sensors = [with_plane(one) for one in (DSP, SBIRS, NEXTGEN)]
     plan = opir.compile_plan(scene(sensors, duration_s=150, **SKIES["cloud by day"]))
@@ -292,6 +297,7 @@ def test_explain_shows_what_focal_planes_come_to() -> None:
     assert explained(opir.compile_plan(scene([SBIRS], "I", detection="constant")))["focal_planes"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plane", "sees"),
     [

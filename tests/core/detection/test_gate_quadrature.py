@@ -25,6 +25,7 @@ def on_edges(rng: np.random.Generator, rule: RatioGates, rows: int) -> tuple[Flo
     return snr, noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("others", [1, 2, 3])
 def test_steep_or_flat_it_is_within_what_it_says(others: int) -> None:
     rng = np.random.default_rng(others)

@@ -133,6 +133,7 @@ def test_tails_where_gates_open_far_out_are_mpmaths(
     assert found == pytest.approx(float(exact), rel=1e-12, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "snr"),
     [

@@ -86,6 +86,7 @@ def test_velocities_come_close_where_the_motion_is_smooth(flight):
     assert np.linalg.norm(gap, axis=1).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forces", [Forces(), Forces(zonal=("j2", "j3"), drag=Drag(1500.0))], ids=["j2", "drag"])
 def test_free_flight_under_forces_is_within_the_tolerance(forces):
     """Against propagation from burnout to each time, a thousand times as tight; to the aim point, through the air."""

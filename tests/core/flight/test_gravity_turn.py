@@ -139,6 +139,7 @@ def assert_they_come_down_at_their_aims(flights, aims):
     assert (flights.cut_off_s <= flights.latest_s).all()
 
 
+@pytest.mark.slow
 def test_flights_come_down_within_ten_metres_of_their_aims():
     assert_they_come_down_at_their_aims(*drawn_aims([name for name in stagings() for _ in range(6)], 5))
 
@@ -178,6 +179,7 @@ def test_an_early_shutdown_ends_the_burn_so_much_earlier_and_falls_short():
     assert both.miss_m[1] == pytest.approx(short, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_out_of_reach_is_told_with_the_ranges_that_are_in_reach():
     flights, _ = flown(["SRBM", "ICBM_solid", "IRBM"], 10.0, 0.0, 90.0, [900e3, 1500e3, 4000e3])
     assert flights.is_solved.tolist() == [False, False, True]
@@ -190,6 +192,7 @@ def test_out_of_reach_is_told_with_the_ranges_that_are_in_reach():
         assert not outside.is_solved.any()
 
 
+@pytest.mark.slow
 def test_a_flight_has_the_same_bits_in_any_company():
     names = ["SRBM", "ICBM_solid", "IRBM", "ICBM_solid"]
     together, _ = flown(names, [10.0, 40.0, -20.0, 5.0], 0.0, 90.0, [200e3, 9e6, 4e6, 7e6], loft=[0, 0.3, 0, 0])

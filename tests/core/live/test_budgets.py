@@ -18,6 +18,7 @@ def host() -> Host:
     return Host.discover()
 
 
+@pytest.mark.slow
 def test_a_cycle_of_many_looks_is_cut_into_windows(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "LOOKS_PER_WINDOW", 10)
     scene = scene_from_mapping(mapping(), host=host)

@@ -26,6 +26,7 @@ def finished(scene: opir.Scene, **settings: Any) -> tuple[LiveRun, list[LiveWind
     return run, kept
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tracker", "order"), [("none", "observation"), ("imm", "observation"), ("imm", "report")])
 def test_a_live_run_ends_with_the_events_of_the_batch(tracker: str, order: str) -> None:
     scene = late_scene(UNEVEN, "paper-ground-chain", "none", tracker=tracker, tracking_order=order, outputs=["memory"])
@@ -74,6 +75,7 @@ def test_a_looped_scene_cannot_track_in_the_order_of_report() -> None:
         LiveRun(scene, Host.discover(), LiveSettings(loop=True))
 
 
+@pytest.mark.slow
 def test_changed_latencies_lose_no_report() -> None:
     scene = late_scene(CONSTANT, CONSTANT, tracker="kepler-arc")
     kept: list[LiveWindow] = []

@@ -53,6 +53,7 @@ def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(scene: 
     assert lines(plan, before, rest.advance(100 * NS)) == batch(scene, host)
 
 
+@pytest.mark.slow
 def test_a_plan_that_many_launches_pass_through_stays_small(scene: Scene, host: Host) -> None:
     engine = Engine(compile_plan(scene, host))
     sizes = []
@@ -93,6 +94,7 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
     assert own[0] < own[1] < own[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: str) -> None:
     """Half a second between looks, then ten: what is not seen meanwhile burns on, and is tracked as surely as told."""

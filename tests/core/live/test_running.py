@@ -67,6 +67,7 @@ def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(hos
         assert live == batch(again, host, 30 * NS), lap
 
 
+@pytest.mark.slow
 def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
     short = scene_from_mapping(mapping(duration_s=20, tracker="kepler-arc"), host=host)
     kept = Kept()
@@ -114,6 +115,7 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
 UNTIMED = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}
 
 
+@pytest.mark.slow
 def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))

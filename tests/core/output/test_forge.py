@@ -143,6 +143,7 @@ def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(window: Wind
     assert b"".join(parts) == ENCODER.encode(window)
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_the_cut_for_many_looks_of_moving_and_resting_sensors() -> None:
     window = raid(600)
     whole = ENCODER.encode(window)

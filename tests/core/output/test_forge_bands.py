@@ -110,6 +110,7 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines.splitlines()]
 
 
+@pytest.mark.slow
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     plan = photons("duration_s=40")
     events, found = events_of(plan, "forge-bands"), opir.simulate(plan.scene).detections
@@ -123,6 +124,7 @@ def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     assert {len(event["band_irradiance_w_m2"]) for event in events} == {1, 2, 3}
 
 
+@pytest.mark.slow
 def test_without_measured_light_no_event_has_irradiances() -> None:
     events = events_of(photons("detection=constant", "sources=[]"), "forge-bands")
     assert events

@@ -102,6 +102,7 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
     assert b"".join(parts) == WITH_TRACKS.encode(window)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tracker",
     [

@@ -124,6 +124,7 @@ def test_shapes_are_cut_at_the_180th_meridian(polygon: tuple[FloatArray, ...], p
         assert sum(area_km2(ring) for rings in found for ring in rings) == pytest.approx(outer - sum(holes), rel=1e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataObject) -> None:

@@ -193,6 +193,7 @@ def error_of(folder: Path) -> str | None:
     return None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fsync", "replace", "ftruncate", "write"])
 def test_whatever_call_fails_the_files_are_of_one_run(
     kept: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
@@ -290,6 +291,7 @@ def long_run(good: Path, tmp_path: Path) -> Iterator[Callable[[], subprocess.Pop
         process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs POSIX signals")
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", -15), ("SIGKILL", -9)])
 def test_a_process_that_a_signal_ends_leaves_the_run_before(

@@ -58,6 +58,7 @@ def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run
     assert [row["latency_s"] for row in mine] == pytest.approx([row["latency_s"] for row in theirs], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["events.jsonl", "events.manifest.json", "events.truth.jsonl", "events.tracks.jsonl"])
 def test_any_file_of_the_run_will_do(folder: Path, saved: opir_core.Run, name: str) -> None:
     assert repr(opir_core.load_run(folder / name)) == repr(saved)
@@ -70,6 +71,7 @@ def test_a_run_shows_itself_in_a_line(memory: opir_core.Run, monkeypatch: pytest
     assert "<table>" in memory._repr_html_()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoder", ["forge-bands", "forge-tracks", "forge"])
 def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> None:
     settings = ["detection=snr", "classification=spectral", "duration_s=120"]
@@ -90,6 +92,7 @@ def test_a_folder_without_one_run_is_refused(tmp_path: Path) -> None:
         opir_core.load_run(tmp_path)
 
 
+@pytest.mark.slow
 def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())

@@ -269,6 +269,7 @@ def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path:
     assert {event["sensor_id"] for event in carrier.events} == {"S-0", "S-1", "S-3", "S-4"}
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> None:
     """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was killed."""
     first = killed_at_random("spool_transports", "spool_for_ever", tmp_path, 20, 0.05)

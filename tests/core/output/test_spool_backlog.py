@@ -34,6 +34,7 @@ def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
     assert told.spooled + told.dropped > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: bool) -> None:
     carrier = Holding("hold")
@@ -46,6 +47,7 @@ def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: 
     assert carrier.ids == ids_of(window(events))[: told.delivered]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_path: Path, is_spooled: bool) -> None:
     carrier = Holding("hold")

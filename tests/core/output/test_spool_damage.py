@@ -146,6 +146,7 @@ def files_of_at_most(size: int) -> Iterator[None]:
         signal.signal(signal.SIGXFSZ, handler)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when_full", ["refuse", "wait", "drop-newest", "drop-oldest"])
 def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_path: Path, when_full: str) -> None:
     failed = 0
@@ -196,6 +197,7 @@ class Failing:
         return getattr(self._database, name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ERRORS)
 def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name: str) -> None:
     patient = Policy(when_full="wait", wait_s=20.0, stall_s=2.0)

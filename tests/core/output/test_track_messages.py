@@ -139,6 +139,7 @@ def outputs(tmp_path: Path, **more: Any) -> list[dict[str, Any]]:
     return [{"jsonl": {"path": str(tmp_path / "tracks.jsonl"), "encoder": "tracks", **more}}]
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_path: Path) -> None:
     written = []
     for more in ({}, {"spool": {"path": str(tmp_path / "spool")}}):
@@ -160,6 +161,7 @@ def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_pa
     assert last["time_s"] > seen_s + 10.0
 
 
+@pytest.mark.slow
 def test_a_live_run_writes_the_tracks_of_the_batch(tmp_path: Path) -> None:
     scene = scene_from_mapping({**SCENE, "outputs": outputs(tmp_path)})
     deliver(compile_plan(scene))

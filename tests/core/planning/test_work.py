@@ -92,6 +92,7 @@ def test_every_limit_of_a_run_is_a_setting(name: str) -> None:
         compile_plan(scene(limits={name: enough - 1}))
 
 
+@pytest.mark.slow
 def test_the_bytes_of_an_event_are_no_less_than_those_of_any_encoder() -> None:
     from opir_core.interfaces.contexts import EncoderContext
     from opir_core.output.events.forge import ForgeEncoder

@@ -22,6 +22,7 @@ class TestField:
         assert stats.kstest(sines, stats.uniform(low, high - low).cdf).pvalue > 1e-3
         assert stats.kstest(longitudes, stats.uniform(30.0, 30.0).cdf).pvalue > 1e-3
 
+    @pytest.mark.slow
     def test_counts_are_poissons_with_the_stated_density(self):
         mean = 0.5 * 6.371007181**2 * np.radians(30.0) * (np.sin(np.radians(20.0)) + np.sin(np.radians(10.0)))
         counts = [len(fire_sources(FireConfig(field=field(0.5)), context(seed)).ids) for seed in range(400)]

@@ -126,6 +126,7 @@ class TestSeaGlint:
         found = glint_of(bands=(SWIR,)).radiances_w_m2_sr((0,), view)[0] * 1e4 * np.sum(up * mirror)
         assert found == pytest.approx(expected, rel=1e-6)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("away", [0.0, 0.15, 0.4])
     def test_it_is_what_random_facets_mirror(self, away):
         """Monte Carlo: facets of normal slopes, the light each mirrors, counted in a cone about the sensor."""

@@ -169,6 +169,7 @@ def test_both_parsers_read_the_same(data: st.DataObject) -> None:
     assert fast is None or slow is None or fast == slow
 
 
+@pytest.mark.slow
 @examples(200)
 @given(
     path=st.sampled_from(

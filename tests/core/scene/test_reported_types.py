@@ -111,6 +111,7 @@ def test_events_and_summaries_have_the_names_and_obey_the_schema():
     assert [row["reported_type"] for row in rows] == ["MRBM", "SLV"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["observation", "report"])
 @pytest.mark.parametrize("tracker", ["imm"])
 def test_trackers_see_the_four_types(tracker, order):

@@ -210,6 +210,7 @@ def test_predictions_for_a_target_in_orbit_count_as_such():
     assert "2 of 3" in as_text({"mine": scorecard(runs)})
 
 
+@pytest.mark.slow
 def test_cards_show_the_phases_of_all_trackers_side_by_side():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 1.0)
     one, other = (

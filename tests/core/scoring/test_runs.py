@@ -36,6 +36,7 @@ def synthetic(track, target):
     )
 
 
+@pytest.mark.slow
 def test_a_track_belongs_to_the_target_of_most_of_its_detections():
     owners = ownership(synthetic([0, 0, 0, 0, -1], [0, 0, 0, -1, 0]))
     assert owners.target.tolist() == [0]
@@ -45,6 +46,7 @@ def test_a_track_belongs_to_the_target_of_most_of_its_detections():
     assert noise.target.tolist() == [-1]
 
 
+@pytest.mark.slow
 def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]}))
@@ -69,6 +71,7 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     assert "stereo" in told
 
 
+@pytest.mark.slow
 def test_tracks_of_burnt_out_launches_are_not_false():
     srbm = {
         "id": "T2",

@@ -122,6 +122,7 @@ def judged_innovations(scale):
     return innovations(evidence, ownership(evidence))
 
 
+@pytest.mark.slow
 def test_innovations_of_an_honest_tracker_are_chi_squared():
     found = judged_innovations(1.0)
     assert len(found) > 80

@@ -157,6 +157,7 @@ def test_with_light_time_every_look_sees_light_of_a_burn_and_none_is_missing(tmp
     np.testing.assert_allclose(found, looks[burns], rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detection", ["always", "snr"])
 def test_a_staged_boost_is_dark_between_its_stages(detection):
     plan = compile_plan(scene(GRAVITY_TURN, detection=detection))

@@ -154,6 +154,7 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     assert {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in manifest} == east
 
 
+@pytest.mark.slow
 def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> None:
     plan = opir.compile_plan(opir.load_scene(EXAMPLE, overrides=["duration_s=80"]))
     window = next(iter(plan_windows(plan)))

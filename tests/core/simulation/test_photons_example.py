@@ -71,6 +71,7 @@ def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
     assert not np.any(reported & ~np.isin(run.truth.target, (0, 1)) & (run.detections.sensor == DSP))
 
 
+@pytest.mark.slow
 def test_noise_is_nobody_in_the_truth_and_comes_at_its_rate() -> None:
     example = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
     example["sensors"][DSP]["confirmation_detections"] = 1

@@ -78,6 +78,7 @@ def test_explain_lists_the_warnings() -> None:
     assert explained(aligned)["warnings"] == alignment_warnings(aligned)
 
 
+@pytest.mark.slow
 def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> None:
     """With P_d of 1 and no light time the latency is one period, or uniform in it: its mean is half a period."""
     aligned = {"scan_phase": "aligned", "scan_period_ms": 5000.0}

@@ -54,6 +54,7 @@ def test_events_come_in_the_order_of_report_and_none_is_lost() -> None:
     assert [target[tuple(each)] for each in run.detections.detection_id.tolist()] == run.truth.target.tolist()
 
 
+@pytest.mark.slow
 def test_a_window_has_what_is_reported_in_it() -> None:
     plan = compile_plan(late_scene(*MIXED, tracker="imm"))
     windows = list(plan_windows(plan, 3.0))
@@ -69,6 +70,7 @@ def test_a_window_has_what_is_reported_in_it() -> None:
     assert len(windows[-1].detections) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["observation", "report"])
 @pytest.mark.parametrize("tracker", ["none", "imm"])
 def test_bytes_do_not_depend_on_the_windows(tracker: str, order: str) -> None:
@@ -81,6 +83,7 @@ def test_bytes_do_not_depend_on_the_windows(tracker: str, order: str) -> None:
     assert differing(again.tracks, run_of_plan(plan).tracks) == set()
 
 
+@pytest.mark.slow
 def test_without_latency_windows_pass_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
     advance = Engine.advance
@@ -177,6 +180,7 @@ def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
             assert differing(ours, theirs) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(tracker: str) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
@@ -203,6 +207,7 @@ def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(t
     assert differing(alike.tracks, prompt.tracks) == set()
 
 
+@pytest.mark.slow
 def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> None:
     run = opir.simulate(late_scene(*MIXED, tracker="imm"))
     for tick_s, available_s in {*zip(run.tracks.tick_s.tolist(), run.tracks.available_s.tolist(), strict=True)}:
@@ -222,6 +227,7 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
     assert np.count_nonzero(delay_s > 31.0) > 50
 
 
+@pytest.mark.slow
 def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from opir_core.output.delivery import deliver
     from opir_core.scoring.evidence import evidence_of_files, evidence_of_run
@@ -249,6 +255,7 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
         assert [each.area_km2 for each in one] == pytest.approx([each.area_km2 for each in other], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(tmp_path: Any) -> None:
     from opir_core.output.tracks_file import TracksFile, read_tracks
 

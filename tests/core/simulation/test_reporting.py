@@ -130,6 +130,7 @@ def test_all_detections_of_a_scan_travel_together_false_alarms_too() -> None:
     assert len(np.unique(first)) == len(scans)
 
 
+@pytest.mark.slow
 def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     def drawn(*_: object) -> None:
         raise AssertionError("a latency was drawn")

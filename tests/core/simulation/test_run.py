@@ -51,6 +51,7 @@ def test_the_manifest_names_every_component_and_its_distribution(run: Run) -> No
     assert json.loads(json.dumps(run.manifest)) == run.manifest
 
 
+@pytest.mark.slow
 def test_a_scene_from_the_manifest_gives_the_same_detections(run: Run) -> None:
     again = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
     assert again.manifest == run.manifest

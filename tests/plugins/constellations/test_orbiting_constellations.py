@@ -117,6 +117,7 @@ def test_an_elliptical_satellite_comes_and_goes():
     assert "T21000" not in seen
 
 
+@pytest.mark.slow
 def test_low_satellites_take_over_from_one_another():
     # A satellite 700 km up has a place in view for about a quarter of an hour; launches go on for one.
     low = {"total": 60, "planes": 6, "phasing": 1, "altitude_km": 700.0, "inclination_deg": 60.0}

@@ -92,6 +92,7 @@ def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
     np.testing.assert_allclose(table.position_m[in_burn], own, atol=1e-2)
 
 
+@pytest.mark.slow
 def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
     scene = opir_core.load_scene(EXAMPLES / "gravity_turn.yaml", overrides=["duration_s=31"])
     run = opir_core.simulate(scene)
@@ -119,6 +120,7 @@ def test_objects_and_steps_can_be_chosen(tmp_path: Path) -> None:
     assert (second.epoch - first.epoch).sec == pytest.approx(5.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_measured_angles_are_those_of_the_detections(tmp_path: Path) -> None:
     rows, run = first_seconds().detections, first_seconds()
     angles, found = rows.angles(), 0
@@ -142,6 +144,7 @@ def observations(segment: Any, name: str) -> tuple[np.ndarray[Any, Any], list[fl
     return scene_seconds([each.epoch for each in given]), [getattr(each, name).value for each in given]
 
 
+@pytest.mark.slow
 def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
     run = first_seconds()
     rows, first_sensor = run.detections, None

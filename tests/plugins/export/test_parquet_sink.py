@@ -28,6 +28,7 @@ def run_into(path: Path, *settings: str, scene: Path = SCENE) -> int:
     return main(["run", str(scene), "--quiet", *(word for each in words for word in ("--set", each))])
 
 
+@pytest.mark.slow
 def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     path = tmp_path / "events.parquet"
     assert run_into(path, "duration_s=90", "outputs[0].parquet.row_group_rows=3000") == 0
@@ -38,6 +39,7 @@ def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["events.parquet"]
 
 
+@pytest.mark.slow
 def test_windows_of_any_size_give_the_same_rows(tmp_path: Path) -> None:
     plan = opir_core.compile_plan(opir_core.load_scene(SCENE, overrides=["duration_s=70"]))
     tables = [written(plan, tmp_path / f"{window_s}.parquet", window_s) for window_s in (60.0, 1.7)]
@@ -54,6 +56,7 @@ def written(plan: Any, path: Path, window_s: float) -> pl.DataFrame:
     return pl.read_parquet(path)
 
 
+@pytest.mark.slow
 def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
     path = tmp_path / "events.parquet"
     scene = EXAMPLES / "photons.yaml"

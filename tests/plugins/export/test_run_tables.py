@@ -145,6 +145,7 @@ def test_arrow_files_are_read_by_polars(run: opir_core.Run, tmp_path: Path) -> N
     assert np.array_equal(read["x_m"].to_numpy(), run.tracks.state[:, 0], equal_nan=True)
 
 
+@pytest.mark.slow
 def test_csv_is_read_by_pandas(run: opir_core.Run, tmp_path: Path) -> None:
     exported(run, "csv", tmp_path / "run", "delimiter=semicolon")
     read = pd.read_csv(tmp_path / "run" / "detections.csv", sep=";", parse_dates=["time"])
@@ -159,6 +160,7 @@ def test_csv_is_read_by_pandas(run: opir_core.Run, tmp_path: Path) -> None:
     ).all()
 
 
+@pytest.mark.slow
 def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(run: opir_core.Run, tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
     assert main(["run", str(SCENE), "--set", "duration_s=90", "--out", str(events), "--quiet"]) == 0

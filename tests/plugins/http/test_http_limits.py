@@ -109,6 +109,7 @@ def trickle(slow: socket.socket, words: bytes) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "HEADERS_S", 0.5)
     monkeypatch.setattr(server, "_CHECK_S", 0.1)

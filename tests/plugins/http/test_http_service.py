@@ -53,6 +53,7 @@ def test_a_launch_is_in_the_run_and_seen(stand: Stand) -> None:
     assert (again.status, again.json["errors"][0]["path"]) == (422, "id")
 
 
+@pytest.mark.slow
 def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
     with serving(tmp_path, "--speed", "20") as running:
         launched = running.ask("POST", "/trigger", LAUNCH).json
@@ -218,6 +219,7 @@ EXAMPLES = int(os.environ.get("OPIR_FUZZ_EXAMPLES", "60"))
 QUICK = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
+@pytest.mark.slow
 @QUICK
 @given(triggers)
 def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
@@ -227,6 +229,7 @@ def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
     assert stand.service.run.status().state == "running"
 
 
+@pytest.mark.slow
 @QUICK
 @given(st.data())
 def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) -> None:

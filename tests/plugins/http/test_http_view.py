@@ -45,6 +45,7 @@ def lines(path: Path) -> list[Any]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
+@pytest.mark.slow
 def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> None:
     saved = lines(folder / "events.jsonl")
     seconds = [f"2026-04-01T12:{second // 60:02}:{second % 60:02}Z" for second in range(0, 241, 20)]
@@ -56,6 +57,7 @@ def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> 
     assert len(saved) > 100
 
 
+@pytest.mark.slow
 def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: Path) -> None:
     whole = part(stand, START, END, 600.0)
     counted = {name: sum(counts) for name, counts in whole["activity"]["sensors"].items()}
@@ -70,6 +72,7 @@ def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: 
     assert last
 
 
+@pytest.mark.slow
 def test_answers_conform_to_the_document(stand: Stand) -> None:
     components = view_document()["components"]
     for value, name in ((stand.ask("GET", "/status").json, "Status"), (part(stand, START, END, 100.0), "Replay")):

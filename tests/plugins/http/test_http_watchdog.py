@@ -15,6 +15,7 @@ WORDS = ("--speed", "20", "--unready-after", "0.5", "--dead-after", "1.5")
 TRACKED = SCENE + "tracker: rogue\n"
 
 
+@pytest.mark.slow
 def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Path) -> None:
     hang = Hang()
     host = rogue_host("opir_trackers", "kepler-arc", "step", hang)
@@ -58,6 +59,7 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatc
         until(lambda: stand.ask("GET", "/health/ready").status == 200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("deed", "told"), [("hang", "no cycle has ended for "), ("SystemExit", "the run has failed"), ("MemoryError", "")]
 )

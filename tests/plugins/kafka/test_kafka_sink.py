@@ -64,6 +64,7 @@ def test_the_command_line_sends_a_run_into_a_topic(broker: Any, capsys: pytest.C
     assert len({json.loads(message.value())["detection_id"] for message in found}) == len(found) == 750
 
 
+@pytest.mark.slow
 def test_without_a_broker_the_command_line_says_so_and_fails(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -43,6 +43,7 @@ def test_a_constant_model_has_its_probability_and_no_signal() -> None:
     assert not plots.probability().texts
 
 
+@pytest.mark.slow
 def test_probabilities_along_the_boost_are_those_of_the_detections() -> None:
     run = example_run("photons")
     facts = RunFacts(run)
@@ -66,6 +67,7 @@ def test_probabilities_along_the_boost_are_those_of_the_detections() -> None:
     assert found > 100
 
 
+@pytest.mark.slow
 def test_the_air_is_clear_where_the_scene_has_none_and_thins_with_height() -> None:
     assert set(signals(RunFacts(example_run("photons", atmosphere="clear")), 0)["transmittance"].tolist()) == {1.0}
     data = signals(RunFacts(example_run("photons")), 0)
@@ -123,6 +125,7 @@ def test_the_latencies_of_many_pairs_follow_the_closed_form() -> None:
     assert np.abs(seen["probability"] - due).max() < 0.091
 
 
+@pytest.mark.slow
 def test_confidences_are_of_all_detections_of_launches() -> None:
     run = scored_run()
     data = confidences(RunFacts(run))
@@ -135,6 +138,7 @@ def test_confidences_are_of_all_detections_of_launches() -> None:
     assert data["track_type_probability"][-1] == pytest.approx(run.summary["tracks"][0]["type_probability"], abs=0.05)
 
 
+@pytest.mark.slow
 def test_regions_over_time_contain_what_they_contain() -> None:
     run = scored_run()
     data = region_history(RunFacts(run))
@@ -161,6 +165,7 @@ def test_nees_is_the_error_over_the_covariance() -> None:
         assert data["nees_over_6"][row] == pytest.approx(due, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_the_command() -> None:
     run = scored_run()
     told = as_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
@@ -172,6 +177,7 @@ def test_scores_are_those_of_the_command() -> None:
     assert score_rows(RunFacts(empty_run())) == []
 
 
+@pytest.mark.slow
 def test_every_plot_draws_into_the_axes_that_it_was_given_or_says_why_not() -> None:
     for run in (scored_run(), empty_run(), example_run("photons")):
         plots = RunPlots(run)

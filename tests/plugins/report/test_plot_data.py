@@ -59,6 +59,7 @@ def test_ground_tracks_begin_at_the_launch_and_end_at_the_impact() -> None:
         assert own["time_s"][~own["is_burning"]].min() > truth["burnout_s"] == own["time_s"][own["is_burning"]].max()
 
 
+@pytest.mark.slow
 def test_a_target_does_not_burn_between_its_burns() -> None:
     run = example_run("gravity_turn", duration_s=60)
     tracks = ground_tracks(run.plan)
@@ -72,6 +73,7 @@ def test_a_target_does_not_burn_between_its_burns() -> None:
     assert seen
 
 
+@pytest.mark.slow
 def test_fields_of_view_end_where_the_ground_is_no_longer_visible() -> None:
     """Within a degree: the ellipsoid is up to 14 km lower than the sphere, and its vertical 0.2 degrees off."""
     run = example_run("arctic_watch")
@@ -127,6 +129,7 @@ def test_without_regions_the_ellipses_are_drawn() -> None:
     assert area_sr(ring) * EARTH_RADIUS_KM**2 == pytest.approx(area_km2, rel=0.01)
 
 
+@pytest.mark.slow
 def test_each_plot_returns_the_axes_that_it_was_given() -> None:
     plots = RunPlots(scored_run())
     for name in ("map", "world", "timeline", "impact"):

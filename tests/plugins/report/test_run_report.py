@@ -69,6 +69,7 @@ def test_every_colour_has_a_dark_one(report: Path) -> None:
     assert len({name for name, _ in ROLES.values()}) == len(ROLES)
 
 
+@pytest.mark.slow
 def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> None:
     for figure in run_page(scored_run()).figures():
         table = pyarrow.parquet.read_table(report.with_suffix(".data") / f"{figure.name}.parquet")
@@ -76,6 +77,7 @@ def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> No
         assert table.num_rows == len(figure.data) > 0
 
 
+@pytest.mark.slow
 def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
     again = tmp_path / "report.html"
     code = (
@@ -104,6 +106,7 @@ def test_a_notebook_shows_the_map() -> None:
     assert svg in scored_run()._repr_html_()
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_report_of_files(tmp_path: Path, monkeypatch, capsys) -> None:
     from repository import EXAMPLES
 
@@ -126,6 +129,7 @@ def test_what_has_no_report_gets_one_message(tmp_path: Path, monkeypatch, capsys
     assert "is a folder" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_says_why(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="create the folder"):
         write_run_report(scored_run(), tmp_path / "nowhere" / "report.html")

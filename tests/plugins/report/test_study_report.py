@@ -84,6 +84,7 @@ def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path
         ElementTree.fromstring(picture)
 
 
+@pytest.mark.slow
 def test_a_study_has_one_report_to_the_byte(folder: Path, tmp_path: Path) -> None:
     first, second = (write_study_report(folder, tmp_path / f"{name}.html", with_data=False)[0] for name in "ab")
     assert first.read_bytes() == second.read_bytes()

@@ -174,6 +174,7 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tracker",
     [
@@ -232,6 +233,7 @@ def test_windows_change_nothing():
     assert len(whole.tracks) > 20
 
 
+@pytest.mark.slow
 def test_it_is_compared_with_other_trackers():
     overrides = ["outputs=[]", "duration_s=45", SENSORS]
     cards = compared(SCENE, trackers=["imm", "stonesoup"], runs=2, overrides=overrides)

@@ -12,6 +12,7 @@ from opir_core.cli.main import main
 from opir_core.errors import OpirError, SceneError
 
 
+@pytest.mark.slow
 def test_compare_tells_every_tracker(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
@@ -41,6 +42,7 @@ def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_p
     assert len(done) == 1
 
 
+@pytest.mark.slow
 def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))

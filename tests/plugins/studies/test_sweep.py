@@ -98,6 +98,7 @@ def test_a_finished_study_runs_nothing_again(tmp_path, counted):
     assert tables_of(tmp_path) == first
 
 
+@pytest.mark.slow
 def test_a_changed_study_keeps_the_runs_that_still_match(tmp_path, counted):
     sweep(study(), tmp_path)
     counted.clear()

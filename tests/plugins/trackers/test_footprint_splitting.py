@@ -48,6 +48,7 @@ def chain(sensors: list[dict[str, Any]], step_deg: tuple[float, float], every_s:
     return len(np.unique(tracks.track)), apart.min(axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensors", [TWO, FIVE], ids=["two", "five"])
 @pytest.mark.parametrize("every_s", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_launches_six_kilometres_apart_have_a_track_each(sensors: list[dict[str, Any]], every_s: float) -> None:
@@ -56,6 +57,7 @@ def test_launches_six_kilometres_apart_have_a_track_each(sensors: list[dict[str,
     assert nearest_m.max() < 2e3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensors", [pytest.param(TWO, marks=pytest.mark.slow), FIVE], ids=["two", "five"])
 def test_launches_along_the_sensors_base_begin_no_more_than_a_tenth_too_many(sensors: list[dict[str, Any]]) -> None:
     """A ray of one sensor meets the other's rays of all its neighbours, at other heights; two are in one plane."""

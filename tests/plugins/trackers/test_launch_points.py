@@ -36,6 +36,7 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     assert np.isnan(launches(high, seen, pause, 0.0).place).all()
 
 
+@pytest.mark.slow
 def test_launches_are_as_sure_as_they_say() -> None:
     """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 80 s late."""
     rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4

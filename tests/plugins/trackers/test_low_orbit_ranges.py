@@ -48,6 +48,7 @@ def test_a_launch_that_low_sensors_see_has_one_track_near_the_truth(altitude_km:
     assert np.sqrt(np.mean(away[-20:] ** 2) * 3.0) < 200.0
 
 
+@pytest.mark.slow
 def test_each_launch_of_the_arctic_example_has_one_track() -> None:
     changes = ["duration_s=80", "outputs=[]", "tracker=imm", "sensors=[{constellation: LEO-WIDE}]"]
     tracks: Tracks = opir.simulate(opir.load_scene("examples/arctic_watch.yaml", overrides=changes)).tracks

@@ -39,18 +39,21 @@ def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
     return [int(np.count_nonzero(target == number)) for number in range(3)], int(np.count_nonzero(target < 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [pytest.param("aligned", marks=pytest.mark.slow), "random"])
 def test_scans_ten_seconds_apart(phase: str) -> None:
     looks = sensors(-165.0, -105.0, period_ms=10000, model="DSP", more=f", scan_phase: {phase}")
     assert tracks_a_launch(looks, "detection=always", "tracker=imm") == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_ticks_between_scans() -> None:
     """Nine ticks in ten have no look."""
     looks = sensors(-165.0, -105.0, period_ms=1000)
     assert tracks_a_launch(looks, "duration_s=90", "tracker={model: imm, cadence_s: 0.1}") == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("biased", [(0, 30), (30, 0), (30, 30)])
 @pytest.mark.parametrize("seed", [7, 9])
 def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_from_above(
@@ -65,12 +68,14 @@ def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_f
     assert told == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
     bias = ", line_of_sight_bias_sigma_urad: 30"
     looks = sensors(100.0, 160.0, period_ms=100, more=bias)
     assert tracks_a_launch(looks, "duration_s=70", "seed=11", "tracker=imm") == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
     """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
     looks = unlike((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
@@ -78,12 +83,14 @@ def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> N
     assert told == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -> None:
     looks = sensors(-90.0, 175.0, period_ms=100)
     tracker = "tracker={model: imm, cadence_s: 0.5}"
     assert tracks_a_launch(looks, "duration_s=75", "seed=984", tracker) == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
     """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
     looks = unlike((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
@@ -91,6 +98,7 @@ def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_ha
     assert told == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_one_sensors_rays_are_associated_jointly_where_that_is_asked_for() -> None:
     looks = ["sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]", "duration_s=70", "seed=8"]
     told = []
@@ -122,6 +130,7 @@ GRID = [
 QUICK = {(0.2, 1000, 1, 0, 0.8), (0.5, 200, 3, 30, 0.8), (1.0, 100, 2, 30, 0.3), (5.0, 1000, 3, 0, 1.0), *GRID[-2:]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cadence_s", "period_ms", "count", "bias_urad", "chance"),
     [pytest.param(*row, marks=[] if row in QUICK else pytest.mark.slow) for row in GRID],
@@ -138,6 +147,7 @@ def test_any_cadence_scans_sensors_biases_and_chances(
     assert tracks_a_launch(looks, "duration_s=130", "seed=3", tracker) == ([1, 1, 1], 0)
 
 
+@pytest.mark.slow
 def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one() -> None:
     """Thirty launches 33 km apart in three seconds: what begins a track is its own place's rays alone."""
     launches = [

@@ -42,6 +42,7 @@ def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> N
     assert not have_come_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
 
 
+@pytest.mark.slow
 def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows() -> None:
     """The ray meets a height that is off by kilometres hundreds of kilometres from the target."""
     squares = []

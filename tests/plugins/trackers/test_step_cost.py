@@ -76,6 +76,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
     return counting
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
     [({}, 615), ({"boost_model": "jerk"}, 570), ({"slice_s": 0.5}, 1290)],
@@ -86,6 +87,7 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
     assert np.median(calls[20:]) <= most
 
 
+@pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
@@ -100,6 +102,7 @@ def calls_with_new_regions(prior: PriorBoosts, monkeypatch: pytest.MonkeyPatch) 
     return calls[calls > 5000]
 
 
+@pytest.mark.slow
 def test_new_impact_regions_take_as_many_calls_for_all_prior_boosts_as_for_a_tenth(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -115,6 +115,7 @@ def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
     assert arcs.looks[0] == len(rays)
 
 
+@pytest.mark.slow
 def test_errors_of_an_arc_are_as_its_covariance_says():
     time_s, sensor = both(np.arange(31.0, 91.0, 1.0))
     rng, at = np.random.default_rng(5), np.array([60.0])

@@ -49,6 +49,7 @@ def test_sigma_is_the_papers_law():
     assert share[-1] > 0.8
 
 
+@pytest.mark.slow
 def test_a_thrusting_target_is_on_no_arc():
     """The paper's arc through a boost falls far short of where the target goes; what is recent falls less short."""
     found = {}

@@ -52,6 +52,7 @@ def test_a_velocity_that_is_known_in_every_direction_is_not_loose() -> None:
     assert have_uncertain_velocity(covariance).tolist() == [False, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("altitude_km", "node_deg"), [(1000.0, -130.0), (600.0, -125.0), (1500.0, -95.0)])
 def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: float, node_deg: float) -> None:
     circular = {"altitude_km": altitude_km, "inclination_deg": 0.0, "lon_asc_node_deg": node_deg}

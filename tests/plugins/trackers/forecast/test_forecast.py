@@ -26,6 +26,7 @@ def states_of(rows: np.ndarray) -> np.ndarray:
     return np.concatenate([place, velocity + np.cross(SPIN, place)], axis=1)
 
 
+@pytest.mark.slow
 def test_burns_flown_on_are_those_of_another_integrator() -> None:
     prior = prior_boosts()
     rng = np.random.default_rng(3)
@@ -112,6 +113,7 @@ def test_parts_along_one_line_of_sight_add_up_to_the_whole() -> None:
     assert spread == pytest.approx(side @ side.T, rel=0.02, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_flights_of_the_own_prior_fall_into_the_stated_shares_of_regions() -> None:
     """Boosts are drawn as often as the prior says, at random instants, and seen with small errors."""
     prior = prior_boosts()

@@ -61,6 +61,7 @@ def flown(program: BoostPrograms) -> float:
     return RADIUS_M * float(fall.y_events[0][0][1])
 
 
+@pytest.mark.slow
 def test_ranges_are_those_of_another_integrator() -> None:
     """Steps of 2 s: half within 2 %; steep boosts, which steps turn elsewhere, within the 30 % of the kernel."""
     prior = prior_boosts()

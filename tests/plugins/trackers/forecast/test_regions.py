@@ -18,6 +18,7 @@ def normal(count: int, sigmas_m: tuple[float, float], seed: int = 1) -> np.ndarr
     return np.random.default_rng(seed).normal(size=(count, 2)) * sigmas_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigmas_m", [(1e3, 1e3), (2e5, 1e4)])
 def test_areas_of_a_normal_law_are_those_of_its_ellipses(sigmas_m: tuple[float, float]) -> None:
     points = points_about((0.5, 1.0), normal(4000, sigmas_m))
@@ -26,6 +27,7 @@ def test_areas_of_a_normal_law_are_those_of_its_ellipses(sigmas_m: tuple[float, 
         assert region.area_km2 == pytest.approx(np.pi * square * sigmas_m[0] * sigmas_m[1] * 1e-6, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.3, np.pi), (1.57, 0.5), (-1.2, -3.0)])
 def test_fresh_points_are_inside_in_the_stated_shares_everywhere(place: tuple[float, float]) -> None:
     given = regions(points_about(place, normal(2000, (3e5, 1e5))), np.full(2000, 1 / 2000))
@@ -82,6 +84,7 @@ def test_regions_wider_than_a_hemisphere_are_nested() -> None:
         assert nearly_all.contains(*point) >= most.contains(*point)
 
 
+@pytest.mark.slow
 def test_areas_of_wide_regions_are_those_of_caps() -> None:
     """Points spread evenly over a cap of 80°: the region of nearly all has its area, 2 π R² (1 - cos 80°)."""
     rng = np.random.default_rng(9)

@@ -192,6 +192,7 @@ def test_a_boost_is_followed_for_as_long_as_its_jerk_leaves_it_smooth() -> None:
     assert smooth_boost_s(0.0, 720.0, 0.1) == np.inf
 
 
+@pytest.mark.slow
 def test_tracks_that_no_history_fits_are_told_with_numbers() -> None:
     """Nine launches from a patch of 8 km: of a ring of tracks that no histories fit, one is left with none."""
     sensors = [

@@ -90,6 +90,7 @@ def by_second(detections: Detections, seconds: int) -> list[Detections]:
     return [detections.take(slice(cuts[k], cuts[k + 1])) for k in range(seconds)]
 
 
+@pytest.mark.slow
 def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
     parts = by_second(launches([(5.0, 5.0, 2.0), (6.0, 5.0, 4.0)], 20.0)[0], 20)
     in_time = stepped(tracker(late_s=5.0), parts)
@@ -123,6 +124,7 @@ def told_at_random(parts: list[Detections], settings: dict[str, Any], seed: int)
     return told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step_s", [1.0, 5.0])
 def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once_and_in_time(step_s: float) -> None:
     """Two launches that some scans see at one instant: then what was measured orders them."""
@@ -140,6 +142,7 @@ def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once
         assert np.array_equal(mixed_up.state_covariance, told.state_covariance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("boost_model", "from_s"), [("jerk", 45), ("thrust", 50)])
 def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apart(
     boost_model: str, from_s: int
@@ -159,6 +162,7 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apa
         assert np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
 
 
+@pytest.mark.slow
 def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_is_not() -> None:
     detections, _ = launches([(30.0, 10.0, 0.0)], 40.0)
     west = detections.take(np.flatnonzero(detections.sensor == 0))
@@ -171,6 +175,7 @@ def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_i
     assert len(plain.step(45.0, nothing)) == 1
 
 
+@pytest.mark.slow
 def test_biased_sensors_stay_honest() -> None:
     """Six times three sensors with a bias of three times their noise each: one track, and the truth within it."""
     bias_rad, told_square = 6e-5, []

@@ -107,6 +107,7 @@ def values_of(outliers, count=24, seed=31):
     return values
 
 
+@pytest.mark.slow
 def test_three_rays_in_ten_astray_within_the_gate_leave_a_filter_that_knows_how_good_it_is():
     values = values_of(0.3)
     assert np.isfinite(values).all()
