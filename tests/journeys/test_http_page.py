@@ -53,8 +53,10 @@ def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Bro
     page, complaints, _ = opened(browser, stand.port, 1280, "dark")
     drawn = "() => opirMap.drawn.launches && opirMap.drawn.regions"
     page.wait_for_function(drawn, timeout=180_000)
-    # A track of our own, where nothing else is: marks are looked for by their colours.
-    page.evaluate("document.getElementById('play').click()")
+    # A track of our own, and no other at the time that is held: marks are looked for by their colours, and the regions
+    # of a boost that has just begun reach anywhere.
+    page.evaluate("() => { document.getElementById('play').click(); opirStore.clear(); }")
+    page.wait_for_function("() => !opirMap.drawn.tracks")
     track = TRACK | {"timestamp": page.evaluate("new Date(opirPlayer.timeS * 1000 - 100).toISOString()")}
     page.evaluate(f"opirStore.addTrack({json.dumps(track)})")
     page.wait_for_function(f"() => ({SEEN})(-20, -30, 'launch') > 5")
