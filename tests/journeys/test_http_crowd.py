@@ -1,4 +1,4 @@
-"""A crowd of tracks on the page: all are drawn where they are, have rows, and can be selected."""
+"""A crowd of tracks on the page: all are drawn where they are, have lines in the table, and can be selected."""
 
 from collections.abc import Iterator
 
@@ -44,12 +44,53 @@ def page(stand: Stand) -> Iterator[Page]:
         yield page
 
 
-def test_every_track_of_a_crowd_is_drawn_and_has_a_row(page: Page) -> None:
+def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=60_000)
-    rows = page.locator("#track-rows tr[data-track]:not([hidden])")
-    page.wait_for_function(f"() => document.querySelectorAll('#track-rows tr[data-track]').length >= {COUNT}")
-    assert rows.count() >= COUNT
     assert page.evaluate("opirMap.drawn.impacts") >= COUNT
+
+
+@pytest.mark.slow
+def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_are_made(page: Page) -> None:
+    page.wait_for_function(f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}")
+    page.locator("#play").click()  # no new tracks while lines are counted
+    found = page.evaluate(LINES)
+    assert len(found["ids"]) == page.evaluate("opirMap.drawn.tracks")
+    assert found["ids"] == sorted(set(found["ids"]))
+    assert set(range(1000, 1000 + COUNT)) <= set(found["ids"])
+    assert found["ids"] == [int(text) for text in found["texts"]]
+    assert found["places"] == list(range(2, 2 + len(found["ids"])))
+    assert found["most"] < 60  # a screen of 900 pixels and what is around it
+    assert max(found["heights"]) - min(found["heights"]) <= 1  # whole pixels of one height
+
+
+@pytest.mark.slow
+def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page: Page) -> None:
+    page.wait_for_function(f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}")
+    page.locator("#play").click()
+    page.locator("#track-rows button").first.focus()
+    first = int(page.evaluate("document.activeElement.textContent"))
+    for _ in range(50):
+        page.keyboard.press("Tab")
+        page.evaluate("() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+    numbers = page.evaluate("[...opirStore.tracks.keys()].sort((one, other) => one - other)")
+    assert int(page.evaluate("document.activeElement.textContent")) == numbers[numbers.index(first) + 50]
+
+
+#: Scrolls through the table; returns numbers, texts and places of all lines in order, and how many there were at once.
+LINES = """async () => {
+  const box = document.querySelector('.tracks .scroll'), lines = new Map(), heights = [];
+  let most = 0;
+  for (let top = 0; ; top += 40) {
+    box.scrollTop = top;
+    await new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)));
+    const rows = [...document.querySelectorAll('#track-rows tr[data-track]')];
+    most = Math.max(most, rows.length); heights.push(box.scrollHeight);
+    for (const row of rows) lines.set(Number(row.ariaRowIndex), [Number(row.dataset.track), row.cells[0].textContent]);
+    if (top + box.clientHeight >= box.scrollHeight) break;
+  }
+  const places = [...lines.keys()].sort((one, other) => one - other);
+  return { places, ids: places.map((at) => lines.get(at)[0]), texts: places.map((at) => lines.get(at)[1]), most, heights };
+}"""
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 // Many tracks on the map. Their regions, trails and points are drawn into a second canvas, a few milliseconds in each
-// frame, which then replaces the one that is shown; marks are stamps. Launch and impact points of very many tracks wait
-// until the view rests. So a thousand tracks leave time for other frames.
-const BUDGET_MS = 4, REFRESH_MS = 1000, LEAST_PX = 2, MOST_MOVING = 300, RADIUS_M = 6378137;
+// frame, which then replaces the one that is shown; marks are stamps. So a thousand tracks leave time for other frames.
+const BUDGET_MS = 4, REFRESH_MS = 1000, LEAST_PX = 2, RADIUS_M = 6378137;
 
 function made(width, height) {
   const canvas = document.createElement("canvas");
@@ -20,7 +19,7 @@ export class Crowd {
     const { layers } = this, { pen } = layers;
     if (isMoving) {
       this.work = null; this.version = "";
-      if (seen.length < MOST_MOVING) this.markSites(seen);
+      this.markSites(seen);
     } else this.drawShown(seen);
     for (const { track, last, isOld } of seen) if (last && !isOld) this.mark(track.id, "now", last.place);
     for (const one of seen) if (one.isSelected) layers.drawTrack(one, true);
@@ -37,7 +36,7 @@ export class Crowd {
     }
     if (this.work) this.proceed();
     if (this.version === version) { pen.save(); pen.setTransform(1, 0, 0, 1, 0, 0); pen.drawImage(this.shown, 0, 0); pen.restore(); this.pickSites(seen); }
-    else if (seen.length < MOST_MOVING) this.markSites(seen);
+    else this.markSites(seen);
   }
 
   // Works for its time of this frame, with the pen of the other canvas.

@@ -10,7 +10,7 @@ export function showStatus(status) {
   const speed = clock.speed === null ? "unpaced" : `${clock.speed}×`;
   byId("pace").textContent = clock.late_s > 0.5 ? `${speed}, ${clock.late_s.toFixed(1)} s late` : speed;
   byId("detections").textContent = whole.format(counts.detections);
-  byId("targets").textContent = `${counts.targets} of ${counts.targets_launched}`;
+  byId("targets").textContent = status.replay ? `${counts.targets_launched}` : `${counts.targets} of ${counts.targets_launched}`;
   byId("tracks").textContent = whole.format(counts.tracks);
   rows("sink-rows", status.sinks.map((sink) => [sink.name, sink.error || sink.state, whole.format(sink.delivered), whole.format(sink.lag)]), status.sinks.map((sink) => sink.state === "failed"), "None");
 }

@@ -1,11 +1,17 @@
-// The table of tracks: a row for every track on the map, changed in place, a few rows in each frame.
+// The table of tracks: a line for every track on the map, in the order of their numbers. Only the lines in view and a few
+// around them are elements: a browser lays out a table as a whole, and a thousand lines take longer than a frame.
 import { byId, position, whole } from "/page/panels.js";
 
-const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 11, ROWS_A_FRAME = 20, EVERY_MS = 500;
+const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 11, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
 
 export class TrackTable {
   constructor(body, store, onPick) {
-    this.body = body; this.store = store; this.rows = new Map(); this.waiting = []; this.dueMs = 0; this.selected = null; this.shownS = NaN;
+    this.body = body; this.store = store; this.box = body.closest(".scroll"); this.table = body.closest("table");
+    this.lines = []; this.rows = new Map(); this.dueMs = 0; this.selected = null; this.isScrolled = false; this.heightPx = HEIGHT_PX;
+    this.above = spacer(); this.below = spacer(); this.none = spacer();
+    this.none.removeAttribute("aria-hidden"); this.none.cells[0].textContent = "None yet";
+    body.replaceChildren(this.above, this.none, this.below);
+    this.box.addEventListener("scroll", () => { this.isScrolled = true; }, { passive: true });
     body.addEventListener("click", (event) => {
       const row = event.target.closest("tr");
       if (row && row.dataset.track) onPick(`track ${row.dataset.track}`);
@@ -14,63 +20,99 @@ export class TrackTable {
 
   // Called in each frame; `timeS` is the time shown.
   update(timeS) {
-    const now = performance.now();
-    if (!this.waiting.length && now >= this.dueMs) {
-      this.dueMs = now + EVERY_MS;
-      this.waiting = [...this.store.tracks.values()];
-      for (const [id, row] of this.rows) if (!this.store.tracks.has(id)) { row.line.remove(); this.rows.delete(id); }
-    }
-    for (const track of this.waiting.splice(0, ROWS_A_FRAME)) this.show(track, timeS);
-    if (this.waiting.length) return;
-    const isEmpty = ![...this.rows.values()].some((row) => !row.line.hidden);
-    if (isEmpty && !this.none) { this.none = document.createElement("tr"); const cell = this.none.insertCell(); cell.colSpan = COLUMNS; cell.textContent = "None yet"; this.body.replaceChildren(this.none, ...[...this.rows.values()].map((row) => row.line)); }
-    if (!isEmpty && this.none) { this.none.remove(); this.none = null; }
-    if (!this.none && this.body.firstElementChild && !this.body.firstElementChild.dataset.track) this.body.firstElementChild.remove();
+    const now = performance.now(), isDue = now >= this.dueMs;
+    if (!isDue && !this.isScrolled) return;
+    if (isDue) { this.dueMs = now + EVERY_MS; this.read(timeS); }
+    this.isScrolled = false;
+    const isFirst = !this.rows.size;
+    this.render();
+    if (isFirst && this.rows.size) { this.measure(); this.render(); }
   }
 
-  show(track, timeS) {
-    const report = this.store.documentAt(track, timeS);
-    let row = this.rows.get(track.id);
-    if (!row) {
-      if (!report) return;
-      row = this.newRow(track.id);
+  // The tracks that have a document at a time.
+  read(timeS) {
+    this.lines = [];
+    for (const track of this.store.tracks.values()) {
+      const report = this.store.documentAt(track, timeS);
+      if (report) this.lines.push({ id: track.id, report });
     }
-    row.line.hidden = !report;
-    if (!report || row.report === report) return;
-    row.report = report;
-    cellsOf(report).forEach((text, at) => { const cell = row.cells[at]; if (cell.textContent !== text) cell.textContent = text; });
+    this.lines.sort((one, other) => one.id - other.id);
+    this.table.setAttribute("aria-rowcount", String(this.lines.length + 1));
+    this.none.hidden = this.lines.length > 0;
+    this.measure();
   }
 
-  // Rows stand in the order of track numbers.
+  // Every line has the same height, which follows the size of the text.
+  measure() {
+    const [row] = this.rows.values(), heightPx = row ? row.line.getBoundingClientRect().height : 0;
+    if (heightPx) this.heightPx = heightPx;
+  }
+
+  render() {
+    const { box, heightPx, lines } = this, count = Math.ceil(box.clientHeight / heightPx) + 2 * AROUND;
+    const first = Math.max(0, Math.min(Math.floor(box.scrollTop / heightPx) - AROUND, lines.length - count));
+    const shown = lines.slice(first, first + count), ids = new Set(shown.map((each) => each.id));
+    for (const [id, row] of this.rows) if (!ids.has(id)) this.drop(id, row);
+    this.above.cells[0].style.height = `${first * heightPx}px`;
+    this.below.cells[0].style.height = `${(lines.length - first - shown.length) * heightPx}px`;
+    let before = this.above.nextSibling;
+    shown.forEach(({ id, report }, at) => {
+      const row = this.rows.get(id) || this.newRow(id);
+      if (row.line === before) before = before.nextSibling; else this.body.insertBefore(row.line, before);
+      row.line.setAttribute("aria-rowindex", String(first + at + 2));
+      if (row.report === report) return;
+      row.report = report;
+      cellsOf(report).forEach((text, cell) => { if (row.cells[cell].textContent !== text) row.cells[cell].textContent = text; });
+    });
+  }
+
+  // The keyboard stays in the table when its line leaves the view.
+  drop(id, row) {
+    if (row.line.contains(document.activeElement)) this.box.focus({ preventScroll: true });
+    row.line.remove(); this.rows.delete(id);
+  }
+
   newRow(id) {
     const line = document.createElement("tr"), cells = [];
     line.dataset.track = id;
     for (let at = 0; at < COLUMNS; at += 1) cells.push(line.insertCell());
     const button = document.createElement("button");
-    button.type = "button"; button.textContent = `${id}`; button.setAttribute("aria-pressed", String(this.selected === id));
+    button.type = "button"; button.textContent = `${id}`;
     cells[0].append(button);
     const row = { line, cells: cells.slice(1), button, report: null };
-    const following = [...this.rows.keys()].filter((other) => other > id);
-    const before = following.length ? this.rows.get(Math.min(...following)).line : null;
     this.rows.set(id, row);
-    this.body.insertBefore(line, before);
+    this.mark(id);
     return row;
   }
 
   select(key) {
-    const id = key && key.startsWith("track ") ? Number(key.slice(6)) : null;
-    if (this.selected !== null) this.mark(this.selected, false);
+    const before = this.selected, id = key && key.startsWith("track ") ? Number(key.slice(6)) : null;
     this.selected = id;
-    if (id !== null) this.mark(id, true);
+    this.mark(before); this.mark(id);
+    const at = this.lines.findIndex((each) => each.id === id);
+    if (at >= 0) this.reveal(at);
   }
 
-  mark(id, isChosen) {
-    const row = this.rows.get(id);
+  mark(id) {
+    const row = this.rows.get(id), isChosen = id === this.selected;
     if (!row) return;
     row.line.classList.toggle("chosen", isChosen);
     row.button.setAttribute("aria-pressed", String(isChosen));
-    if (isChosen) row.line.scrollIntoView({ block: "nearest" });
   }
+
+  // Scrolls as little as needed.
+  reveal(at) {
+    const { box, heightPx, table } = this, head = table.tHead.getBoundingClientRect().height, top = at * heightPx;
+    box.scrollTop = Math.max(Math.min(box.scrollTop, top), top + heightPx + head - box.clientHeight);
+    this.isScrolled = true;
+  }
+}
+
+// A line that holds the place of lines out of view.
+function spacer() {
+  const line = document.createElement("tr"), cell = line.insertCell();
+  line.className = "spacer"; line.setAttribute("aria-hidden", "true"); cell.colSpan = COLUMNS;
+  return line;
 }
 
 export function likeliest(report) {
