@@ -89,7 +89,8 @@ LINES = """async () => {
     if (top + box.clientHeight >= box.scrollHeight) break;
   }
   const places = [...lines.keys()].sort((one, other) => one - other);
-  return { places, ids: places.map((at) => lines.get(at)[0]), texts: places.map((at) => lines.get(at)[1]), most, heights };
+  const [ids, texts] = [0, 1].map((column) => places.map((at) => lines.get(at)[column]));
+  return { places, ids, texts, most, heights };
 }"""
 
 
