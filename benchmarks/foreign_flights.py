@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 from scipy.integrate import solve_ivp
 
 MU, SPIN, RADIUS_M, FLATTENING = 3.986004418e14, 7.292115e-5, 6378137.0, 1.0 / 298.257223563
@@ -21,8 +21,9 @@ AXIS = np.array([0.0, 0.0, SPIN])
 
 @frozen(eq=False)
 class ForeignFlight:
-    """A flight: rows of time since ignition, ECEF state and burning; burns, and the impact (lat, lon in rad, s)."""
+    """A flight: its boost, rows of time since ignition, ECEF state and burning; burns, impact (lat, lon in rad, s)."""
 
+    boost: "Boost"
     table: np.ndarray
     burns_s: tuple[tuple[float, float], ...]
     launch: tuple[float, float]
@@ -81,13 +82,12 @@ def drawn_flight(stages: int, gaps: bool, rng: np.random.Generator) -> ForeignFl
         gap = np.append(rng.uniform(2.0, 12.0, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
         rise, kick = rng.uniform(4.0, 10.0), np.radians(rng.uniform(4.0, 24.0))
         place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
-        up, ahead = _directions(place, rng.uniform(0.0, 2.0 * np.pi))
-        flight = _flown(_Boost(burn, first, growth, gap, rise, kick, up, ahead), place)
+        flight = _flown(Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi)))
         if flight is not None and 150.0 < flight.range_km < 12000.0:
             return flight
 
 
-def _directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray, np.ndarray]:
+def directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray, np.ndarray]:
     """Return up and the horizontal direction of an azimuth, rad, at a place."""
     flat = np.cos(launch[0])
     up = np.array([flat * np.cos(launch[1]), flat * np.sin(launch[1]), np.sin(launch[0])])
@@ -96,8 +96,8 @@ def _directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray
 
 
 @frozen(eq=False)
-class _Boost:
-    """Kinematics of a boost: stages, vertical rise, pitch-over by `kick` rad towards `ahead`."""
+class Boost:
+    """Kinematics of a boost: stages, vertical rise, pitch-over by `kick` rad towards an azimuth, and the launch."""
 
     burn_s: np.ndarray
     acceleration_m_s2: np.ndarray
@@ -105,8 +105,15 @@ class _Boost:
     gap_s: np.ndarray
     rise_s: float
     kick: float
-    up: np.ndarray
-    ahead: np.ndarray
+    launch: tuple[float, float]
+    azimuth: float
+    up: np.ndarray = field(init=False)
+    ahead: np.ndarray = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        up, ahead = directions(self.launch, self.azimuth)
+        object.__setattr__(self, "up", up)
+        object.__setattr__(self, "ahead", ahead)
 
     def rates(
         self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
@@ -142,7 +149,8 @@ def _landed(time_s: float, state: np.ndarray, start_s: float, *_: float) -> floa
 _landed.terminal, _landed.direction = True, -1.0  # type: ignore[attr-defined]
 
 
-def _flown(boost: _Boost, launch: tuple[float, float]) -> ForeignFlight | None:
+def _flown(boost: Boost) -> ForeignFlight | None:
+    launch = boost.launch
     legs, state, now = [], np.concatenate([ecef(*launch), np.zeros(3)]), 0.0
     exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
     for one, two, *stage in boost.legs():
@@ -162,6 +170,7 @@ def _flown(boost: _Boost, launch: tuple[float, float]) -> ForeignFlight | None:
     angle = float(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two))
     burns = np.cumsum(boost.burn_s + boost.gap_s)
     return ForeignFlight(
+        boost,
         _table(legs, now + 60.0, boost.up),
         tuple(zip((burns - boost.burn_s - boost.gap_s).tolist(), (burns - boost.gap_s).tolist(), strict=True)),
         launch,

@@ -5,29 +5,36 @@
 Staged gravity turns of `foreign_flights` (SciPy) and class profiles of the target model `ballistic`, drawn with seeds
 that nothing was built on, each in a scene of its own: one or two SBIRS-GEO, default settings. At 25, 50, 75 and 95 % of
 the time from ignition to the last burnout, and 5 and 20 s after it: is the state in its 95 % ellipsoid, the impact in
-its 50 and 95 % regions, and how large are these?
+its 50 and 95 % regions, and how large are these? And how large are errors beside the Cramér–Rao bound of an estimator
+that knows the law of the flights and has their parameters to find (`foreign_bound`)?
 """
 
 import argparse
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import foreign_bound
 import numpy as np
-from foreign_flights import drawn_flight
+from foreign_flights import RADIUS_M, drawn_flight, ecef
 
 import opir_core as opir
 from opir_core.flight import propagate_kepler
+from opir_core.geometry import eci_to_ecef
+from opir_core.scoring.bound import DetectedLooks
 from opir_core.scoring.consistency import containment, proportion
+from opir_core.scoring.errors import bias_turns
 from opir_core.scoring.evidence import true_states
+from opir_core.scoring.flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 
+BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")
-START_S, AFTER_S = 10.0, 30.0
+EPOCH, START_S, AFTER_S = "2026-04-01T18:00:00Z", 10.0, 30.0
 SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 
@@ -55,14 +62,30 @@ LINES = (
 )
 
 
+class Law(NamedTuple):
+    """What an estimator that knows the law of flights has to find: parameters (p,), their prior, steps of differences.
+
+    `states` returns states (m, n, 6) of parameters (m, p) at times (n,), `impacts` ECEF impacts (m, 3), `edges` the
+    times (m, k) at which they light or go dark.
+    """
+
+    parameters: np.ndarray
+    prior_sigma: np.ndarray
+    step: np.ndarray
+    states: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    impacts: Callable[[np.ndarray], np.ndarray]
+    edges: Callable[[np.ndarray], np.ndarray]
+
+
 class Flight(NamedTuple):
-    """A target of the scene, its burnout since the scene's start, states at times (or None), impact and launch."""
+    """A target, its burnout since the scene's start, states at times (or None), impact, launch and law (or None)."""
 
     target: dict[str, Any]
     burnout_s: float
     state: Any
     impact: tuple[float, float] | None
     longitude_deg: float
+    law: Law | None = None
 
 
 class Row(NamedTuple):
@@ -76,6 +99,10 @@ class Row(NamedTuple):
     in_95: float
     area_50_km2: float
     area_95_km2: float
+    impact_m: float
+    position_over_bound: float
+    velocity_over_bound: float
+    impact_over_bound: float
 
 
 def foreign(line: Line, seed: int, folder: Path) -> Flight:
@@ -86,7 +113,21 @@ def foreign(line: Line, seed: int, folder: Path) -> Flight:
     kind = "SRBM" if flight.range_km < 1000.0 else "IRBM" if flight.range_km < 5500.0 else "ICBM"
     target = {"id": "T", "model": "table", "type": kind, "file": str(path), "start_s": START_S}
     longitude = float(np.degrees(flight.launch[1]))
-    return Flight(target, START_S + flight.burnout_s, lambda s: flight.state(s - START_S), flight.impact[:2], longitude)
+    parameters, sigma = foreign_bound.parameters(flight.boost, START_S)
+
+    def paths(rows: np.ndarray) -> foreign_bound.Paths:
+        return foreign_bound.flown(rows, line.stages)
+
+    law = Law(
+        parameters,
+        sigma,
+        1e-4 * sigma,
+        lambda rows, time_s: paths(rows).states(time_s),
+        lambda rows: paths(rows).impacts(),
+        lambda rows: foreign_bound.edges(rows, line.stages),
+    )
+    state = lambda s: flight.state(s - START_S)  # noqa: E731
+    return Flight(target, START_S + flight.burnout_s, state, flight.impact[:2], longitude, law)
 
 
 def class_profile(seed: int) -> Flight:
@@ -116,7 +157,7 @@ def scene_of(line: Line, flight: Flight, seed: int, duration_s: float) -> opir.S
     return opir.scene_from_mapping(
         {
             "scene": "honesty",
-            "epoch": "2026-04-01T18:00:00Z",
+            "epoch": EPOCH,
             "duration_s": duration_s,
             "seed": 5000 + seed,
             "sensors": [{**sensor, "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots],
@@ -133,47 +174,121 @@ def rows_of(line: Line, seed: int, folder: Path) -> Iterator[Row]:
     if not line.stages:
         flight = _known(flight, plan)
     plan = opir.compile_plan(scene_of(line, flight, seed, float(np.ceil(flight.burnout_s + AFTER_S))))
-    tracks = opir.run_of_plan(plan).tracks
+    run = opir.run_of_plan(plan)
+    tracks = run.tracks
     number, count = np.unique(tracks.track, return_counts=True)
     burn = flight.burnout_s - START_S
     ends = [START_S + share * burn for share in (0.25, 0.5, 0.75, 0.95)] + [flight.burnout_s + s for s in (5.0, 20.0)]
+    bounds = bounds_of(flight, plan, run, np.round(ends)) if flight.law else np.full((len(ends), 3), np.nan)
     for mark, when in enumerate(ends):
         here = np.flatnonzero(tracks.tick_s == np.round(when))
         if len(here):
             # The oldest track: false ones are short.
             row = here[np.argmax(count[np.searchsorted(number, tracks.track[here])])]
-            yield _row(mark, flight, tracks, int(row))
+            yield _row(mark, flight, tracks, int(row), bounds[mark])
         else:
-            yield Row(mark, *[np.nan] * 7)
+            yield Row(mark, *[np.nan] * 11)
+
+
+def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray) -> np.ndarray:
+    """Return bounds (ticks, 3) of the errors of position, velocity and impact, m and m/s, by the looks before ticks."""
+    law = flight.law
+    assert law
+    detections = run.detections.take(np.flatnonzero(run.truth.target == 0))
+    detections = detections.take(np.argsort(detections.time_ns, kind="stable"))
+    times, count = detections.time_s, len(tick_s)
+    every = np.concatenate([times, tick_s])
+
+    def values(rows: np.ndarray) -> np.ndarray:
+        states = law.states(rows, every)
+        parts = [states[:, : len(times), :3], states[:, len(times) :], law.impacts(rows), law.edges(rows)]
+        return np.concatenate([part.reshape(len(rows), -1) for part in parts], axis=1)
+
+    slopes = central_slopes(values, law.parameters, law.step)
+    cuts = np.cumsum([3 * len(times), 6 * count, 3])
+    by_look, by_tick, by_impact, by_edge = np.split(slopes, cuts)
+    size = len(law.parameters)
+    place = law.states(law.parameters[None], times)[0, :, :3]
+    turns = bias_turns(plan.sensors, detections.sensor, detections.sensor_ecef_m)
+    looks = DetectedLooks(times, place, detections.sensor_ecef_m, detections.line_of_sight_sigma_rad, turns)
+    # Light and dark show within the time between two looks.
+    gap_s = (times[-1] - times[0]) / max(len(times) - 1, 1)
+    known = KnownValues(law.edges(law.parameters[None])[0] + gap_s, by_edge * np.sqrt(12.0) / gap_s)
+    found = parameter_bound(tick_s, looks, by_look.reshape(-1, 3, size), law.prior_sigma, known)
+    state = bound_of(found, by_tick.reshape(count, 6, size))
+    impact = bound_of(found, np.broadcast_to(by_impact, (count, 3, size)))
+    variance = np.diagonal(state, axis1=1, axis2=2)
+    parts = [variance[:, :3].sum(axis=1), variance[:, 3:].sum(axis=1), np.trace(impact, axis1=1, axis2=2)]
+    return np.sqrt(np.stack(parts, axis=1))
 
 
 def _known(flight: Flight, plan: opir.Plan) -> Flight:
-    """Return a class profile's flight with its truth: in free flight two-body motion, the scene's force."""
-    truth = plan.targets.truth()[0]
-    end_s = float(plan.targets.end_s[0])
-    zero = np.zeros(1, dtype=np.int32)
-
-    def state(time_s: float) -> np.ndarray:
-        found = true_states(plan, zero, np.array([min(time_s, end_s - 1e-3)]))[0]
-        if time_s < end_s - 1e-3:
-            return np.asarray(found)
-        since = time_s - end_s + 1e-3
-        place, velocity = propagate_kepler(found[:3], found[3:] + np.cross(SPIN, found[:3]), since)
-        angle = SPIN[2] * since
-        turn = np.array([[np.cos(angle), np.sin(angle), 0.0], [-np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-        return np.concatenate([turn @ place, turn @ velocity - np.cross(SPIN, turn @ place)])
-
+    """Return a class profile's flight with its truth, and what an estimator that knows the class has to find."""
+    (truth,) = plan.targets.truth()
     impact = np.radians([truth["impact"]["lat_deg"], truth["impact"]["lon_deg"]])
-    return flight._replace(burnout_s=end_s, state=state, impact=(float(impact[0]), float(impact[1])))
+    launch, aim = flight.target["launch"], flight.target["aim"]
+
+    def targets(rows: np.ndarray) -> opir.Plan:
+        """Return a plan of flights with launch and aim, deg, and ignition, s, (m, 5)."""
+        keys = ("lat_deg", "lon_deg")
+        each = [
+            {
+                **flight.target,
+                "id": f"T{number}",
+                "launch": {**dict(zip(keys, row[:2], strict=True)), "time_s": row[4]},
+                "aim": dict(zip(keys, row[2:4], strict=True)),
+            }
+            for number, row in enumerate(rows.tolist())
+        ]
+        scene = {"scene": "law", "epoch": EPOCH, "duration_s": 300.0, "seed": 1, "targets": each}
+        return opir.compile_plan(
+            opir.scene_from_mapping({**scene, "sensors": [{"constellation": "SBIRS-GEO"}], "tracker": "none"})
+        )
+
+    def impacts(rows: np.ndarray) -> np.ndarray:
+        return np.array([ecef(*place) for place in np.radians(rows[:, 2:4])])
+
+    flat = np.cos(np.radians([launch["lat_deg"], aim["lat_deg"]]))
+    metres = np.radians(1.0) * RADIUS_M * np.array([1.0, flat[0], 1.0, flat[1], np.nan])
+    law = Law(
+        np.array([*list(launch.values())[:2], *aim.values(), launch["time_s"]]),
+        np.append(1e6 / metres[:4], 1e3),
+        np.append(3e3 / metres[:4], 0.1),
+        lambda rows, time_s: states_of(targets(rows), time_s),
+        impacts,
+        lambda rows: rows[:, 4:],
+    )
+    end_s = float(plan.targets.end_s[0])
+    state = lambda s: states_of(plan, np.array([s]))[0, 0]  # noqa: E731
+    return flight._replace(burnout_s=end_s, state=state, impact=(float(impact[0]), float(impact[1])), law=law)
 
 
-def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int) -> Row:
+def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
+    """Return states (m, n, 6) of a plan's targets at times (n,): after burnout two-body motion, the scene's force."""
+    count, size = len(plan.targets.ids), len(time_s)
+    target, when = np.repeat(np.arange(count, dtype=np.int32), size), np.tile(time_s, count)
+    last = plan.targets.end_s[target] - 1e-3
+    found = true_states(plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target]))
+    late = np.flatnonzero(when > last)
+    if len(late):
+        since = when[late] - last[late]
+        place, velocity = found[late, :3], found[late, 3:]
+        place, velocity = propagate_kepler(place, velocity + np.cross(SPIN, place), since)
+        place, velocity = eci_to_ecef(place, since), eci_to_ecef(velocity, since)
+        found[late] = np.concatenate([place, velocity - np.cross(SPIN, place)], axis=1)
+    return found.reshape(count, size, 6)
+
+
+def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.ndarray) -> Row:
     error = tracks.state[row] - flight.state(float(tracks.tick_s[row]))
     nees = float(error @ np.linalg.solve(tracks.state_covariance[row], error))
     regions = {region.containment: region for region in tracks.impact_regions[row]}
     inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
-    return Row(mark, nees, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])), *inside, *area)
+    place, true = ecef(*tracks.impact[row, :2]), ecef(*flight.impact)
+    angle = np.arctan2(np.linalg.norm(np.cross(place, true)), place @ true)
+    errors = np.array([np.linalg.norm(error[:3]), np.linalg.norm(error[3:]), RADIUS_M * angle])
+    return Row(mark, nees, *errors[:2].tolist(), *inside, *area, float(errors[2]), *(errors / bound).tolist())
 
 
 def table(line: Line, rows: list[Row]) -> Iterator[str]:
@@ -189,12 +304,22 @@ def table(line: Line, rows: list[Row]) -> Iterator[str]:
         speed = np.sqrt(np.mean([row.velocity_m_s**2 for row in told]))
         area = [np.median([getattr(row, key) for row in known]) for key in ("area_50_km2", "area_95_km2")]
         shares = ",".join(f"{100.0 * value:.1f}" for value in (*state, *half, *most))
-        yield f"{line.name},{name},{len(mine)},{len(told)},{shares},{speed:.1f},{area[0]:.4g},{area[1]:.4g}"
+        ratios = ",".join(over_bound(getattr(row, f"{what}_over_bound") for row in told) for what in BOUNDED)
+        impact_km = 1e-3 * np.median([row.impact_m for row in known])
+        sizes = f"{speed:.1f},{area[0]:.4g},{area[1]:.4g},{impact_km:.1f}"
+        yield f"{line.name},{name},{len(mine)},{len(told)},{shares},{sizes},{ratios}"
+
+
+def over_bound(ratios: Iterable[float]) -> str:
+    """Return root mean square and median of errors over their bounds, for the CSV."""
+    known = np.array([ratio for ratio in ratios if np.isfinite(ratio)])
+    return f"{np.sqrt(np.mean(known**2)):.2f},{np.median(known):.2f}" if len(known) else ","
 
 
 HEAD = (
     "flights,mark,flown,tracked,state_95_percent,low,high,impact_50_percent,low,high,impact_95_percent,low,high,"
-    "velocity_rmse_m_s,area_50_km2,area_95_km2"
+    "velocity_rmse_m_s,area_50_km2,area_95_km2,impact_error_median_km,"
+    "position_over_bound_rms,median,velocity_over_bound_rms,median,impact_over_bound_rms,median"
 )
 
 
