@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, IndexArray, IntArray
 from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.flight.burns import joined_burns_s
 from opir_core.planning.plan import Plan, compile_plan, with_targets
@@ -67,7 +67,7 @@ def without_finished_targets(plan: Plan, time_ns: int) -> Plan:
     number = np.cumsum(stays) - 1
     rows = np.flatnonzero(stays[plan.pairs.target])
     pairs = plan.pairs.take(rows)
-    lines = _lines_of(pairs, plan.sightlines, rows)
+    lines = plan.sightlines.over_looks(pairs, rows)
     pairs = evolve(pairs, target=number[pairs.target].astype(np.int32))
     ids = {plan.targets.ids[row] for row in kept.tolist()}
     scene = evolve(plan.scene, targets=tuple(target for target in plan.scene.targets if target.id in ids))
@@ -97,27 +97,6 @@ def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
         class_names=tuple(targets.class_names[row] for row in kept.tolist()),
         burns_s=targets.burns_s[kept],
     )
-
-
-def _lines_of(pairs: Pairs, lines: Sightlines, rows: IntArray) -> Sightlines:
-    """Return the lines of sight of some pairs (given with their rows), over the time of their looks."""
-    first_step = _step(pairs, pairs.first_scan)
-    points = np.where(pairs.looks > 0, _step(pairs, pairs.last_scan) - first_step + 2, 0)
-    offset = np.cumsum(points) - points
-    within = np.arange(int(points.sum())) - np.repeat(offset, points)
-    chosen = np.repeat(lines.first_point[rows] + first_step, points) + within
-    return Sightlines(
-        first_point=offset - first_step,
-        travel_s=lines.travel_s[chosen],
-        elevation_sine=lines.elevation_sine[chosen],
-        sight=lines.sight[chosen],
-    )
-
-
-def _step(pairs: Pairs, scan: IntArray) -> IntArray:
-    """Return the grid step of scans (n,) of pairs (n,), as in `Sightlines.place`."""
-    time_s: FloatArray = (pairs.phase_ns + scan * pairs.period_ns).astype(np.float64) * 1e-9
-    return np.floor(time_s).astype(np.int64)
 
 
 def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:

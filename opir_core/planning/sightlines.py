@@ -1,5 +1,6 @@
 """Lines of sight: pairs of sensor and target with their looks, light times and visibility on a grid of scene time."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -7,9 +8,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.targets import Targets
 
 #: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
@@ -55,7 +54,8 @@ class Sightlines:
 
     Interpolated linearly, light times are accurate to 5e-8 s, in which a target moves 0.4 mm, and the sines of the
     sensor's elevation above the target's horizon to 3e-6 (3e-5 from a low orbit). Light times are zero if the scene
-    switches them off. A pair's points are `first_point` + its grid step; a cell has the number of its first point.
+    switches them off. A pair's points are `first_point` + its grid step, over the time of its looks; a cell has the
+    number of its first point.
     """
 
     first_point: IntArray
@@ -67,6 +67,32 @@ class Sightlines:
         """Return the grid positions of the looks of pairs (n,) at times (n,)."""
         step = np.floor(time_s)
         return GridPlace(self.first_point[pair] + step.astype(np.int64), time_s - step)
+
+    def over_looks(self, pairs: "Pairs", rows: IntArray) -> "Sightlines":
+        """Return the lines of sight of some pairs, given with their rows, over the time of their looks only."""
+        first_step = _step_of(pairs, pairs.first_scan)
+        points = np.where(pairs.looks > 0, _step_of(pairs, pairs.last_scan) - first_step + 2, 0)
+        offset = np.cumsum(points) - points
+        chosen = np.arange(int(points.sum())) + np.repeat(self.first_point[rows] + first_step - offset, points)
+        return Sightlines(offset - first_step, self.travel_s[chosen], self.elevation_sine[chosen], self.sight[chosen])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Sightlines]") -> "Sightlines":
+        """Return the lines of sight of all parts, in order."""
+        starts = np.cumsum([0, *(len(part.travel_s) for part in parts)])[:-1]
+        first_points = [part.first_point + start for part, start in zip(parts, starts, strict=True)]
+        return cls(
+            first_point=np.concatenate([*first_points, np.empty(0, dtype=np.int64)]),
+            travel_s=np.concatenate([*(part.travel_s for part in parts), np.empty(0)]),
+            elevation_sine=np.concatenate([*(part.elevation_sine for part in parts), np.empty(0)]),
+            sight=np.concatenate([*(part.sight for part in parts), np.empty(0, dtype=np.uint8)]),
+        )
+
+
+def _step_of(pairs: "Pairs", scan: IntArray) -> IntArray:
+    """Return the grid step of scans (n,) of pairs (n,), as in `Sightlines.place`."""
+    time_s: FloatArray = (pairs.phase_ns + scan * pairs.period_ns).astype(np.float64) * 1e-9
+    return np.floor(time_s).astype(np.int64)
 
 
 @frozen(eq=False)
@@ -104,7 +130,7 @@ class Pairs(Columns):
 _END_STEP_S = 0.05
 
 #: Each iteration reduces the error by speed / c < 3e-5: three leave less than a nanosecond.
-_LIGHT_TIME_ITERATIONS = 3
+LIGHT_TIME_ITERATIONS = 3
 
 
 @frozen(eq=False)
@@ -145,35 +171,35 @@ class Grid:
 
 @frozen(eq=False)
 class TargetPath:
-    """Paths of targets, extended at constant velocity before and after the observed time, so that the grid's outer
-    cells are smooth."""
+    """Paths of the targets (n,) of pairs, each observed up to its end (n,), extended at constant velocity before and
+    after the observed time, so that the grid's outer cells are smooth."""
 
     targets: Targets
+    target: IndexArray
     end_s: FloatArray
     velocity_in_m_s: FloatArray
     velocity_out_m_s: FloatArray
 
     @classmethod
-    def of(cls, targets: Targets, end_s: FloatArray) -> "TargetPath":
-        """Return the paths of all targets, each to its end (n,)."""
-        everyone = np.arange(len(targets.ids), dtype=np.int32)
-        start_s = targets.ignition_s
+    def of(cls, targets: Targets, target: IndexArray, end_s: FloatArray) -> "TargetPath":
+        """Return the paths of targets (n,) to their ends (n,)."""
+        start_s = targets.ignition_s[target]
         short_s = np.minimum(_END_STEP_S, end_s - start_s)
         after, before = np.minimum(start_s + short_s, end_s), np.maximum(end_s - short_s, start_s)
-        moved_in = targets.position_ecef_m(everyone, after) - targets.position_ecef_m(everyone, start_s)
-        moved_out = targets.position_ecef_m(everyone, end_s) - targets.position_ecef_m(everyone, before)
-        return cls(targets, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
+        moved_in = targets.position_ecef_m(target, after) - targets.position_ecef_m(target, start_s)
+        moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(target, before)
+        return cls(targets, target, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
 
     def position_ecef_m(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) of targets (n,) at any times (n,)."""
-        target = pair.astype(np.int32)
-        start_s, end_s = self.targets.ignition_s[target], self.end_s[target]
+        """Return positions (m, 3) of the targets of pairs (m,) at any times (m,)."""
+        target = self.target[pair]
+        start_s, end_s = self.targets.ignition_s[target], self.end_s[pair]
         within_s = np.minimum(np.maximum(time_s, start_s), end_s)
         position = self.targets.position_ecef_m(target, within_s)
         # Only the outer cells of a pair reach beyond the observed time.
         beyond = np.flatnonzero(time_s != within_s)
         if beyond.size:
-            who, over_s = target[beyond], (time_s[beyond] - within_s[beyond])[:, None]
+            who, over_s = pair[beyond], (time_s[beyond] - within_s[beyond])[:, None]
             velocity = np.where(over_s < 0.0, self.velocity_in_m_s[who], self.velocity_out_m_s[who])
             position = position.copy()  # it may be a trajectory's own
             position[beyond] += velocity * over_s
@@ -184,32 +210,6 @@ def _step_s(start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
     """Return steps (n, 1), s; infinite if there is none (ignition at the end of the scene), so that velocity is 0."""
     step_s = stop_s - start_s
     return np.where(step_s > 0.0, step_s, np.inf)[:, None]
-
-
-def sampled_geometry(
-    sensor: Sensor, targets: Targets, grid: Grid, light_time: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return light times, sensor and target positions at the grid's points."""
-    path = TargetPath.of(targets, targets.observed_until_s(sensor))
-    sensor_ecef_m = sensor.orbit.position_ecef_m(grid.time_s)
-    travel_s = np.zeros(len(grid.time_s))
-    target_ecef_m = path.position_ecef_m(grid.pair, grid.time_s)
-    for _ in range(_LIGHT_TIME_ITERATIONS if light_time else 0):
-        travel_s = distance_m(sensor_ecef_m, target_ecef_m) / SPEED_OF_LIGHT_M_S
-        target_ecef_m = path.position_ecef_m(grid.pair, grid.time_s - travel_s)
-    return travel_s, sensor_ecef_m, target_ecef_m
-
-
-def look_time_s(sensor: Sensor, targets: Targets, emission_s: FloatArray, light_time: bool) -> FloatArray:
-    """Return the scene times (n,), s, at which light emitted by the targets reaches the sensor."""
-    if not light_time:
-        return emission_s
-    everyone = np.arange(len(emission_s), dtype=np.int32)
-    target_ecef_m = targets.position_ecef_m(everyone, emission_s)
-    look_s = emission_s
-    for _ in range(_LIGHT_TIME_ITERATIONS):
-        look_s = emission_s + distance_m(sensor.orbit.position_ecef_m(look_s), target_ecef_m) / SPEED_OF_LIGHT_M_S
-    return look_s
 
 
 def distance_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:

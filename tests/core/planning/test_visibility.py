@@ -91,7 +91,7 @@ def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m
 
 @pytest.mark.parametrize("height_m", [None, 500e3])
 def test_what_is_certain_is_true(height_m: float | None) -> None:
-    """Every look of every pair, judged exactly, agrees with what the grid holds for certain."""
+    """Every scan of every pair, judged exactly, agrees with what the plan holds for certain: no look is no sight."""
     made = PLANS["ICBM"]()
     made = made if height_m is None else with_orbits(made, height_m)
     judged = dict.fromkeys(Visibility, 0)
@@ -100,8 +100,10 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
         time_s = look_times_s(made.pairs, np.full(len(scans), pair), scans)
         sensor = made.sensors[made.pairs.sensor[pair]]
         exact, inside = seen_exactly(made, sensor, time_s)
-        point = made.sightlines.first_point[pair] + np.floor(time_s[inside]).astype(int)
-        sight = made.sightlines.sight[point]
+        is_look = ((made.pairs.first_scan[pair] <= scans) & (scans <= made.pairs.last_scan[pair]))[inside]
+        sight = np.full(len(is_look), Visibility.NEVER)
+        point = made.sightlines.first_point[pair] + np.floor(time_s[inside][is_look]).astype(int)
+        sight[is_look] = made.sightlines.sight[point]
         assert exact[sight == Visibility.ALWAYS].all()
         assert not exact[sight == Visibility.NEVER].any()
         for kind in Visibility:
