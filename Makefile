@@ -34,4 +34,4 @@ mutants:
 	python tests/mutation/sample.py
 
 benchmarks:
-	python benchmarks/throughput.py && python benchmarks/startup.py
+	python -m benchmarks --json benchmarks.json

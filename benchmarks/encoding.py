@@ -26,6 +26,7 @@ from datetime import UTC, datetime, timedelta
 import msgspec
 import numpy as np
 from attrs import evolve
+from figures import keep
 
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.contexts import EncoderContext
@@ -78,6 +79,7 @@ def main() -> None:
     took = median_ns(ways, options.repeats)
     for name, median in took.items():
         print(f"{name:32} {median / options.events:8.0f} ns/event {median / took['forge']:8.2f}")
+        keep(name, median / options.events, "ns/event")
 
 
 def three_bands(window: Window) -> tuple[Window, ForgeEncoder, ForgeEncoder]:
@@ -158,6 +160,7 @@ def filed(encoder: ForgeEncoder, window: Window) -> None:
 class Event(msgspec.Struct, gc=False):
     detection_id: str
     timestamp: str
+    reported_at: str
     sensor_id: str
     sensor_type: str
     orbital_slot: msgspec.Raw
@@ -187,9 +190,11 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     _, first = np.unique(d.sensor, return_index=True)
     homes = [msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()]
     sensor, count, angles = d.sensor.tolist(), len(d), d.angles()
+    when = timestamp_text(unix_microseconds(d.time_ns, EPOCH_US))
     columns = (
         uuid_text(d.detection_id),
-        timestamp_text(unix_microseconds(d.time_ns, EPOCH_US)),
+        when,
+        when,
         [sensors[s].id for s in sensor],
         [sensors[s].type for s in sensor],
         [slots[s] for s in sensor],
@@ -223,9 +228,11 @@ def dictionary(d: Detections, angles: AzimuthElevation, row: int, sensors: tuple
     sensor = sensors[d.sensor[row]]
     high, low = d.detection_id[row].tolist()
     when = datetime.fromtimestamp(EPOCH_US // 1_000_000, UTC) + timedelta(microseconds=int(d.time_ns[row]) // 1000)
+    text = when.isoformat(timespec="microseconds").replace("+00:00", "Z")
     return {
         "detection_id": str(uuid.UUID(int=high << 64 | low)),
-        "timestamp": when.isoformat(timespec="microseconds").replace("+00:00", "Z"),
+        "timestamp": text,
+        "reported_at": text,
         "sensor_id": sensor.id,
         "sensor_type": sensor.type,
         "orbital_slot": sensor.orbital_slot_deg,

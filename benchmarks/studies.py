@@ -14,6 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from figures import keep
 from opir_studies import Study, sweep
 
 PERIODS_MS = [100, 200, 400, 800]
@@ -55,6 +56,8 @@ def main() -> None:
     for name, row in found.items():
         row["efficiency"] = serial["wall_s"] / row["wall_s"] / (1 if name == "serial" else chosen.workers)
         row["processor_ratio"] = serial["processor_s"] / row["processor_s"]
+        for what, value in row.items():
+            keep(f"{name}: {what}", value)
     json.dump(found, sys.stdout, indent=2)
     print()
 

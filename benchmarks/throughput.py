@@ -1,6 +1,6 @@
 """How many looks and events a second, where the time goes, and how much memory: one process, one core.
 
-    python benchmarks/throughput.py [--repeat 5] [--profile]
+    python benchmarks/throughput.py [--repeat 5] [--targets 100] [--profile]
 
 The scene: 100 ICBMs and 10 sensors in geostationary slots that see them all, 20 looks a second, the whole boost.
 Figures are medians.
@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from figures import keep
 
 import opir_core as opir
 from opir_core.output.delivery import deliver
@@ -85,9 +86,10 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--targets", type=int, default=100)
     parser.add_argument("--profile", action="store_true")
     arguments = parser.parse_args()
-    scene = raid()
+    scene = raid(targets=arguments.targets)
     planning_s = median_s(lambda: opir.compile_plan(scene), arguments.repeat)
     plan = opir.compile_plan(scene)
     looks, detections = drained(plan)
@@ -107,6 +109,7 @@ def main() -> None:
     )
     for what, figure, unit, remark in rows:
         print(f"{what:8} {figure:9.1f} {unit:9} {remark}")
+        keep(what.strip(), figure, unit)
     if arguments.profile:
         profiled(plan)
 

@@ -20,8 +20,6 @@ from kepler_arcs import CLASSES, States
 from kepler_exact import distance, references
 from kepler_peers import Library, installed_libraries
 
-PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "kepler.md"
-
 
 def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) -> str:
     """Return the largest error, m, one state per call, and how many states failed."""
@@ -100,7 +98,7 @@ Classes: *ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) a
 100–300 km, anywhere between burnout and descent; *near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1|
 from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10, each up to a day forward or backward.
 
-Made by `python benchmarks/work_precision/kepler.py --write` with the installed libraries.
+Made by `python benchmarks/work_precision/kepler.py --write docs/benchmarks` with the installed libraries.
 """
 
 
@@ -109,13 +107,13 @@ def main() -> None:
     parser.add_argument("--states", type=int, default=100_000)
     parser.add_argument("--checked", type=int, default=60)
     parser.add_argument("--repeat", type=int, default=9)
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name} into the documentation")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/kepler.md")
     given = parser.parse_args()
     mpmath.mp.dps = 60
     page = measured(given.states, given.checked, given.repeat)
     print(page)
     if given.write:
-        PAGE.write_text(page, encoding="utf-8")
+        (given.write / "kepler.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

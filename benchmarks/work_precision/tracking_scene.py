@@ -1,16 +1,16 @@
 """Every tracker on one scene: run time against error over the bound, of the core's trackers and of peers.
 
-    python benchmarks/work_precision/tracking_scene.py [--runs 5] [--write FOLDER]
+    python benchmarks/work_precision/tracking_scene.py [--runs 5] [--only TRACKER ...] [--write FOLDER]
     python benchmarks/work_precision/tracking_scene.py --from-csv docs/benchmarks/tracking_scene.csv
 
 The same detections for all, seed by seed, in one run. FilterPy is a filter and no tracker: it gets the true
-association. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker alone. Needs stonesoup and
-filterpy. `tracking.py` runs it too.
+association. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker alone. Peers that are not
+installed are left out. `tracking.py` runs it too.
 """
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +22,7 @@ import numpy as np
 from attrs import evolve
 from filterpy_tracker import FilterPyTracker
 from opir_studies.comparison import TimedTracker
+from peers import installed, times_faster
 from tracking_scene_page import write_csv, write_page
 
 from opir_core.interfaces.protocols import Tracker
@@ -126,9 +127,9 @@ def ratios(error: np.ndarray, known: np.ndarray, unknown: np.ndarray, run: np.nd
     return Ratios(value / float(np.sqrt(np.mean(known**2))), value / bound, low / bound, high / bound)
 
 
-def lines(runs: int) -> Iterator[Line]:
+def lines(runs: int, only: Sequence[str] = ()) -> Iterator[Line]:
     """Yield a line for each tracker; what is imported at its first use is not counted."""
-    for name in TRACKERS:
+    for name in installed(name for name in TRACKERS if not only or name in only):
         warm = scene_from_mapping({**SCENE, "duration_s": 8.0, "tracker": TRACKERS[name] or "imm"})
         plan = compile_plan(warm)
         run_of_plan(evolve(plan, make_tracker=partial(tracker_of, plan, name)))
@@ -137,7 +138,7 @@ def lines(runs: int) -> Iterator[Line]:
 
 def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
     """Return the rows of the CSV file."""
-    stone = next(line.detection_us for line in found if line.name.startswith("Stone Soup EKF"))
+    stone = next((line.detection_us for line in found if line.name.startswith("Stone Soup EKF")), None)
     rows = []
     for line in found:
         row = {"tracker": line.name, "runs": str(runs), "first_seed": str(SCENE["seed"])}
@@ -146,7 +147,7 @@ def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
             "time_per_detection_us": f"{line.detection_us:.1f}",
             "time_per_track_update_us": f"{line.update_us:.0f}",
         }
-        row["speed_over_stone_soup"] = f"{stone / line.detection_us:.1f}"
+        row["speed_over_stone_soup"] = times_faster(stone, line.detection_us, 1)
         for what, ratio in (("position", line.position), ("velocity", line.velocity)):
             unknown = f"{what}_rmse_over_bound_thrust_unknown"
             row |= {f"{what}_rmse_over_bound_thrust_known": f"{ratio.known:.2f}", unknown: f"{ratio.unknown:.2f}"}
@@ -155,9 +156,9 @@ def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
     return rows
 
 
-def written(runs: int, folder: Path | None) -> None:
+def written(runs: int, folder: Path | None, only: Sequence[str] = ()) -> None:
     """Run everything, print the rows of the CSV file, and write it, the page and the plot."""
-    rows = csv_rows(list(lines(runs)), runs)
+    rows = csv_rows(list(lines(runs, only)), runs)
     print("\n".join(",".join(row.values()) for row in rows), flush=True)
     if folder is None:
         return
@@ -169,13 +170,14 @@ def main() -> None:
     """Run everything and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--only", nargs="+", choices=tuple(TRACKERS), default=(), help="these trackers")
     parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
     parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
     chosen = parser.parse_args()
     if chosen.from_csv:
         write_page(chosen.from_csv)
         return
-    written(chosen.runs, chosen.write)
+    written(chosen.runs, chosen.write, chosen.only)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from peers import left_out
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from result_files import (
     BLUE,
@@ -30,7 +32,7 @@ bound.
 ![Time per detection against RMSE over the bound with the thrust unknown](tracking_scene.svg)
 
 {table}
-
+{left_out}
 One ICBM in boost, two SBIRS-GEO (10 looks a second each, P_d 0.8), {detections} detections in {runs} runs of
 {duration} s (seeds {first} to {last}). Processor time of one core, of the tracker alone; ratios count, not times.
 Position and velocity are RMSE over the Cramér–Rao bound, from {start} s after ignition on, with 95 % intervals over
@@ -67,8 +69,9 @@ def write_page(source: Path) -> None:
     rows = read_csv(source)
     first, runs = rows[0], int(rows[0]["runs"])
     page = PAGE.format(
+        left_out=left_out(rows),
         table=markdown_table(HEAD, [cells(row) for row in rows]),
-        faster=next(row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"),
+        faster=next((row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"), "–"),
         detections=first["detections"],
         runs=runs,
         duration=first["duration_s"],

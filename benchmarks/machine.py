@@ -1,0 +1,57 @@
+"""What a result was measured with: processor, load, versions; and how busy the machine was."""
+
+import os
+import platform
+import subprocess
+import time
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+#: Distributions whose versions change times or results.
+_TOLD = {
+    "aiokafka", "boinor", "dask", "filterpy", "heyoka", "litestar", "matplotlib", "mpmath", "msgspec", "numba", "numpy",
+    "pyarrow", "pykep", "scipy", "stonesoup", "uvicorn",
+}  # fmt: skip
+
+
+def machine() -> dict[str, Any]:
+    """Return the machine and the versions."""
+    return {
+        "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "processor": processor(),
+        "cores": len(os.sched_getaffinity(0)),
+        "load": os.getloadavg()[0],
+        "system": platform.platform(terse=True),
+        "python": platform.python_version(),
+        "commit": commit(),
+        "versions": dict(sorted(versions().items())),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of opir, its plugins and what it is compared with."""
+    found = {each.name.lower(): each.version for each in distributions()}
+    return {name: version for name, version in found.items() if name in _TOLD or name.startswith("opir-")}
+
+
+def processor() -> str:
+    """Return the name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
+
+
+def commit() -> str:
+    """Return the commit of the checkout, with a + if it has changes, or nothing."""
+    told = subprocess.run(
+        ["git", "describe", "--always", "--dirty=+"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return told.stdout.strip()

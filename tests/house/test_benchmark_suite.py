@@ -1,0 +1,138 @@
+"""The suite of benchmarks: every script is in it and runs at small size; figures are read, kept and compared."""
+
+import ast
+import importlib
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from repository import ROOT
+
+sys.path.insert(0, str(ROOT))
+from benchmarks import __main__ as command
+from benchmarks.figures import figures_in, keep, kept_figures, number_of, ratios
+from benchmarks.registry import BENCHMARKS, Benchmark
+from benchmarks.suite import attempt, kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("benchmark_", BENCHMARKS, ids=[each.name for each in BENCHMARKS])
+def test_every_benchmark_runs_at_small_size(benchmark_: Benchmark) -> None:
+    if missing := list(benchmark_.missing()):
+        pytest.skip(f"needs {', '.join(missing)}")
+    found = attempt(benchmark_, quick=True)
+    assert found.problem == "", found.output
+    assert found.figures
+    assert found.processor_s > 0.0
+
+
+def test_every_script_is_in_the_suite() -> None:
+    scripts = {
+        path.relative_to(ROOT / "benchmarks").as_posix()
+        for path in (ROOT / "benchmarks").rglob("*.py")
+        if path.name != "__main__.py" and not path.stem.endswith("_page") and has_main(path)
+    }
+    assert scripts == {each.script for each in BENCHMARKS}
+    assert len({each.name for each in BENCHMARKS}) == len(BENCHMARKS)
+
+
+def has_main(path: Path) -> bool:
+    return any(
+        isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)
+        for node in ast.parse(path.read_text("utf-8")).body
+    )
+
+
+def test_what_cannot_run_is_left_out_and_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lacking = Benchmark("lacking", "?", "startup.py", (), needs=("no_such_module",), programs=("no-such-program",))
+    monkeypatch.setattr(command, "BENCHMARKS", (lacking,))
+    assert command.main(["--quick"]) == 0
+    assert "lacking: left out, needs no_such_module, no-such-program" in capsys.readouterr().out
+
+
+def test_an_unknown_name_is_answered_with_the_nearest() -> None:
+    with pytest.raises(SystemExit, match="no benchmark 'throughptu': throughput"):
+        command.main(["--only", "throughptu"])
+
+
+def test_peers_that_are_not_installed_are_left_out_of_tables_and_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks" / "work_precision"))
+    peers = importlib.import_module("peers")
+    monkeypatch.setattr(peers, "find_spec", lambda name: None if name == "filterpy" else name)
+    names = ["imm, 1 s", "Stone Soup EKF, two-body", "FilterPy EKF, two-body"]
+    assert peers.installed(names) == names[:2]
+    assert "FilterPy: left out, not installed" in capsys.readouterr().err
+    assert peers.left_out({"tracker": name} for name in names[:2]) == "\nLeft out, because not installed: FilterPy.\n"
+    assert peers.times_faster(None, 2.0, 1) == "–"
+
+
+def test_figures_are_named_by_the_text_and_the_first_number_of_their_row(tmp_path: Path) -> None:
+    tmp_path.joinpath("arcs.csv").write_text("# a: fact\nway,step,error\nA,1,0.5\nA,2,0.25\n", encoding="utf-8")
+    found = figures_in(tmp_path)
+    assert found["arcs: A 1: error"] == 0.5
+    assert found["arcs: A 2: error"] == 0.25
+
+
+def test_pages_are_read_where_there_is_no_csv_file(tmp_path: Path) -> None:
+    tmp_path.joinpath("page.md").write_text("# P\n\n| way | events/s |\n|---|---|\n| A | **12 300** |\n", "utf-8")
+    assert figures_in(tmp_path) == {"page: A: events/s": 12300.0}
+
+
+@pytest.mark.parametrize(
+    ("cell", "value"),
+    [
+        ("3", 3.0),
+        ("−1.5e-3", -1.5e-3),
+        ("1 234 567", 1234567.0),
+        ("9 [8, 10]", 9.0),
+        ("50 %", 50.0),
+        ("2-body", None),
+        ("–", None),
+    ],
+)
+def test_numbers_of_cells(cell: str, value: float | None) -> None:
+    assert number_of(cell) == value
+
+
+def test_scripts_keep_figures_only_for_the_suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPIR_BENCHMARK_FIGURES", raising=False)
+    keep("plan", 1.0, "ms")
+    monkeypatch.setenv("OPIR_BENCHMARK_FIGURES", str(tmp_path / "kept"))
+    keep("plan", 2.0, "ms")
+    assert kept_figures(tmp_path / "kept") == {"plan, ms": 2.0}
+
+
+def test_results_are_medians_of_rounds_and_are_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    counting = tmp_path / "counting.py"
+    counting.write_text(
+        "import json, os, pathlib\n"
+        f"log = pathlib.Path({str(tmp_path / 'log')!r}); log.open('a').write('x'); n = len(log.read_text())\n"
+        "pathlib.Path(os.environ['OPIR_BENCHMARK_FIGURES']).write_text(json.dumps(['n', float(n)]))\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(command, "BENCHMARKS", (Benchmark("counting", "?", str(counting), (), writes=False),))
+    assert command.main(["--rounds", "3", "--json", str(tmp_path / "one.json")]) == 0
+    one = json.loads((tmp_path / "one.json").read_text("utf-8"))
+    assert one["benchmarks"]["counting"]["figures"] == {"n": 2.0}
+    assert one["machine"]["versions"]["numpy"]
+    capsys.readouterr()
+    assert command.main(["--rounds", "1", "--against", str(tmp_path / "one.json")]) == 0
+    assert "2.000  n: 4" in capsys.readouterr().out
+
+
+def test_a_failed_benchmark_is_named_with_its_reason(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.py"
+    broken.write_text("raise SystemExit('no sun')\n", encoding="utf-8")
+    benchmark_ = Benchmark("broken", "?", str(broken), (), writes=False)
+    assert kept(benchmark_, [attempt(benchmark_, quick=True)])["problem"] == "exit code 1: no sun"
+
+
+def test_ratios_leave_out_what_only_one_has() -> None:
+    assert ratios({"a": 3.0, "b": 1.0, "c": 1.0}, {"a": 2.0, "c": 0.0}) == {"a": 1.5}
