@@ -61,9 +61,8 @@ def table_figures(title: str, table: Sequence[Sequence[str]]) -> Figures:
     """Return the numbers of a table, named by the text of their row, the first number if need be, and the column."""
     head, *rows = table
     numbers = [{n: number for n, cell in enumerate(row) if (number := number_of(cell)) is not None} for row in rows]
-    text = [
-        " ".join(cell for n, cell in enumerate(row) if n not in found) for row, found in zip(rows, numbers, strict=True)
-    ]
+    both = list(zip(rows, numbers, strict=True))
+    text = [" ".join(cell for n, cell in enumerate(row) if n not in found) for row, found in both]
     first = [f"{name} {row[min(found, default=0)]}".strip() for name, (row, found) in zip(text, both, strict=True)]
     labels = text if len({*text}) == len(text) and all(text) else first
     found: Figures = {}
