@@ -258,7 +258,10 @@ def _rename(files: Sequence[_Staged]) -> None:
             words = f"{_words(staged.kind)} {staged.path} cannot be put in place: {reason_of(error)}"
             way = f"the run is whole under temporary names ({staged.part.name}); `opir score` or `opir run` finishes it"
             raise SinkError(f"{words}; {way}") from error
-    _sync_folders(files)
+    try:
+        _sync_folders(files)
+    except SinkError as error:
+        raise SinkError(f"{error}; the files of this run are in place, but a power cut may still undo that") from error
 
 
 def _words(kind: str) -> str:

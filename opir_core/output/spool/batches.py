@@ -83,6 +83,14 @@ class FullError(Exception):
     """There is no room for a batch, or the disk does not take it; the words, if any, say why."""
 
 
+class DamagedError(Exception):
+    """A batch in a backlog is not what was put there; `number` is its number."""
+
+    def __init__(self, number: int, reason: str) -> None:
+        super().__init__(reason)
+        self.number = number
+
+
 class Backlog(Protocol):
     """Batches in order, numbered as they come; called from one thread at a time."""
 

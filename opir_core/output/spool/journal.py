@@ -17,7 +17,7 @@ import numpy as np
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
-from opir_core.output.spool.batches import FullError
+from opir_core.output.spool.batches import DamagedError, FullError
 
 #: "OPIR": distinguishes a spool from other SQLite files.
 _APPLICATION = 0x4F504952
@@ -56,7 +56,7 @@ def _raises_ours(method: Callable[_P, _T]) -> Callable[_P, _T]:
         except sqlite3.Error as error:
             journal: Any = args[0]
             journal.end_transaction()
-            if _code(error) in _REFUSALS_OF_THE_DISK:
+            if is_refusal(error) or (journal.is_open and primary_code(error) == "SQLITE_CORRUPT"):
                 raise FullError(_why(error)) from error
             raise complaint(journal.path, error) from error
 
@@ -73,6 +73,9 @@ class Journal:
         self._max_bytes = max_bytes
         self._bytes = 0
         self.waiting = 0
+        #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
+        #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
+        self.is_open = False
         try:
             absolute = str(Path(path).absolute())  # else ":memory:" would be no file
             self._database = sqlite3.connect(absolute, timeout=0.0, isolation_level=None, check_same_thread=False)
@@ -80,6 +83,7 @@ class Journal:
             raise complaint(path, error) from error
         try:
             self._open(survives_power_cut)
+            self.is_open = True
         except FullError as error:
             self.close()
             reason = f": {error}" if str(error) else ""
@@ -105,14 +109,17 @@ class Journal:
 
     @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:
-        """Return the first batch with a higher number, with its number, or None; raise `SinkError` if it is damaged."""
+        """Return the first batch with a higher number, with its number, or None; raise `DamagedError` if it is damaged.
+
+        Raises `FullError` if the disk does not let it be read.
+        """
         row = self._database.execute(_NEXT, (number,)).fetchone()
         if row is None:
             return None
         batch = batch_of(row)
         if batch is None:
-            words = f"batch {row[0]} is not what was written"
-            raise SinkError(f"the spool {self.path} is damaged: {words}; what is whole is salvaged at the next start")
+            words = f"batch {row[0]} with {row[1]} events is not what was written, and is not sent"
+            raise DamagedError(row[0], f"the spool {self.path} is damaged: {words}; the next start sets the file aside")
         return row[0], batch
 
     @_raises_ours
@@ -225,6 +232,7 @@ _WORDS = {
     "SQLITE_CANTOPEN": "cannot be opened; give a path, in a folder that exists, that may be written",
     "SQLITE_READONLY": "may not be written; give a path that may",
     "SQLITE_PERM": "may not be written; give a path that may",
+    "SQLITE_IOERR": "cannot be read or written: its disk fails; give a path on another disk",
     "SQLITE_FULL": "has no room on its disk; make room, or give a path on another disk",
 }
 
@@ -232,18 +240,23 @@ _WORDS = {
 def complaint(path: str, error: sqlite3.Error) -> SinkError:
     """Return the `SinkError` for an error of SQLite."""
     folder = Path(path).parent
-    if _code(error) == "SQLITE_CANTOPEN" and not folder.is_dir():
+    if primary_code(error) == "SQLITE_CANTOPEN" and not folder.is_dir():
         return SinkError(f"the spool {path} cannot be made: there is no folder {str(folder)!r}; make it")
-    words = _WORDS.get(_code(error), f"cannot be used ({error}); give it another path")
+    words = _WORDS.get(primary_code(error), f"cannot be used ({error}); give it another path")
     return SinkError(f"the spool {path} {words}")
 
 
 def _why(error: sqlite3.Error) -> str:
     """Return why the disk does not take bytes: nothing for a full one, which `FullError` says."""
-    return "" if _code(error) == "SQLITE_FULL" else f"its disk answers {str(error).lower()!r}"
+    return "" if primary_code(error) == "SQLITE_FULL" else f"its disk answers {str(error).lower()!r}"
 
 
-def _code(error: sqlite3.Error) -> str:
+def is_refusal(error: sqlite3.Error) -> bool:
+    """Return whether the disk did not do what it was asked: nothing is known about the file."""
+    return primary_code(error) in _REFUSALS_OF_THE_DISK
+
+
+def primary_code(error: sqlite3.Error) -> str:
     """Return SQLite's primary error code; extended codes begin with it (https://www.sqlite.org/rescode.html)."""
     name: Any = getattr(error, "sqlite_errorname", "") or ""
     return "_".join(name.split("_")[:2])

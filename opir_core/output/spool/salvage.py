@@ -11,17 +11,20 @@ from pathlib import Path
 
 from attrs import field, frozen
 
-from opir_core.errors import SinkError
+from opir_core.errors import SinkError, reason_of
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
-from opir_core.output.spool.journal import Journal, batch_of, complaint, is_spool_file
+from opir_core.output.spool.journal import Journal, batch_of, complaint, is_refusal, is_spool_file, primary_code
 
-#: Appended to the path of a spool that is made from a damaged one, until it is complete.
-_NEW = ".salvaged"
+#: Appended to the path of a spool that is made from a damaged one, until it is complete, and until it is in place.
+_NEW, _READY = ".salvaging", ".salvaged"
 _ROW = (
     "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel WHERE number = ?"
 )
 _BIGGEST = 1 << 50
+_CHUNK = 1 << 20
+#: SQLite's codes that are neither damage nor a refusal of the disk.
+_NO_DAMAGE = frozenset({"SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_NOMEM"})
 
 _log = logging.getLogger(__name__)
 
@@ -62,10 +65,13 @@ class Salvage:
 
 
 def spool_state(path: str | Path) -> SpoolState:
-    """Return what of a spool is whole; `SinkError` if there is none, it is in use, or it is something else."""
+    """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be read, or is none."""
     place = _existing(Path(path))
     with closing(_opened(place)) as database:
-        return _counted(list(_batches(database, place, keep=False)))
+        state = _counted(list(_batches(database, place, keep=False)))
+    if not state.is_whole:
+        _require_readable(place)
+    return state
 
 
 def salvage(path: str | Path) -> Salvage | None:
@@ -77,7 +83,20 @@ def salvage(path: str | Path) -> Salvage | None:
     state = spool_state(place)
     if state.is_whole:
         return None
-    fresh = place.with_name(place.name + _NEW)
+    try:
+        _make_successor(place)
+        aside = _put_in_place(place)
+    except (FullError, OSError) as error:
+        reason = reason_of(error) if isinstance(error, OSError) else str(error) or "its disk is full"
+        raise SinkError(f"the damaged spool {place} cannot be salvaged: {reason}; make room on its disk") from error
+    done = Salvage(aside, state)
+    _log.warning("the spool %s: %s", place, done)
+    return done
+
+
+def _make_successor(place: Path) -> None:
+    """Make a spool of the whole batches of a damaged one; once it is complete, it has the name of a ready one."""
+    fresh = _beside(place, _NEW)
     _remove(fresh)
     made = Journal(str(fresh), _BIGGEST, survives_power_cut=True)
     try:
@@ -85,16 +104,18 @@ def salvage(path: str | Path) -> Salvage | None:
             for _number, batch, _events in _batches(database, place, keep=True):
                 if isinstance(batch, Batch):
                     made.put(batch)
-    except FullError as error:
-        _remove(fresh)
-        raise SinkError(f"the damaged spool {place} cannot be salvaged: {error}; make room on its disk") from error
     finally:
         made.close()
+    if _beside(fresh, "-wal").exists():  # SQLite could not merge its log
+        raise FullError
+    fresh.rename(_beside(place, _READY))
+
+
+def _put_in_place(place: Path) -> Path:
+    """Set the damaged spool, or what is left of it, aside, and give its successor its name; return the former's."""
     aside = _set_aside(place)
-    fresh.rename(place)
-    done = Salvage(aside, state)
-    _log.warning("the spool %s: %s", place, done)
-    return done
+    _beside(place, _READY).rename(place)
+    return aside
 
 
 def salvaged_at_start(path: str | Path) -> Salvage | None:
@@ -105,10 +126,12 @@ def salvaged_at_start(path: str | Path) -> Salvage | None:
 
 
 def finish_salvage(path: Path) -> None:
-    """Put a new spool in place that was complete when the process was killed."""
-    fresh = path.with_name(path.name + _NEW)
-    if not path.exists() and fresh.is_file():
-        fresh.rename(path)
+    """Put a spool in place that was ready when the process was killed; raises `SinkError`."""
+    if _beside(path, _READY).is_file():
+        try:
+            _put_in_place(path)
+        except OSError as error:
+            raise SinkError(f"the salvaged spool {path} cannot be put in place: {reason_of(error)}") from error
 
 
 def _counted(rows: list[tuple[int, Batch | bool, int]]) -> SpoolState:
@@ -129,14 +152,14 @@ def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterato
     try:
         first, last = _range(database)
     except sqlite3.DatabaseError as error:
-        if _is_in_use(error):
-            raise complaint(str(path), error) from error
+        _require_damage(path, error)
         yield -1, False, 0
         return
     for number in range(first, last + 1):
         try:
             row = database.execute(_ROW, (number,)).fetchone()
-        except (sqlite3.DatabaseError, UnicodeDecodeError):
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+            _require_damage(path, error)
             yield number, False, 0
             continue
         if row is not None:
@@ -173,9 +196,24 @@ def _opened(path: Path) -> sqlite3.Connection:
         raise complaint(str(path), error) from error
 
 
-def _is_in_use(error: sqlite3.Error) -> bool:
-    name = getattr(error, "sqlite_errorname", "") or ""
-    return name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
+def _require_damage(path: Path, error: Exception) -> None:
+    """Raise `SinkError` for an error that says nothing about the file: it is in use, or the disk fails."""
+    if isinstance(error, sqlite3.Error) and (is_refusal(error) or primary_code(error) in _NO_DAMAGE):
+        raise complaint(str(path), error) from error
+
+
+def _require_readable(path: Path) -> None:
+    """Raise `SinkError` if the disk does not let a spool be read: SQLite calls some errors of reads damage."""
+    for place in (path, _beside(path, "-wal")):
+        try:
+            with place.open("rb") as file:
+                while file.read(_CHUNK):
+                    pass
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            way = "copy what can be read to another disk, and salvage the copy"
+            raise SinkError(f"the spool {path} cannot be read: {reason_of(error)}; {way}") from error
 
 
 def _existing(path: Path) -> Path:
@@ -190,14 +228,18 @@ def _existing(path: Path) -> Path:
 def _set_aside(path: Path) -> Path:
     """Rename a spool to the first free name, its log first: a log beside another file would be replayed into it."""
     number = 1
-    while (aside := path.with_name(f"{path.name}.damaged-{number}")).exists():
+    while (aside := _beside(path, f".damaged-{number}")).exists():
         number += 1
     for suffix in ("-wal", "-shm", ""):
         with suppress(FileNotFoundError):
-            path.with_name(path.name + suffix).rename(aside.with_name(aside.name + suffix))
+            _beside(path, suffix).rename(_beside(aside, suffix))
     return aside
 
 
 def _remove(path: Path) -> None:
     for suffix in ("-wal", "-shm", ""):
-        path.with_name(path.name + suffix).unlink(missing_ok=True)
+        _beside(path, suffix).unlink(missing_ok=True)
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    return path.with_name(path.name + suffix)

@@ -25,6 +25,7 @@ from opir_core.interfaces.records import Batch, Window
 from opir_core.output.spool.batches import (
     Backlog,
     Batcher,
+    DamagedError,
     EncodedBatcher,
     FullError,
     MemoryBacklog,
@@ -100,6 +101,8 @@ class TransportSink:
         # Events of an earlier run that were lost with a damaged spool were recovered and dropped.
         self._dropped = 0 if damage is None else damage.state.lost_events
         self._damage = None if damage is None else f"{name}: the spool {getattr(backlog, 'path', '')}: {damage}"
+        #: Why the backlog cannot be read at present.
+        self._unread: str | None = None
         self._recovered = backlog.waiting + self._dropped
         self._delivered = self._withheld = 0
         #: Why the disk did not take the last bytes for the backlog.
@@ -142,8 +145,11 @@ class TransportSink:
 
     @property
     def parked(self) -> str | None:
-        """Why the transport refuses events for good, until it has acknowledged some; None without a spool."""
-        return self._parked
+        """Why the transport refuses events for good, until it has acknowledged some, or the spool's disk fails.
+
+        None without a spool.
+        """
+        return self._parked or self._failure_of_disk()
 
     def retry(self) -> bool:
         """Send at once what was refused; return whether the sink was parked."""
@@ -213,6 +219,7 @@ class TransportSink:
         except FullError as error:
             self._disk = str(error)
             return False
+        self._disk = ""
         return True
 
     def _drop_oldest(self) -> int:
@@ -232,10 +239,15 @@ class TransportSink:
 
     def _failure(self) -> str | None:
         if self._error is None:
-            return self._parked or self._damage
+            return self.parked or self._damage
         if isinstance(self._error, SinkError):
             return str(self._error)
         return f"{self._name}: a defect: {self._error!r}"
+
+    def _failure_of_disk(self) -> str | None:
+        if not self._disk:
+            return self._unread
+        return f"{self._name}: the spool {getattr(self._backlog, 'path', '')} cannot be written: {self._disk}"
 
     def _raise_error(self) -> None:
         """Raise the error that ended the sending: a `SinkError`, or a defect of the transport as it is."""
@@ -280,15 +292,26 @@ class TransportSink:
         return time.monotonic() >= min(self._end_at, stall_at)
 
     def _next(self) -> tuple[int, Batch] | None:
+        """Return the next batch to send, None if there is none or it cannot be read now; skip those that are damaged.
+
+        What is damaged stays in the file, until the next start sets that aside.
+        """
         with self._room:
-            try:
-                numbered = self._backlog.after(self._last_number)
-            except FullError as error:  # the disk cannot be read: what it keeps is sent later
-                self._disk = str(error)
-                return None
-            if numbered is not None:
-                self._last_number = numbered[0]
-            return numbered
+            while True:
+                try:
+                    numbered = self._backlog.after(self._last_number)
+                except FullError as error:  # what the disk keeps is sent later
+                    place, why = getattr(self._backlog, "path", ""), str(error) or "its disk is full"
+                    if self._backlog.waiting:
+                        self._unread = f"{self._name}: the spool {place} cannot be read: {why}"
+                    return None
+                except DamagedError as error:
+                    self._damage, self._last_number = f"{self._name}: {error}", error.number
+                    continue
+                self._unread = None
+                if numbered is not None:
+                    self._last_number = numbered[0]
+                return numbered
 
     def _send(self, number: int, batch: Batch) -> None:
         future = self._transport.send(batch)
@@ -353,6 +376,7 @@ class TransportSink:
             self._delivered += before - self._backlog.waiting
             self._acknowledged_at = time.monotonic()
             self._parked, self._pause_s = None, 0.0
+            self._unread = self._unread if self._backlog.waiting else None
             self._room.notify_all()
 
 
