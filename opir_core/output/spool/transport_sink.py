@@ -101,12 +101,10 @@ class TransportSink:
         # Events of an earlier run that were lost with a damaged spool were recovered and dropped.
         self._dropped = 0 if damage is None else damage.state.lost_events
         self._damage = None if damage is None else f"{name}: the spool {getattr(backlog, 'path', '')}: {damage}"
-        #: Why the backlog cannot be read at present.
-        self._unread: str | None = None
         self._recovered = backlog.waiting + self._dropped
         self._delivered = self._withheld = 0
-        #: Why the disk did not take the last bytes for the backlog.
-        self._disk = ""
+        #: Why the disk did not take the last bytes for the backlog, and why it does not let it be read.
+        self._disk = self._unread = ""
         #: How often `write` has waited for room.
         self.waits = 0
         self._error: Exception | None = None
@@ -246,7 +244,7 @@ class TransportSink:
 
     def _failure_of_disk(self) -> str | None:
         if not self._disk:
-            return self._unread
+            return self._unread or None
         return f"{self._name}: the spool {getattr(self._backlog, 'path', '')} cannot be written: {self._disk}"
 
     def _raise_error(self) -> None:
@@ -308,7 +306,7 @@ class TransportSink:
                 except DamagedError as error:
                     self._damage, self._last_number = f"{self._name}: {error}", error.number
                     continue
-                self._unread = None
+                self._unread = ""
                 if numbered is not None:
                     self._last_number = numbered[0]
                 return numbered
@@ -376,7 +374,7 @@ class TransportSink:
             self._delivered += before - self._backlog.waiting
             self._acknowledged_at = time.monotonic()
             self._parked, self._pause_s = None, 0.0
-            self._unread = self._unread if self._backlog.waiting else None
+            self._unread = self._unread if self._backlog.waiting else ""
             self._room.notify_all()
 
 
