@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,12 @@ from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.burns import joined_burns_s, plain_gaps_s
 from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.tables.csv_table import csv_table
 from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
-from opir_core.flight.tables.table import BadTableError, Table, csv_table, interpolant, largest_doubt_m
+from opir_core.flight.tables.table import BadTableError, Table, interpolant, largest_doubt_m
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
+from opir_core.scene.input_file import file_bytes
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -99,8 +100,7 @@ def _content(file: str) -> bytes:
     if not file:
         raise BadTableError("the path is empty; give that of a table of states")
     try:
-        with Path(file).open("rb") as opened:
-            content = opened.read(_LARGEST_FILE_BYTES + 1)
+        content = file_bytes(file, _LARGEST_FILE_BYTES)
     except OSError as error:
         raise BadTableError(f"cannot be read: {error.strerror or error}") from error
     if len(content) > _LARGEST_FILE_BYTES:

@@ -1,9 +1,11 @@
 """The arguments of every command that reads a scene."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from opir_core.cli.terminal import grouped, told_if_slow
 from opir_core.errors import SceneError
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
@@ -42,17 +44,25 @@ def scene_of(
     """
     shorthand = {"seed": arguments.seed, "tracker": arguments.tracker}
     given = [*first, *(f"{key}={value}" for key, value in shorthand.items() if value is not None)]
-    scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
-    if scene.outputs or not otherwise:
-        return scene
-    return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
+    with told_if_slow(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
+        scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
+        if scene.outputs or not otherwise:
+            return scene
+        return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
 
 
 def plan_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Plan":
     """Return the scene's plan; errors in trajectories are reported with the scene's file."""
     from opir_core.planning.plan import compile_plan
 
+    size = f"{grouped(len(scene.sensors))} sensors and {grouped(len(scene.targets))} targets"
     try:
-        return compile_plan(scene, host)
+        with told_if_slow(f"planning {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
+            return compile_plan(scene, host)
     except SceneError as error:
         raise SceneError(error.problems, source=arguments.scene) from error
+
+
+def _is_shown(arguments: argparse.Namespace) -> bool:
+    """Return whether the progress of a command is shown: on a terminal, and not with `--quiet`."""
+    return sys.stderr.isatty() and not getattr(arguments, "quiet", False)

@@ -5,6 +5,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from threading import Event, Thread
+from time import monotonic
 from typing import Any
 
 
@@ -38,6 +40,33 @@ def progress(total: float, *, is_shown: bool) -> Iterator[Callable[[str, float],
             bar.update(tasks[name], completed=completed)
 
         yield update
+
+
+#: When a step of a command is called slow, s; the later lines come after twice as long each.
+_SLOW_S = 2.0
+
+
+@contextmanager
+def told_if_slow(what: str, *, is_shown: bool) -> Iterator[None]:
+    """Say on standard error what takes so long, if `is_shown`: after 2 s, 4 s, 8 s and so on."""
+    if not is_shown:
+        yield
+        return
+    is_done, began_s = Event(), monotonic()
+
+    def tell() -> None:
+        after_s = _SLOW_S
+        while not is_done.wait(began_s + after_s - monotonic()):
+            sys.stderr.write(f"opir: {what}, {after_s:g} s so far\n")
+            after_s *= 2.0
+
+    teller = Thread(target=tell, name="opir-told-if-slow", daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        is_done.set()
+        teller.join()
 
 
 class _Diverted(io.TextIOBase):

@@ -203,9 +203,7 @@ class Ephemeris:
         inner = np.empty((len(start), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
         inner = np.clip(inner, start[:, None], end[:, None])
         cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
-        for later in range(1, cuts.shape[1] - 1):
-            close_s = cuts[:, later] - cuts[:, later - 1] < _ONE_BREAK_S
-            cuts[:, later] = np.where(close_s, cuts[:, later - 1], cuts[:, later])
+        _join_close(cuts)
         cuts[:, 1:-1] = np.where(end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1])
         target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
         lower, upper = cuts[target, gap], cuts[target, gap + 1]
@@ -264,6 +262,17 @@ class Ephemeris:
             segment[late] += 1
             late = late[time_s[late] >= self._next_s[segment[late]]]
         return segment
+
+
+def _join_close(cuts: FloatArray) -> None:
+    """Move each cut (n, k) but the last onto the one before it where they count as the same, from the first on."""
+    step = np.diff(cuts[:, :-1], axis=1)
+    rows = np.flatnonzero(((step > 0.0) & (step < _ONE_BREAK_S)).any(axis=1))
+    moved = cuts[rows]
+    for later in (np.flatnonzero((step[rows] < _ONE_BREAK_S).any(axis=0)) + 1).tolist():
+        is_close = moved[:, later] - moved[:, later - 1] < _ONE_BREAK_S
+        moved[:, later] = np.where(is_close, moved[:, later - 1], moved[:, later])
+    cuts[rows] = moved
 
 
 _Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]

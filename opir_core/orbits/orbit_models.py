@@ -6,7 +6,6 @@ Orbits that move over the ground are evaluated from polynomials, fitted once for
 import json
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -36,6 +35,7 @@ from opir_core.orbits.elements import (
 )
 from opir_core.orbits.mean_elements import omm_complaint, omm_name
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle
+from opir_core.scene.input_file import file_bytes
 
 
 @frozen
@@ -263,7 +263,7 @@ def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, ep
 def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
     """Return the OMM of a configuration; `SceneError` unless there is exactly one."""
     try:
-        data = json.loads(Path(config.path).read_text(encoding="utf-8"))
+        data = json.loads(file_bytes(config.path).decode("utf-8"))
     except OSError as error:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
     except ValueError as error:

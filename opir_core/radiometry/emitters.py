@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from io import StringIO
 
 import numpy as np
 from attrs import frozen
@@ -19,6 +19,7 @@ from opir_core.radiometry.source_configs import (
     own_fields,
 )
 from opir_core.random_streams.philox import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.scene.input_file import file_bytes
 
 #: The most emitters of one block.
 MOST_EMITTERS = 20_000
@@ -69,8 +70,8 @@ def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emi
     if not path:
         raise SceneError([Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")])
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            return [_emitter(row, number, block) for number, row in _numbered(file, type(block))]
+        text = file_bytes(path).decode("utf-8-sig")
+        return [_emitter(row, number, block) for number, row in _numbered(StringIO(text), type(block))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         message = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else message

@@ -1,9 +1,10 @@
 """Values of a scene that are allowed and implausible: far outside what real equipment and studies have."""
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
-from attrs import Attribute, fields, has
+from attrs import NOTHING, Attribute, fields, has
 
 from opir_core.errors import Problem
 from opir_core.scene.fields import info_of, numbers_inside
@@ -32,8 +33,18 @@ def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
     """Yield the implausible values of a configuration, nested ones included; `path` is that of its block."""
     if not has(type(config)):
         return
+    fine = _plausible_defaults(type(config))
     for attribute in fields(type(config)):
-        yield from _implausible_value(attribute, getattr(config, attribute.name), path)
+        value = getattr(config, attribute.name)
+        if value is not fine.get(attribute.name, NOTHING):
+            yield from _implausible_value(attribute, value, path)
+
+
+@cache
+def _plausible_defaults(config_class: type) -> Mapping[str, Any]:
+    """Return the plausible defaults of a configuration class: most settings of a large scene are left as they are."""
+    given = {attribute.name: attribute for attribute in fields(config_class)}
+    return {name: each.default for name, each in given.items() if not any(_implausible_value(each, each.default, ""))}
 
 
 def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:

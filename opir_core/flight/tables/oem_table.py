@@ -166,8 +166,8 @@ def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np
         raise BadTableError(f"line {segment.line}: this segment has fewer than 2 states")
     rows = np.array(segment.states)
     time_s = rows[:, 0] - epoch_us * 1e-6
-    require_order(time_s, segment.lines, may_repeat=False)
-    require_places(rows[:, 1:4] * 1e3, segment.lines)
+    require_order(time_s, segment.lines.__getitem__, may_repeat=False)
+    require_places(rows[:, 1:4] * 1e3, segment.lines.__getitem__)
     frame = segment.meta["REF_FRAME"].upper()
     frame = "EME2000" if frame in _EQUINOX else "TEME" if frame == "TEME" else "ITRF"
     return time_s, *ecef_state(frame, rows[:, 1:4] * 1e3, rows[:, 4:7] * 1e3, epoch_us, time_s)

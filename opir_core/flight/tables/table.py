@@ -3,14 +3,9 @@
 Between two states the polynomial is that through the nearest states: four with their velocities (degree 7), or six
 positions alone (degree 5); fewer where a smooth run has fewer. With velocities, the two ends alone (degree 3) where
 states are much closer to each other than these. It never extends across the end of a run.
-
-A table as CSV has a line of column names with units, then one state per line, in ECEF.
 """
 
-import csv
-import io
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -45,25 +40,28 @@ class Table:
     burns_s: FloatArray
 
 
-def require_order(time_s: FloatArray, lines: list[int], *, may_repeat: bool) -> None:
-    """Raise `BadTableError` where times do not increase; with `may_repeat` a time may occur twice in a row."""
+def require_order(time_s: FloatArray, line_of: Callable[[int], int], *, may_repeat: bool) -> None:
+    """Raise `BadTableError` where times do not increase; with `may_repeat` a time may occur twice in a row.
+
+    `line_of` gives the line of a row.
+    """
     step = np.diff(time_s)
     wrong = np.flatnonzero(step < 0.0 if may_repeat else step <= 0.0)
     thrice = np.flatnonzero((step[1:] == 0.0) & (step[:-1] == 0.0)) + 1 if may_repeat else wrong[:0]
     for row in [*wrong.tolist(), *thrice.tolist()]:
         raise BadTableError(
-            f"line {lines[row + 1]}: its time does not follow that of line {lines[row]}; sort the states"
+            f"line {line_of(row + 1)}: its time does not follow that of line {line_of(row)}; sort the states"
         )
 
 
-def require_places(position_m: FloatArray, lines: list[int]) -> None:
-    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon."""
+def require_places(position_m: FloatArray, line_of: Callable[[int], int]) -> None:
+    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon; `line_of` gives a row's line."""
     with np.errstate(over="ignore"):
         radius_m = np.sqrt((position_m * position_m).sum(axis=1))
     for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
         where = "deep below the ground" if radius_m[row] < LEAST_RADIUS_M else "beyond the Moon"
         place = f"{radius_m[row]:.6g} m from the Earth's centre, {where}"
-        raise BadTableError(f"line {lines[row]}: the position is {place}; check its units")
+        raise BadTableError(f"line {line_of(row)}: the position is {place}; check its units")
 
 
 _WITH_VELOCITY = 4
@@ -93,17 +91,17 @@ class Interpolant:
     def state(self, table: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities (k, 3) of tables (k,) at times (k,) within them."""
         row = np.empty(len(table), dtype=np.intp)
-        for number in np.unique(table).tolist():
+        for number in np.flatnonzero(np.bincount(table)).tolist():
             begin, end = self.first[number], self.first[number + 1]
             mine = table == number
             found = np.searchsorted(self.start_s[begin:end], time_s[mine], side="right") - 1
             row[mine] = begin + np.maximum(found, 0)
         x = ((time_s - self.start_s[row]) / self.length_s[row])[:, None]
-        position, slope = self.coefficients[-1, row], np.zeros((len(row), 3))
+        position, slope = self.coefficients[-1].take(row, axis=0), np.zeros((len(row), 3))
         for nodes, coefficients in zip(self.nodes[-2::-1], self.coefficients[-2::-1], strict=True):
-            offset = x - nodes[row, None]
+            offset = x - nodes.take(row)[:, None]
             slope = slope * offset + position
-            position = position * offset + coefficients[row]
+            position = position * offset + coefficients.take(row, axis=0)
         return position, slope / self.length_s[row, None]
 
 
@@ -112,7 +110,8 @@ def interpolant(tables: Sequence[Table]) -> Interpolant:
     parts = [_intervals(table) for table in tables]
     first = np.cumsum([0, *(len(part[0]) for part in parts)])
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    nodes, coefficients = (np.concatenate([part[k] for part in parts], axis=1) for k in (2, 3))
+    # Contiguous, for `take` copies the whole of what is not.
+    nodes, coefficients = (np.ascontiguousarray(np.concatenate([part[k] for part in parts], axis=1)) for k in (2, 3))
     return Interpolant(first, start, length, nodes, coefficients)
 
 
@@ -122,11 +121,11 @@ def largest_doubt_m(table: Table) -> float | None:
     Between states the error is smaller still, by far where the motion is smooth. None where no stretch has three.
     """
     doubts = []
-    for run in range(int(table.run[-1]) + 1):
-        rows = np.flatnonzero(table.run == run)
+    for rows in _runs(table):
         for parity in (0, 1):
-            kept = np.union1d(rows[parity::2], rows[[0, -1]])
-            left_out = np.setdiff1d(rows, kept)
+            is_kept = np.arange(len(rows)) % 2 == parity
+            is_kept[[0, -1]] = True
+            kept, left_out = rows[is_kept], rows[~is_kept]
             if len(kept) >= 2 and left_out.size:
                 coarse = interpolant([_thinned(table, kept)])
                 guess, _ = coarse.state(np.zeros(len(left_out), np.intp), table.time_s[left_out])
@@ -141,11 +140,16 @@ def _thinned(table: Table, rows: RowArray) -> Table:
 
 def _intervals(table: Table) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8, m, 3)."""
-    parts = [_of_run(table, np.flatnonzero(table.run == run)) for run in range(int(table.run[-1]) + 1)]
+    parts = [_of_run(table, rows) for rows in _runs(table)]
     parts = [part for part in parts if len(part[0])]
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     nodes, coefficients = (np.concatenate([part[k] for part in parts], axis=1) for k in (2, 3))
     return start, length, nodes, coefficients
+
+
+def _runs(table: Table) -> list[RowArray]:
+    """Return the rows of each run."""
+    return np.split(np.arange(len(table.run)), np.flatnonzero(np.diff(table.run)) + 1)
 
 
 def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -189,95 +193,3 @@ def _divided_differences(nodes: FloatArray, values: FloatArray, slopes: FloatArr
         column = difference / gap
         coefficients.append(column[0])
     return np.stack(coefficients)
-
-
-_PLACE = ("time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m")
-_VELOCITY = ("vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s")
-_BURNING = "is_burning"
-_KNOWN = (*_PLACE, *_VELOCITY, _BURNING)
-
-Row = dict[str, float]
-
-
-def csv_table(text: str, start_s: float) -> Table:
-    """Return the table of a CSV file whose time 0 is the scene time `start_s`.
-
-    Columns, in any order: time_s, x_ecef_m, y_ecef_m, z_ecef_m; perhaps vx_ecef_m_s, vy_ecef_m_s, vz_ecef_m_s
-    (relative to the rotating Earth), and is_burning: 1 where the plume radiates from this line's time to the next, else
-    0. Lines that begin with # are comments. A time that occurs twice in a row marks a point where the motion is not
-    smooth, as a change of stages. Raises `BadTableError`.
-    """
-    lines, rows = list[int](), list[Row]()
-    for line, row in _rows(text):
-        lines.append(line)
-        rows.append(row)
-    if len(rows) < 2:
-        raise BadTableError(f"has {len(rows)} state{'s' if len(rows) != 1 else ''}; at least 2 are needed")
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    time_s = columns["time_s"] + start_s
-    require_order(time_s, lines, may_repeat=True)
-    position = np.stack([columns[name] for name in _PLACE[1:]], axis=1)
-    require_places(position, lines)
-    velocity = np.stack([columns[name] for name in _VELOCITY], axis=1) if _VELOCITY[0] in columns else None
-    run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
-    return Table(time_s, position, velocity, run, _burns_s(time_s, columns.get(_BURNING, np.ones(len(rows)))))
-
-
-def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
-    """Return the burns (k, 2) of states at times (n,): each from a line with 1 to the next line with 0, or the last."""
-    edge = np.diff(np.concatenate([[0.0], is_burning[:-1], [0.0]]))
-    burns_s = np.stack([time_s[edge > 0.0], time_s[edge < 0.0]], axis=-1)
-    # A time that occurs twice may end one burn and begin the next, or hold a burn of no length.
-    burns_s = burns_s[burns_s[:, 0] < burns_s[:, 1]]
-    if not len(burns_s):
-        raise BadTableError(f"{_BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
-    if len(burns_s) > MOST_BURNS:
-        raise BadTableError(f"{_BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
-    return burns_s
-
-
-def _rows(text: str) -> Iterator[tuple[int, Row]]:
-    reader = csv.reader(io.StringIO(text), strict=True)
-    names: list[str] | None = None
-    try:
-        for cells in reader:
-            if not cells or cells[0].lstrip().startswith("#"):
-                continue
-            if names is None:
-                names = [cell.strip() for cell in cells]
-                _require_columns(names, reader.line_num)
-            else:
-                yield reader.line_num, _row(names, cells, reader.line_num)
-    except csv.Error as error:
-        raise BadTableError(f"line {reader.line_num}: not CSV: {error}") from error
-    if names is None:
-        raise BadTableError(f"is empty; its first line names the columns: {', '.join(_PLACE)}")
-
-
-def _require_columns(names: list[str], line: int) -> None:
-    has_velocity = any(name in names for name in _VELOCITY)
-    missing = [name for name in (*_PLACE, *(_VELOCITY if has_velocity else ())) if name not in names]
-    unknown = [name for name in names if name not in _KNOWN]
-    if missing or unknown or len(set(names)) < len(names):
-        reasons = [f"lacks the column{'s' if missing[1:] else ''} {', '.join(missing)}"] if missing else []
-        reasons += [f"has unknown columns ({', '.join(map(repr, unknown[:4]))})"] if unknown else []
-        reasons = reasons or ["names a column twice"]
-        raise BadTableError(f"line {line}: {' and '.join(reasons)}; known are {', '.join(_KNOWN)}")
-
-
-def _row(names: list[str], cells: list[str], line: int) -> Row:
-    if len(cells) != len(names):
-        raise BadTableError(f"line {line}: has {len(cells)} values; the first line names {len(names)} columns")
-    return {name: _number(name, cell, line) for name, cell in zip(names, cells, strict=True)}
-
-
-def _number(name: str, cell: str, line: int) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or "_" in cell:
-        raise BadTableError(f"line {line}: {name} is {cell.strip()!r}, not a finite number")
-    if name == _BURNING and value not in (0.0, 1.0):
-        raise BadTableError(f"line {line}: {name} is {cell.strip()!r}; 0 or 1 is needed")
-    return value

@@ -4,11 +4,11 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from pathlib import Path
 from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
 from opir_core.plugin.host import Host
+from opir_core.scene.input_file import file_bytes
 from opir_core.scene.reading.nodes import (
     MAXIMUM_FILE_BYTES,
     UNREADABLE,
@@ -97,8 +97,7 @@ def _text_of_file(source: str) -> str:
 
 def _bytes_of_file(source: str) -> bytes:
     try:
-        with Path(source).open("rb") as file:
-            raw = file.read(MAXIMUM_FILE_BYTES + 1)
+        raw = file_bytes(source, MAXIMUM_FILE_BYTES)
     except FileNotFoundError:
         raise InvalidNode([Complaint("there is no such file")]) from None
     except IsADirectoryError:

@@ -20,6 +20,7 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
+from opir_core.scene.input_file import file_bytes
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import Run
 from opir_stonesoup.models import SightModel, sensor_axes
@@ -169,7 +170,7 @@ class _JsonEvent(msgspec.Struct):
 def _events(path: Path) -> Iterator[SensorSight]:
     decoder = msgspec.json.Decoder(_JsonEvent)
     try:
-        lines = path.read_bytes().splitlines()
+        lines = file_bytes(path).splitlines()
     except OSError as error:
         raise SceneError([Problem("", f"cannot be read: {error.strerror or error}")], source=str(path)) from error
     for number, line in enumerate(lines, start=1):

@@ -8,6 +8,7 @@ from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.scene.fields import nested, number, text
+from opir_core.scene.input_file import file_bytes
 from opir_core.scene.reading.nodes import InvalidNode, complaints_inside, ordered
 from opir_core.scene.reading.strict_yaml import node_of_yaml
 from opir_core.scene.reading.structuring import class_reader
@@ -85,7 +86,7 @@ def read_study(path: str | Path) -> Study:
     """
     place = Path(path)
     try:
-        root = node_of_yaml(place.read_text(encoding="utf-8"))
+        root = node_of_yaml(file_bytes(place).decode("utf-8"))
         complaints = list(complaints_inside(root))
         if complaints:
             raise InvalidNode(complaints)
@@ -105,7 +106,7 @@ def read_study(path: str | Path) -> Study:
 def is_study(path: str | Path) -> bool:
     """Return whether a file is a study rather than a scene: it has the key `scene`, and no `sensors`."""
     try:
-        root = node_of_yaml(Path(path).read_text(encoding="utf-8"))
+        root = node_of_yaml(file_bytes(path).decode("utf-8"))
     except (InvalidNode, OSError, UnicodeDecodeError):
         return False
     return isinstance(root.value, dict) and "scene" in root.value and not {"sensors", "epoch"} & root.value.keys()

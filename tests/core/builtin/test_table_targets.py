@@ -1,6 +1,7 @@
 """Targets whose trajectories are tables of states: read, interpolated, refused, and flown through whole scenes."""
 
 import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from opir_core.builtin.configs import TableConfig
 from opir_core.builtin.table_targets import table_targets
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight.tables import csv_table as csv_table_module
+from opir_core.flight.tables.table import BadTableError
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.optional import FreeFlight
@@ -311,3 +314,51 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
     assert table.truth.target.tobytes() == own.truth.target.tobytes()
     sight = table.detections.line_of_sight_ecef - own.detections.line_of_sight_ecef
     assert np.abs(sight).max() <= 1e-7
+
+
+def test_a_pipe_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(SceneError, match=r"pipe: cannot be read: it is a pipe \(FIFO\); write its content to a file"):
+        flown(tmp_path, "", file=str(tmp_path / "pipe"))
+
+
+class TestReadingAtOnce:
+    """A table of plain numbers is read at once; whatever else stands in it, line by line, to the same numbers."""
+
+    TIMES = np.arange(0.0, 50.0, 0.25)
+
+    def lines_read(self, text, monkeypatch):
+        read, row = [], csv_table_module._row
+
+        def counted(names, cells, line):
+            read.append(line)
+            return row(names, cells, line)
+
+        monkeypatch.setattr(csv_table_module, "_row", counted)
+        return csv_table_module.csv_table(text, 0.0), read
+
+    def test_plain_numbers_need_no_line_of_python(self, monkeypatch):
+        text = csv_text(self.TIMES, burning=np.ones(len(self.TIMES))).replace("\n0.5,", "\n\n# a comment\n0.5,")
+        table, read = self.lines_read(text, monkeypatch)
+        assert not read
+        position, velocity = arc(self.TIMES)
+        assert np.array_equal(table.position_m, position)
+        assert np.array_equal(table.velocity_m_s, velocity)
+
+    def test_both_ways_give_the_same_numbers(self, monkeypatch):
+        at_once, _ = self.lines_read(csv_text(self.TIMES), monkeypatch)
+        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda _text, _count: None)
+        by_line, read = self.lines_read(csv_text(self.TIMES), monkeypatch)
+        assert len(read) == len(self.TIMES)
+        assert np.array_equal(at_once.time_s, by_line.time_s)
+        assert np.array_equal(at_once.position_m, by_line.position_m)
+
+    def test_lines_are_numbered_as_in_the_file(self):
+        text = csv_text(self.TIMES).replace("\n0.5,", "\n\n# a comment\n0.1,")
+        with pytest.raises(BadTableError, match="line 7: its time does not follow that of line 4"):
+            csv_table_module.csv_table(text, 0.0)
+
+    def test_points_that_are_not_smooth_are_limited(self, monkeypatch):
+        monkeypatch.setattr(csv_table_module, "MOST_BREAKS", 3)
+        with pytest.raises(BadTableError, match="has 4 times that occur twice; at most 3"):
+            csv_table_module.csv_table(csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2])), 0.0)

@@ -1,0 +1,42 @@
+"""Files that a user names, read whole: never a pipe or a device, which would let a command wait without end."""
+
+import os
+import stat
+from errno import EISDIR
+from pathlib import Path
+
+#: What is no file, and how to say so.
+_KINDS = (
+    (stat.S_ISFIFO, "it is a pipe (FIFO)"),
+    (stat.S_ISSOCK, "it is a socket"),
+    (stat.S_ISCHR, "it is a device"),
+    (stat.S_ISBLK, "it is a device"),
+)
+
+#: A pipe is opened without waiting for somebody to write into it.
+_READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+
+
+class NotAFileError(OSError):
+    """A path that names a pipe, a socket or a device; `strerror` says which, and the way out."""
+
+
+def file_bytes(path: str | os.PathLike[str], most_bytes: int | None = None) -> bytes:
+    """Return the content of a regular file; with `most_bytes`, no more than one byte above these.
+
+    Raises `OSError`: `NotAFileError` at once for a pipe, a socket or a device, `IsADirectoryError` for a folder.
+    """
+    # Before opening, because to open a device may act on it; after it, because the path may have changed.
+    _require_file(Path(path).stat().st_mode, path)
+    with os.fdopen(os.open(path, _READING), "rb") as file:
+        _require_file(os.fstat(file.fileno()).st_mode, path)
+        return file.read() if most_bytes is None else file.read(most_bytes + 1)
+
+
+def _require_file(mode: int, path: str | os.PathLike[str]) -> None:
+    if stat.S_ISREG(mode):
+        return
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(EISDIR, os.strerror(EISDIR), os.fspath(path))
+    what = next((words for is_kind, words in _KINDS if is_kind(mode)), "it is no regular file")
+    raise NotAFileError(0, f"{what}; write its content to a file and give that", os.fspath(path))
