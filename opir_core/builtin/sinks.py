@@ -106,7 +106,7 @@ class LineFile:
         for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
             self._withheld += len(block.detections) - len(kept.detections)
-            self._write_lines(self._encoder.encode(kept))
+            self._write_lines(self._encoder.encode(kept), self._count(kept))
 
     def close(self) -> Delivery:
         """Close the file; events without a complete line count as dropped."""
@@ -117,7 +117,8 @@ class LineFile:
         missing = self._taken - self._withheld - self._delivered
         return Delivery(delivered=self._delivered, dropped=missing, withheld=self._withheld)
 
-    def _write_lines(self, lines: bytes) -> None:
+    def _write_lines(self, lines: bytes, events: int) -> None:
+        """Write the lines of some events, one each."""
         written = 0
         try:
             while written < len(lines):
@@ -127,7 +128,7 @@ class LineFile:
             _truncate(self._descriptor, written - whole)
             self._delivered += lines.count(b"\n", 0, whole)
             raise self._failure(error) from error
-        self._delivered += lines.count(b"\n")
+        self._delivered += events
 
     def _failure(self, error: OSError) -> SinkError:
         return SinkError(

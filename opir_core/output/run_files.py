@@ -13,19 +13,25 @@ from types import TracebackType
 from typing import Any, Self
 
 import msgspec
+import numpy as np
 
 from opir_core.errors import Problem, SceneError, reason_of, unwritable
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import window_blocks
+from opir_core.output.events.rendering import Decimal, Ids, Looked, fastest
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
-from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.simulation.manifest import MANIFEST_VERSION
 
 _RERUN = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
 _ELSEWHERE = {"tracks": ", and --tracks scores tracks from elsewhere"}
 #: Largest difference between the launches of truth and plan, in degrees or seconds.
 _TOLERANCE = 1e-6
+
+#: Decimals of a detection's truth: nanoseconds, millimetres, nanoradians, 1e-9 of a probability.
+TRUTH_DECIMALS = {"emission_s": 9, "range_m": 3, "target_elevation_rad": 9, "probability": 9}
+
+_ID, _TARGET = b'{"record":"detection","detection_id":"', b',"target_id":%b,"emission_s":'
 
 
 class LinesFile:
@@ -51,19 +57,13 @@ class LinesFile:
             raise unwritable(self._kind, self._path, error) from error
 
     def _write(self, lines: Sequence[object]) -> None:
+        self._write_bytes(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
+
+    def _write_bytes(self, lines: bytes) -> None:
         try:
-            self._file.write(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
+            self._file.write(lines)
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
-
-
-class _Detection(msgspec.Struct, tag_field="record", tag="detection", gc=False):
-    detection_id: str
-    target_id: str | None
-    emission_s: float
-    range_m: float
-    target_elevation_rad: float
-    probability: float
 
 
 class TruthFile(LinesFile):
@@ -73,7 +73,9 @@ class TruthFile(LinesFile):
 
     def __init__(self, path: Path, plan: Plan) -> None:
         super().__init__(path)
+        self._render = fastest()
         self._ids = plan.targets.ids
+        self._targets = [_TARGET % self._encoder.encode(id_) for id_ in (*self._ids, None)]
         biases = () if plan.bias is None else plan.bias.by_sensor(plan.sensors)
         self._write([{"record": "sensor", **bias} for bias in biases])
         targets = zip(self._ids, plan.targets.truth(), strict=True)
@@ -83,15 +85,23 @@ class TruthFile(LinesFile):
         """Write the truth of a window's detections."""
         for block in window_blocks(window):
             truth = block.truth
-            columns = (
-                uuid_text(block.detections.detection_id),
-                [None if target < 0 else self._ids[target] for target in truth.target.tolist()],
-                truth.emission_time_s.tolist(),
-                truth.range_m.tolist(),
-                truth.target_elevation_rad.tolist(),
-                truth.probability.tolist(),
+            self._write_bytes(
+                self._render(
+                    len(truth),
+                    [
+                        *(_ID, Ids(block.detections.detection_id), b'"'),
+                        Looked(self._targets, np.where(truth.target < 0, len(self._ids), truth.target)),
+                        Decimal(truth.emission_time_s, TRUTH_DECIMALS["emission_s"]),
+                        b',"range_m":',
+                        Decimal(truth.range_m, TRUTH_DECIMALS["range_m"]),
+                        b',"target_elevation_rad":',
+                        Decimal(truth.target_elevation_rad, TRUTH_DECIMALS["target_elevation_rad"]),
+                        b',"probability":',
+                        Decimal(truth.probability, TRUTH_DECIMALS["probability"]),
+                        b"}\n",
+                    ],
+                )
             )
-            self._write(list(map(_Detection, *columns)))
 
 
 def invalid_file(path: Path, where: str, message: str) -> SceneError:

@@ -12,17 +12,15 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks, Window
+from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (
     METRE_DECIMALS,
     RATIO_DECIMALS,
-    Piece,
-    piece_table,
     rounded,
     rounded_bearing_deg,
     rounded_degrees,
     rounded_longitude_deg,
     rounded_number,
-    taken,
     timestamp_text,
     writable_unix_microseconds,
 )
@@ -180,7 +178,7 @@ def _ellipses(
     ]
 
 
-def track_fields(window: Window, epoch_us: int) -> Piece:
+def track_fields(window: Window, epoch_us: int) -> Looked:
     """Return state, burnout, type probability and availability of each detection's track, of its estimate's tick."""
     rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
     used = window.estimates.take(rows[rows >= 0])
@@ -192,7 +190,7 @@ def track_fields(window: Window, epoch_us: int) -> Piece:
         map(_encode, time_texts(used.available_s, epoch_us)),
     )
     known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
-    return taken(piece_table([*unknown, *known]), of_detection)
+    return Looked([*unknown, *known], of_detection)
 
 
 def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:

@@ -1,8 +1,7 @@
 """The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object per line, fields in the schema's order.
 
-A line is joined from pieces: text shared by many events (a sensor's name, a track's launch point) is encoded once and
-looked up; values that differ from event to event are encoded a column at a time. `benchmarks/encoding.py` compares this
-with other methods.
+A line has typed columns, which a renderer joins: text shared by many events (a sensor's name, a track's launch point)
+is encoded once and looked up. `benchmarks/encoding.py` compares this with other methods.
 """
 
 from collections.abc import Sequence
@@ -19,26 +18,19 @@ from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid
 from opir_core.output.events.estimates import impact_texts, launch_texts, track_fields
+from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, fastest
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
-    EventTimes,
-    Piece,
-    joined_lines,
     number_texts,
-    openings,
-    piece_table,
     propagated_positions,
     rounded,
     rounded_bearing_deg,
-    rounded_degrees,
     rounded_longitude_deg,
     rounded_number,
     significant,
-    taken,
-    time_pieces,
     vector_texts,
 )
 from opir_core.scene.scene import REPORTED_TYPES
@@ -52,17 +44,18 @@ class IrradianceTexts:
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._widths = np.array([len(sensor.bands) for sensor in sensors], dtype=np.int64)
         most = max((len(sensor.bands) for sensor in sensors), default=0)
-        self._names = [piece_table(_name(sensor, place) for sensor in sensors) for place in range(most)]
+        self._names = [[_name(sensor, place) for sensor in sensors] for place in range(most)]
 
-    def pieces(self, detections: Detections, sensor: IntArray) -> list[Piece]:
-        """Return `,"band_irradiance_w_m2":{...}`, in pieces; none if the detection model measures no irradiance."""
+    def columns(self, detections: Detections, sensor: IntArray) -> list[Column]:
+        """Return the columns of `,"band_irradiance_w_m2":{...}`; none if the detection model measures no irradiance."""
         measured = detections.band_irradiance_w_m2
         if not measured.shape[1]:
             return []
-        pieces: list[Piece] = [b',"band_irradiance_w_m2":{']
+        columns: list[Column] = [b',"band_irradiance_w_m2":{']
         for place, names in enumerate(self._names):
-            pieces += [taken(names, sensor), _texts(measured[:, place], self._widths[sensor] > place)]
-        return [*pieces, b"}"]
+            texts = _texts(measured[:, place], self._widths[sensor] > place)
+            columns += [Looked(names, sensor), Looked(texts)]
+        return [*columns, b"}"]
 
 
 def _name(sensor: Sensor, place: int) -> bytes:
@@ -79,15 +72,16 @@ def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
     return [text if here else b"" for text, here in zip(texts, exists.tolist(), strict=True)]
 
 
-_OPENING = b'{"detection_id":"', b'","timestamp":"'
+_ID, _TIME = b'{"detection_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
-_REPORT = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode(), b'"'
-_TRACK = b',"track_id":%b,"azimuth_deg":'
+_REPORT = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode()
+_TRACK = b'","track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
 _TYPES = [b'"type_probability":{"ICBM":', *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:])]
+_NO_TRACK = _TRACK % b"null"
 _NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
 _URAD_PER_RAD = 1e6
@@ -107,14 +101,14 @@ class ForgeEncoder:
         self._sensors, self._types = context.sensors, len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
         self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
-        self._sensor_pieces = piece_table(
-            piece for sensor in context.sensors for piece in _sensor_pieces(sensor, context.reported_types)
-        )
-        self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
-        self._look_pieces = piece_table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
-        self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors], dtype=np.float64)
-        looks = [1 << len(sensor.bands) for sensor in context.sensors]
+        sensors = context.sensors
+        self._sensor_texts = [text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)]
+        self._band_texts = [text for sensor in sensors for text in _band_texts(sensor)]
+        self._look_texts = [text for sensor in sensors for text in _look_texts(sensor)]
+        self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64)
+        looks = [1 << len(sensor.bands) for sensor in sensors]
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
+        self._render = fastest()
 
     def encode(self, window: Window) -> bytes:
         """Return the window's detections as lines; invalid values raise `ModelError`."""
@@ -123,24 +117,23 @@ class ForgeEncoder:
             return b""
         require_valid(window, self._sensors, self._types)
         sensor = detections.sensor.astype(np.int64)
-        times = EventTimes.of(detections, self._epoch_us)
+        look, report = event_times(detections, self._epoch_us)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
-        return joined_lines(
+        return self._render(
             len(detections),
             [
-                openings(detections, times.look, *_OPENING),
-                taken(self._sensor_pieces, sensor * self._types + detections.reported_type),
+                *(_ID, Ids(detections.detection_id), _TIME, look, b'",'),
+                Looked(self._sensor_texts, sensor * self._types + detections.reported_type),
                 _points(window, self._epoch_us),
-                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
-                time_pieces(times.report, *_REPORT),
-                _tracks(detections.track),
-                number_texts(rounded_bearing_deg(angles.azimuth_rad)),
+                Decimal(detections.confidence, RATIO_DECIMALS),
+                *(_REPORT, report, _tracks(detections.track)),
+                Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
                 b',"elevation_deg":',
-                number_texts(rounded_degrees(angles.elevation_rad)),
+                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
                 *self._looks(detections, sensor),
-                number_texts(rounded(detections.snr, RATIO_DECIMALS)),
-                *(self._irradiances.pieces(detections, sensor) if self._irradiances else ()),
+                Decimal(detections.snr, RATIO_DECIMALS),
+                *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
                 *([track_fields(window, self._epoch_us)] if self._has_tracks else ()),
@@ -148,37 +141,36 @@ class ForgeEncoder:
             ],
         )
 
-    def _looks(self, detections: Detections, sensor: IntArray) -> list[Piece]:
+    def _looks(self, detections: Detections, sensor: IntArray) -> list[Column]:
         """Return the line-of-sight sigma and the confirming bands; from a table if all sigmas are the sensors' own."""
         row = self._first_look[sensor] + detections.bands
         sigma_rad = detections.line_of_sight_sigma_rad
         if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
-            return [taken(self._look_pieces, row)]
-        sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
-        return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, row)]
+            return [Looked(self._look_texts, row)]
+        return [_SIGMA, Decimal(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS), Looked(self._band_texts, row)]
 
 
-def _sensor_pieces(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
-    """Return one piece per reported type."""
+def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
+    """Return one text per reported type."""
     slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
     constant = _json(sensor.id), _json(sensor.type), _json(slot)
     return [_SENSOR % (*constant, _json(name)) for name in reported_types]
 
 
-def _look_pieces(sensor: Sensor) -> list[bytes]:
-    """Return one piece per set of bands, with the sensor's own sigma."""
+def _look_texts(sensor: Sensor) -> list[bytes]:
+    """Return one text per set of bands, with the sensor's own sigma."""
     sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
-    return [_SIGMA + sigma + bands for bands in _band_pieces(sensor)]
+    return [_SIGMA + sigma + bands for bands in _band_texts(sensor)]
 
 
-def _band_pieces(sensor: Sensor) -> list[bytes]:
-    """Return one piece per set of bands, in the order of the bit masks."""
+def _band_texts(sensor: Sensor) -> list[bytes]:
+    """Return one text per set of bands, in the order of the bit masks."""
     names = [band.name for band in sensor.bands]
     masks = range(1 << len(names))
     return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
 
 
-def _points(window: Window, epoch_us: int) -> Piece:
+def _points(window: Window, epoch_us: int) -> Column:
     """Return the launch and impact points of the detections' estimates."""
     estimate = window.detections.estimate
     if not (estimate >= 0).any():
@@ -189,37 +181,42 @@ def _points(window: Window, epoch_us: int) -> Piece:
     launches, impacts = launch_texts(estimates, epoch_us), impact_texts(estimates, epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
     points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
-    return taken(piece_table([*unknown, *points]), of_detection)
+    return Looked([*unknown, *points], of_detection)
 
 
-def _tracks(track: IntArray) -> Piece:
+def _tracks(track: IntArray) -> Column:
+    if track.max(initial=-1) < 0:
+        return _NO_TRACK
     numbers, of_detection = np.unique(track, return_inverse=True)
-    pieces = (_TRACK % (b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
-    return taken(piece_table(pieces), of_detection)
+    return Looked([_TRACK % (b"null" if number < 0 else b"%d" % number) for number in numbers.tolist()], of_detection)
 
 
-def _sensor_positions(viewpoints: Viewpoints) -> Piece:
+def _sensor_positions(viewpoints: Viewpoints) -> Column:
     positions = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
-    return taken(piece_table(_POSITION % position for position in positions), viewpoints.of_row)
+    return Looked([_POSITION % position for position in positions], viewpoints.of_row)
 
 
-def _type_probabilities(detections: Detections) -> list[Piece]:
+def _type_probabilities(detections: Detections) -> list[Column]:
     """Return the type probabilities, if the classifier has them."""
     if not detections.type_log_probability.shape[1]:
         return []
-    columns = [number_texts(rounded(column, RATIO_DECIMALS)) for column in detections.type_probability.T]
-    return [piece for both in zip(_TYPES, columns, strict=True) for piece in both] + [b"},"]
+    columns = [Decimal(column, RATIO_DECIMALS) for column in detections.type_probability.T]
+    return [each for both in zip(_TYPES, columns, strict=True) for each in both] + [b"},"]
 
 
-def _positions(window: Window) -> list[Piece]:
+def _positions(window: Window) -> list[Column]:
     """Return the positions of the tracks, propagated to the time of the detection."""
     tracked = np.flatnonzero(window.detections.estimate >= 0)
     if not len(tracked):
         return [_NO_POSITION]
     position = ecef_to_geodetic(propagated_positions(window, tracked))
     columns = np.full((3, len(window.detections)), np.nan)
-    columns[0, tracked] = rounded_degrees(position.latitude_rad)
+    columns[0, tracked] = np.degrees(position.latitude_rad)
     columns[1, tracked] = rounded_longitude_deg(position.longitude_rad)
-    columns[2, tracked] = rounded(position.height_m, METRE_DECIMALS)
-    latitude, longitude, altitude = (number_texts(column) for column in columns)
-    return [b'"latitude_deg":', latitude, b',"longitude_deg":', longitude, b',"altitude_m":', altitude, b"}\n"]
+    columns[2, tracked] = position.height_m
+    latitude, longitude, altitude = columns
+    return [
+        *(b'"latitude_deg":', Decimal(latitude, DEGREE_DECIMALS)),
+        *(b',"longitude_deg":', Decimal(longitude, DEGREE_DECIMALS)),
+        *(b',"altitude_m":', Decimal(altitude, METRE_DECIMALS), b"}\n"),
+    ]

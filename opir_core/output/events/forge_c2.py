@@ -16,25 +16,19 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import FORGE_C2_VERSION
 from opir_core.output.events.encoder_input import only_encodable, require_valid
+from opir_core.output.events.rendering import Decimal, Ids, Looked, event_times, fastest
 from opir_core.output.events.text import (
+    DEGREE_DECIMALS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
-    EventTimes,
-    joined_lines,
     number_texts,
-    openings,
-    piece_table,
     propagated_positions,
-    rounded,
     rounded_bearing_deg,
-    rounded_degrees,
     rounded_longitude_deg,
     rounded_number,
-    taken,
-    time_pieces,
 )
 
-_OPENING = b'{"event_id":"', b'","timestamp":"'
+_ID, _TIME = b'{"event_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":"OPIR","latitude":'
 _M_PER_UM = 1e-6
 #: Range of the largest component of a plausible estimated position, m.
@@ -53,10 +47,11 @@ class ForgeC2Encoder:
     def __init__(self, context: EncoderContext) -> None:
         self._sensors, self._types = context.sensors, len(context.reported_types)
         self._epoch_us = context.epoch_us
-        self._sensor_pieces = piece_table(_SENSOR % _json(sensor.id) for sensor in context.sensors)
-        self._frequency_pieces = piece_table(piece for sensor in context.sensors for piece in _frequencies(sensor))
+        self._sensor_texts = [_SENSOR % _json(sensor.id) for sensor in context.sensors]
+        self._frequency_texts = [text for sensor in context.sensors for text in _frequencies(sensor)]
         masks = [1 << len(sensor.bands) for sensor in context.sensors]
         self._first_mask = np.cumsum([0, *masks[:-1]], dtype=np.int64)
+        self._render = fastest()
 
     def encodable(self, window: Window) -> BoolArray:
         """Return which detections (n,) have a position; invalid values raise `ModelError`."""
@@ -71,30 +66,30 @@ class ForgeC2Encoder:
         if not len(detections):
             return b""
         position = ecef_to_geodetic(positions_ecef_m(window))
-        times = EventTimes.of(detections, self._epoch_us)
+        look, report = event_times(detections, self._epoch_us)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
-        return joined_lines(
+        return self._render(
             len(detections),
             [
-                openings(detections, times.look, *_OPENING),
-                taken(self._sensor_pieces, sensor),
-                number_texts(rounded_degrees(position.latitude_rad)),
+                *(_ID, Ids(detections.detection_id), _TIME, look, b'",'),
+                Looked(self._sensor_texts, sensor),
+                Decimal(np.degrees(position.latitude_rad), DEGREE_DECIMALS),
                 b',"longitude":',
-                number_texts(rounded_longitude_deg(position.longitude_rad)),
+                Decimal(rounded_longitude_deg(position.longitude_rad), DEGREE_DECIMALS),
                 b',"altitude":',
-                number_texts(rounded(position.height_m, METRE_DECIMALS)),
+                Decimal(position.height_m, METRE_DECIMALS),
                 b',"azimuth":',
-                number_texts(rounded_bearing_deg(angles.azimuth_rad)),
+                Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
                 b',"elevation":',
-                number_texts(rounded_degrees(angles.elevation_rad)),
+                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
                 _SIGNAL,
-                number_texts(_irradiance_w_m2(detections)),
-                taken(self._frequency_pieces, self._first_mask[sensor] + detections.bands),
-                number_texts(rounded(detections.snr, RATIO_DECIMALS)),
+                Looked(number_texts(_irradiance_w_m2(detections))),
+                Looked(self._frequency_texts, self._first_mask[sensor] + detections.bands),
+                Decimal(detections.snr, RATIO_DECIMALS),
                 b',"confidence":',
-                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
-                time_pieces(times.report, b',"reported_at":"', b'"}\n'),
+                Decimal(detections.confidence, RATIO_DECIMALS),
+                *(b',"reported_at":"', report, b'"}\n'),
             ],
         )
 
@@ -131,7 +126,7 @@ def _irradiance_w_m2(detections: Detections) -> FloatArray:
 
 
 def _frequencies(sensor: Sensor) -> list[bytes]:
-    """Return one piece per set of bands: the centre frequency of the first confirming band, Hz."""
+    """Return one text per set of bands: the centre frequency of the first confirming band, Hz."""
     centres_um = [0.5 * (band.lower_um + band.upper_um) for band in sensor.bands]
     first = [
         next((um for bit, um in enumerate(centres_um) if mask >> bit & 1), None) for mask in range(1 << len(centres_um))

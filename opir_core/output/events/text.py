@@ -1,17 +1,12 @@
-"""Columns of events as JSON text: lines joined from pieces, RFC 3339 timestamps (UTC, microseconds, `Z`), numbers."""
-
-from collections.abc import Iterable, Sequence
-from typing import Any, Self
+"""Columns of events as JSON text: RFC 3339 timestamps (UTC, microseconds, `Z`) and numbers."""
 
 import msgspec
 import numpy as np
-from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import SinkError
-from opir_core.interfaces.records import Detections, Window
-from opir_core.random_streams.detection_ids import uuid_characters
+from opir_core.interfaces.records import Window
 
 #: Years of RFC 3339, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after the last.
 FIRST_UNIX_US = -62_135_596_800_000_000
@@ -56,7 +51,7 @@ def timestamp_text(unix_us: IntArray) -> list[str]:
 
 def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
     """Return times (n,), µs since 1970-01-01, as ASCII codes (n, 27); errors as `timestamp_text`."""
-    _refuse_unwritable(unix_us)
+    refuse_unwritable(unix_us)
     seconds, microseconds = np.divmod(unix_us, _US_PER_S)
     text = np.empty((len(unix_us), _TEXT_LENGTH), dtype=np.uint8)
     text[:, :_TO_SECONDS] = _second_characters(seconds)
@@ -79,7 +74,8 @@ def _second_characters(seconds: IntArray) -> NDArray[np.uint8]:
     return repeated
 
 
-def _refuse_unwritable(unix_us: IntArray) -> None:
+def refuse_unwritable(unix_us: IntArray) -> None:
+    """Raise `SinkError` if times (n,), µs since 1970-01-01, lie outside the years 1 to 9999."""
     outside = np.count_nonzero((unix_us < FIRST_UNIX_US) | (unix_us >= END_UNIX_US))
     if outside:
         raise SinkError(
@@ -160,67 +156,6 @@ def number_texts(values: FloatArray) -> list[bytes]:
 def vector_texts(vectors: FloatArray) -> list[bytes]:
     """Return the components of vectors (n, m) as in `number_texts`, joined by commas."""
     return _encode(vectors.tolist())[2:-2].split(b"],[") if len(vectors) else []
-
-
-#: A piece of the lines: one for all events, or one per event.
-Piece = bytes | list[bytes]
-
-
-def joined_lines(count: int, pieces: Sequence[Piece]) -> bytes:
-    """Return `count` lines, each joined from its pieces."""
-    line: list[bytes] = [b""] * (count * len(pieces))
-    for place, piece in enumerate(pieces):
-        line[place :: len(pieces)] = [piece] * count if isinstance(piece, bytes) else piece
-    return b"".join(line)
-
-
-def piece_table(pieces: Iterable[bytes]) -> NDArray[Any]:
-    """Return pieces as an object array, for fast indexing with an index array."""
-    return np.array(list(pieces), dtype=object)
-
-
-def taken(table: NDArray[Any], rows: NDArray[Any]) -> list[bytes]:
-    """Return the pieces of a table's rows."""
-    pieces: list[bytes] = table.take(rows).tolist()
-    return pieces
-
-
-@frozen(eq=False)
-class EventTimes:
-    """The times of looks and of their reports as ASCII codes (n, 27), UTC; one array if reports are at once."""
-
-    look: NDArray[np.uint8]
-    report: NDArray[np.uint8]
-
-    @classmethod
-    def of(cls, detections: Detections, epoch_us: int) -> Self:
-        """Return the times of detections; `epoch_us` is the epoch, in µs since 1970-01-01 without leap seconds."""
-        look = timestamp_characters(unix_microseconds(detections.time_ns, epoch_us))
-        if not detections.is_delayed:
-            return cls(look, look)
-        return cls(look, timestamp_characters(unix_microseconds(detections.reported_ns, epoch_us)))
-
-
-def openings(detections: Detections, times: NDArray[np.uint8], before_id: bytes, before_time: bytes) -> list[bytes]:
-    """Return the beginnings of the lines: `before_id`, the id, `before_time`, the time, and `",`."""
-    ids = uuid_characters(detections.detection_id)
-    return _fixed_width(len(detections), before_id, ids, before_time, times, b'",')
-
-
-def time_pieces(times: NDArray[np.uint8], before: bytes, after: bytes = b"") -> list[bytes]:
-    """Return times (n, 27) between two texts."""
-    return _fixed_width(len(times), before, times, after)
-
-
-def _fixed_width(count: int, *parts: bytes | NDArray[np.uint8]) -> list[bytes]:
-    """Return texts of one width, joined from texts common to all and columns of characters (n, width)."""
-    columns = [np.frombuffer(part, dtype=np.uint8) if isinstance(part, bytes) else part for part in parts]
-    ends = np.cumsum([column.shape[-1] for column in columns]).tolist()
-    text = np.empty((count, ends[-1]), dtype=np.uint8)
-    for column, end in zip(columns, ends, strict=True):
-        text[:, end - column.shape[-1] : end] = column
-    pieces: list[bytes] = text.view(f"S{ends[-1]}").ravel().tolist()
-    return pieces
 
 
 @np.errstate(invalid="ignore", over="ignore")

@@ -21,28 +21,21 @@ from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.encoder_input import require_valid
 from opir_core.output.events.estimates import PAPER, time_texts
 from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
+from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, fastest
 from opir_core.output.events.text import (
+    DEGREE_DECIMALS,
     RATIO_DECIMALS,
-    EventTimes,
-    Piece,
-    joined_lines,
     number_texts,
-    openings,
-    piece_table,
     rounded,
     rounded_bearing_deg,
     rounded_degrees,
     rounded_longitude_deg,
-    taken,
-    time_pieces,
     vector_texts,
 )
 from opir_core.scene.scene import UNKNOWN_TYPE
 
-_OPENING = (
-    b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"',
-    b'","ts":"',
-)
+_ID = b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"'
+_TIME = b'","ts":"'
 _CONTAINMENT = b',"containment":%b' % msgspec.json.encode(100.0 * CONTAINMENT)
 _KM_PER_M = 1e-3
 #: Decimals of lengths in km: to the millimetre.
@@ -62,12 +55,11 @@ class UdlEncoder:
     def __init__(self, context: EncoderContext) -> None:
         self._sensors, self._count = context.sensors, len(context.reported_types)
         self._epoch_us = context.epoch_us
-        self._type_pieces = piece_table(
-            piece for sensor in context.sensors for piece in _types(sensor, context.reported_types)
-        )
-        self._vector_pieces = piece_table(
+        self._type_texts = [text for sensor in context.sensors for text in _types(sensor, context.reported_types)]
+        self._vector_texts = [
             b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id) for sensor in context.sensors
-        )
+        ]
+        self._render = fastest()
 
     def encode(self, window: Window) -> bytes:
         """Return the window's detections as lines; invalid values raise `ModelError`."""
@@ -77,22 +69,22 @@ class UdlEncoder:
         require_valid(window, self._sensors, self._count)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
-        times = EventTimes.of(detections, self._epoch_us)
-        return joined_lines(
+        look, report = event_times(detections, self._epoch_us)
+        return self._render(
             len(detections),
             [
-                openings(detections, times.report, *_OPENING),
-                taken(self._type_pieces, sensor * self._count + detections.reported_type),
-                number_texts(rounded_degrees(angles.elevation_rad)),
+                *(_ID, Ids(detections.detection_id), _TIME, report, b'",'),
+                Looked(self._type_texts, sensor * self._count + detections.reported_type),
+                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
                 b',"trkConf":',
-                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
-                *_track_pieces(window, self._epoch_us),
-                *self._vectors(window, sensor, time_pieces(times.look, b"")),
+                Decimal(detections.confidence, RATIO_DECIMALS),
+                *_track_columns(window, self._epoch_us),
+                self._vectors(window, sensor, look.pieces()),
                 b"}\n",
             ],
         )
 
-    def _vectors(self, window: Window, sensor: IntArray, times: Sequence[bytes]) -> list[Piece]:
+    def _vectors(self, window: Window, sensor: IntArray, times: Sequence[bytes]) -> Column:
         """Return the environment and one vector: the track's state, or the line of sight's ground intersection.
 
         `times` (n,) are those of the looks.
@@ -101,16 +93,15 @@ class UdlEncoder:
         known = np.isfinite(where_m[:, 0])
         place = ecef_to_geodetic(where_m)
         is_state = np.isfinite(estimated_positions_ecef_m(window)[:, 0])
-        state_pieces = _states(window, np.flatnonzero(is_state), where_m)
-        heads = taken(self._vector_pieces, sensor)
+        heads = Looked(self._vector_texts, sensor).pieces()
         columns = (
             number_texts(rounded_degrees(np.where(known, place.latitude_rad, 0.0))),
             number_texts(rounded_longitude_deg(np.where(known, place.longitude_rad, 0.0))),
             number_texts(rounded(np.where(known, place.height_m, 0.0) * _KM_PER_M, _KM_DECIMALS)),
         )
         kinds = np.where(is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(known, 1, 0)).tolist()
-        states = iter(state_pieces)
-        pieces = [
+        states = iter(_states(window, np.flatnonzero(is_state), where_m))
+        texts = [
             _NO_VECTOR
             if kind == 0
             else _VECTOR[kind]
@@ -126,7 +117,7 @@ class UdlEncoder:
             + b"}]"
             for kind, head, time, latitude, longitude, altitude in zip(kinds, heads, times, *columns, strict=True)
         ]
-        return [pieces]
+        return Looked(texts)
 
 
 _NO_VECTOR = b',"env":"UNKNOWN","vectors":[]'
@@ -138,7 +129,7 @@ _VECTOR = {
 
 
 def _types(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
-    """Return one piece per reported type; the unknown type is absent."""
+    """Return one text per reported type; the unknown type is absent."""
     source = b',"infoSource":%b,"angElev":' % _json(sensor.type)
     kinds = [
         b"" if code == UNKNOWN_TYPE else b',"acftSubType":"%b"' % name.encode()
@@ -158,13 +149,12 @@ def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
     ]
 
 
-def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
+def _track_columns(window: Window, epoch_us: int) -> list[Column]:
     """Return track number, launch and impact, each encoded once for all detections that share it."""
     track, estimate = window.detections.track, window.detections.estimate
-    pieces: list[Piece] = []
     numbers, of_row = np.unique(track, return_inverse=True)
-    names = piece_table(b"" if number < 0 else b',"trackId":"%d"' % number for number in numbers.tolist())
-    pieces.append(taken(names, of_row))
+    names = [b"" if number < 0 else b',"trackId":"%d"' % number for number in numbers.tolist()]
+    columns: list[Column] = [Looked(names, of_row)]
     rows, of_row = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
     if len(used):
@@ -176,8 +166,8 @@ def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
         impact = _points(b"impact", estimates.impact, spread, epoch_us, estimates.impact_sigmas)
         joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
         points = [both + (_CONTAINMENT if b"AouType" in both else b"") for both in joined]
-        pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *points]), of_row))
-    return pieces
+        columns.append(Looked([*[b""] * (len(rows) - len(used)), *points], of_row))
+    return columns
 
 
 def _points(

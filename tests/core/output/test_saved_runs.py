@@ -9,6 +9,7 @@ import pytest
 import opir_core
 from opir_core.cli.main import main
 from opir_core.errors import PluginError, SceneError
+from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.output.saved_runs import read_run
 
 SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
@@ -45,8 +46,12 @@ def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Ru
 
 def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert np.array_equal(saved.truth.target, memory.truth.target)
-    for name in ("emission_time_s", "range_m", "target_elevation_sine", "probability"):
-        assert np.allclose(getattr(saved.truth, name), getattr(memory.truth, name), rtol=1e-12, equal_nan=True), name
+    mine, theirs = saved.truth, memory.truth
+    columns = {"emission_s": "emission_time_s", "target_elevation_rad": "target_elevation_rad"}
+    for key, decimals in TRUTH_DECIMALS.items():
+        name = columns.get(key, key)
+        half = 0.51 * 10.0**-decimals
+        assert np.allclose(getattr(mine, name), getattr(theirs, name), rtol=1e-15, atol=half, equal_nan=True), name
     assert len(saved.tracks) == len(memory.tracks) > 0
     assert np.array_equal(saved.tracks.state, memory.tracks.state)
 

@@ -1,0 +1,3 @@
+from typing import Any
+
+def render(count: int, columns: list[Any], /) -> bytes | None: ...
