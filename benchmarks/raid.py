@@ -19,9 +19,11 @@ import time
 from pathlib import Path
 
 import numpy as np
+from figures import keep
 
 import opir_core as opir
 from opir_core.output.delivery import RunOutcome, deliver
+from opir_core.output.events.rendering import renderer_name
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 
@@ -81,7 +83,7 @@ def main() -> None:
         scene = raid(arguments.launches, arguments.duration, [output])
         before_s = time.process_time()
         plan = opir.compile_plan(scene)
-        print(f"plan      {time.process_time() - before_s:8.2f} s")
+        plan_s = time.process_time() - before_s
         profile = cProfile.Profile()
         times, outcome = [], None
         for _ in range(arguments.repeat):
@@ -90,10 +92,16 @@ def main() -> None:
             times.append(time.process_time() - before_s)
         counts = outcome.summary["counts"]
         run_s, written = statistics.median(times), sum(file["bytes"] for file in outcome.manifest[FILES_KEY])
-        print(f"run       {run_s:8.2f} s  {run_s / counts['detections'] * 1e9:.0f} ns/event, all in")
-        print(f"events    {counts['detections'] * 1e-6:8.2f} million of {counts['looks'] * 1e-6:.2f} million looks")
-        print(f"bytes     {written * 1e-6:8.0f} million")
-        print(f"memory    {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:8.0f} MiB at its peak")
+        rows = (
+            ("plan", plan_s, "s", ""),
+            ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),
+            ("events", counts["detections"] * 1e-6, "million", f"of {counts['looks'] * 1e-6:.2f} million looks"),
+            ("written", written * 1e-6, "MB", f"by the renderer {renderer_name()}"),
+            ("memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, "MiB", "peak"),
+        )
+        for what, figure, unit, remark in rows:
+            keep(what, figure, unit)
+            print(f"{what:8} {figure:9.2f} {unit:8} {remark}")
         for file in outcome.manifest[FILES_KEY]:
             print(f"{file['name'].rsplit('/')[-1]:16} {file['sha256']}")
     if arguments.profile:

@@ -78,6 +78,13 @@ BENCHMARKS = (
         words("--repeat 1 --targets 4"),
         writes=False,
     ),
+    Benchmark(
+        "raid",
+        "How long does a raid of 1000 launches take, from plan to files of events and truth?",
+        "raid.py",
+        words("--launches 5 --duration 90"),
+        writes=False,
+    ),
     Benchmark("startup", "How long does start-up take?", "startup.py", words("--repeat 1"), writes=False),
     Benchmark(
         "encoding",
