@@ -12,6 +12,7 @@ import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -74,21 +75,21 @@ class GrowingDigest:
         except OSError as error:
             self._error = error
             return
-        with os.fdopen(descriptor, "rb", buffering=0) as file:
+        with FileIO(descriptor, "rb") as file:
             try:
-                self._read(file.fileno())
+                self._read(file)
             except OSError as error:
                 self._error = error
 
-    def _read(self, descriptor: int) -> None:
-        synced = 0
+    def _read(self, file: FileIO) -> None:
+        synced, buffer = 0, memoryview(bytearray(_CHUNK))
         while True:
             is_last = self._ended.is_set()
-            while part := os.read(descriptor, _CHUNK):
-                self._sum.update(part)
-                self._done += len(part)
+            while count := file.readinto(buffer):
+                self._sum.update(buffer[:count])
+                self._done += count
                 if self._done - synced >= _SYNCED:
-                    os.fsync(descriptor)
+                    os.fsync(file.fileno())
                     synced = self._done
             if is_last:
                 return

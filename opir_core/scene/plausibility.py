@@ -33,7 +33,8 @@ def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
     """Yield the implausible values of a configuration, nested ones included; `path` is that of its block."""
     if not has(type(config)):
         return
-    fine = _plausible_defaults(type(config))
+    config_class: type = type(config)
+    fine = _plausible_defaults(config_class)
     for attribute in fields(type(config)):
         value = getattr(config, attribute.name)
         if value is not fine.get(attribute.name, NOTHING):

@@ -41,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
     )
+    parser.add_argument(
+        "--log-format",
+        choices=("text", "json"),
+        default="text",
+        help="json: all messages as JSON lines on standard error (default text)",
+    )
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:

@@ -2,8 +2,10 @@
 
 import json
 import time
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from typing import Any
+
+from opir_http.json_log import json_line
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 
@@ -17,11 +19,14 @@ Send = Callable[[Message], Awaitable[None]]
 class RequestLog:
     """Writes one line for each accepted write, and at most one per `REFUSED_EVERY_S` for refused requests.
 
-    `token` is the name of the bearer token, never the token. Paths and tags are quoted: a client cannot add lines.
+    `token` is the name of the bearer token, never the token. Paths and tags are quoted: a client cannot add lines. With
+    `is_json` the lines are JSON.
     """
 
-    def __init__(self, write: Callable[[str], Any] = lambda line: None, token: str | None = None) -> None:
-        self._write, self._token = write, token
+    def __init__(
+        self, write: Callable[[str], Any] = lambda line: None, token: str | None = None, *, is_json: bool = False
+    ) -> None:
+        self._write, self._token, self._is_json = write, token, is_json
         self._refused, self._due_s = 0, float("-inf")
 
     def watched(self, scope: MutableMapping[str, Any], send: Send) -> Send:
@@ -35,20 +40,30 @@ class RequestLog:
         return sending
 
     def _answered(self, scope: MutableMapping[str, Any], status: int, answer: dict[bytes, bytes]) -> None:
-        client, request = (scope.get("client") or ("-",))[0], f"{scope['method']} {json.dumps(scope['path'][:200])}"
+        client, path = (scope.get("client") or ("-",))[0], scope["path"][:200]
+        request = f"{scope['method']} {json.dumps(path)}"
+        fields = {"client": client, "method": scope["method"], "path": path, "status": status}
         if status < 400 and scope["method"] in _WRITES:
-            before = _quoted(dict(scope["headers"]).get(b"if-match"))
-            after = _quoted(next((value for name, value in answer.items() if name.lower() == b"etag"), None))
-            self._write(
-                f"opir: write: {client}, token {self._token or '-'}: {request} {status}, ETag {before} {after}\n"
-            )
+            before = _text(dict(scope["headers"]).get(b"if-match"))
+            after = _text(next((value for name, value in answer.items() if name.lower() == b"etag"), None))
+            tags = f"{_quoted(before)} {_quoted(after)}"
+            text = f"write: {client}, token {self._token or '-'}: {request} {status}, ETag {tags}"
+            self._tell("info", text, {**fields, "token": self._token, "etag_before": before, "etag_after": after})
         elif 400 <= status < 500:
             self._refused += 1
             now_s = time.monotonic()
             if now_s >= self._due_s:
-                self._write(f"opir: refused: {client}: {request} {status} ({self._refused} since the last line)\n")
+                text = f"refused: {client}: {request} {status} ({self._refused} since the last line)"
+                self._tell("warning", text, {**fields, "refused": self._refused})
                 self._refused, self._due_s = 0, now_s + REFUSED_EVERY_S
 
+    def _tell(self, level: str, text: str, fields: Mapping[str, Any]) -> None:
+        self._write(json_line(level, "opir_http.requests", text, fields) if self._is_json else f"opir: {text}\n")
 
-def _quoted(tag: bytes | None) -> str:
-    return "-" if tag is None else json.dumps(tag.decode("latin-1")[:80])
+
+def _text(tag: bytes | None) -> str | None:
+    return None if tag is None else tag.decode("latin-1")[:80]
+
+
+def _quoted(tag: str | None) -> str:
+    return "-" if tag is None else json.dumps(tag)

@@ -12,10 +12,12 @@ CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 def metrics_text(service: Service) -> str:
     """Return all metrics."""
-    status, feed = service.run.status(), service.feed
+    status, feed, stuck = service.run.status(), service.feed, service.run.progress().stuck
     sensors = [({"sensor_id": sensor.id}, sensor.detections) for sensor in status.sensors]
     parts = [
         _metric("opir_up", "gauge", "1 while the run is alive", [({}, status.state in ("running", "ended"))]),
+        _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, service.is_ready()[0])]),
+        _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, bool(stuck))]),
         _metric("opir_scene_time_seconds", "gauge", "Scene time of the run", [({}, status.time_ns * 1e-9)]),
         _metric("opir_cycles_total", "counter", "Cycles run", [({}, status.cycle)]),
         _metric(
@@ -36,6 +38,9 @@ def metrics_text(service: Service) -> str:
             [({}, status.targets_launched)],
         ),
         _metric("opir_tracks", "gauge", "Tracks kept for clients", [({}, len(feed.tracks))]),
+        _metric(
+            "opir_stream_up", "gauge", "1 unless the stream failed to encode its last frame", [({}, not feed.error)]
+        ),
         _metric("opir_viewers", "gauge", "Clients of the stream", [({}, feed.viewers)]),
         _metric(
             "opir_viewer_frames_dropped_total", "counter", "Frames lost to slow clients", [({}, feed.dropped_frames)]

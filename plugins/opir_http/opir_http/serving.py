@@ -24,6 +24,7 @@ from opir_core.plugin.host import Host
 from opir_core.plugin.registry import warn
 from opir_core.simulation.plan_warnings import plan_warnings
 from opir_http.gate import Gate
+from opir_http.json_log import log_as_json
 from opir_http.log import RequestLog
 from opir_http.routes import application
 from opir_http.server import Server, bound
@@ -51,8 +52,11 @@ class ServeError(OpirError):
 
 def serve(arguments: argparse.Namespace) -> int:
     """Run the service until a signal stops it; return the exit code."""
+    is_json = arguments.log_format == "json"
+    if is_json:
+        log_as_json()
     token = token_of(arguments)
-    log = RequestLog(sys.stderr.write, token_name(arguments))
+    log = RequestLog(sys.stderr.write, token_name(arguments), is_json=is_json)
     service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = Watchdog(service.run, on_stuck, Notifier.of())
