@@ -72,6 +72,19 @@ def words(text: str) -> tuple[str, ...]:
 
 BENCHMARKS = (
     Benchmark(
+        "end_to_end",
+        "What does each accuracy setting cost and buy, and are the defaults on the knee?",
+        "end_to_end.py",
+        ("--scenes", "one", "--duration", "30", "--knobs", "light time", "trajectory tolerance"),
+        needs=("opir_trackers", "opir_studies"),
+    ),
+    Benchmark(
+        "complexity",
+        "How do time and memory grow with targets, sensors, duration and scan rate?",
+        "complexity.py",
+        words("--decades 0.5"),
+    ),
+    Benchmark(
         "throughput",
         "How many looks and events per second, from plan to JSON lines?",
         "throughput.py",

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from opir_studies.result import StudyResult, load_study
     from opir_studies.study import Study, read_study
     from opir_studies.sweeping import StudyError, StudyProgress, sweep
+    from opir_studies.tuning import Tuned, tune
 
 __all__ = [
     "LostTasksError",
@@ -15,9 +16,11 @@ __all__ = [
     "StudyError",
     "StudyProgress",
     "StudyResult",
+    "Tuned",
     "load_study",
     "read_study",
     "sweep",
+    "tune",
 ]
 
 #: The module of each name, imported on first use, so that discovering the plugin imports neither NumPy nor pyarrow.
@@ -27,9 +30,11 @@ _HOMES = {
     "StudyError": "sweeping",
     "StudyProgress": "sweeping",
     "StudyResult": "result",
+    "Tuned": "tuning",
     "load_study": "result",
     "read_study": "study",
     "sweep": "sweeping",
+    "tune": "tuning",
 }
 
 

@@ -71,3 +71,20 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_overrides(parser)
     add_settings(parser)
+
+
+def tune_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, the wanted errors, the number of runs and the output format."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument(
+        "--error",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        dest="errors",
+        help="an error that the run may have against the most exact settings, e.g. impact_km=1, p_d=1e-3,"
+        " line_of_sight_urad=1 or latency_s=0.1; repeatable",
+    )
+    parser.add_argument("--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)")
+    add_overrides(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")

@@ -10,6 +10,7 @@ from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesC
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
     "sweep": "run a scene over many settings and seeds, and print metrics with intervals",
+    "tune": "choose the accuracy settings of a scene: least run time for wanted errors",
 }
 
 
@@ -80,7 +81,7 @@ def opir_executors() -> Iterable[ExecutorModel]:
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir sweep` and `opir compare`."""
+    """Add `opir sweep`, `opir compare` and `opir tune`."""
     arguments = import_module("opir_studies.arguments")
     for name, summary in _SUMMARIES.items():
         parser = commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")

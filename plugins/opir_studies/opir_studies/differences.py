@@ -1,0 +1,197 @@
+"""How far the answers of a run are from those of an exact reference run with the same seed.
+
+Detections of both runs are matched by their ids, which depends on seed, sensor, target and scan alone: so measurement
+noise is the same in both, and differences are those of the settings.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.interfaces.optional import SignalModel
+from opir_core.interfaces.records import Detections
+from opir_core.planning.looks import Looks
+from opir_core.scoring.errors import ground_error, last_rows, place_of
+from opir_core.scoring.evidence import evidence_of_run, ownership, rows_in_force
+from opir_core.scoring.impacts import impact_scores
+from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.simulation.run import Run
+
+#: What each error says; all are 0 where the runs agree, and infinite where only one of them has an answer.
+MEASURES: Mapping[str, str] = {
+    "p_d": "largest error of the probability of detection of a look",
+    "counts": "relative error of the number of detections",
+    "latency_s": "largest error of the time from ignition to the first detection, s",
+    "line_of_sight_urad": "largest error of a measured line of sight, µrad",
+    "confidence": "largest error of a detection's confidence",
+    "type": "share of detections whose reported type differs",
+    "truth_m": "largest error of a true impact point, m",
+    "position_km": "error of tracked positions at the same ticks, root mean square, km",
+    "launch_km": "error of the last launch estimates, root mean square over launches, km",
+    "impact_km": "error of the last predicted impact points, root mean square over launches, km",
+    "region_contains": "difference of the share of last 95 % impact regions that contain the true impact",
+    "impact_area": "relative error of the areas of the last 95 % impact regions, root mean square over launches",
+}
+
+#: Those that are averaged as root mean squares over runs; the others are the largest, or the mean (`counts`, `type`).
+_ROOT_MEAN_SQUARES = {"position_km", "launch_km", "impact_km", "impact_area"}
+_MEANS = {"counts", "type", "region_contains"}
+
+
+#: About so many looks have their P_d compared.
+LOOKS = 20_000
+
+
+@frozen(eq=False)
+class Answers:
+    """What a user reads of a run: detections with their P_d, and for each launch the estimates, nan where none."""
+
+    detections: Detections
+    #: Keys of looks, and their P_d.
+    looks: IntArray
+    probability: FloatArray
+    first_s: FloatArray
+    truth: FloatArray
+    ticks: IntArray
+    states: FloatArray
+    launch: FloatArray
+    impact: FloatArray
+    area_km2: FloatArray
+    contained: FloatArray
+
+
+def answers_of(run: Run) -> Answers:
+    """Return the answers of a run."""
+    count = len(run.plan.targets.ids)
+    mine = np.flatnonzero(run.truth.target >= 0)
+    detections, target = run.detections.take(mine), run.truth.target[mine]
+    first_s = np.full(count, np.inf)
+    np.minimum.at(first_s, target, detections.time_s)
+    truth = [place_of(each.get("impact"))[:2] for each in run.plan.targets.truth()]
+    launch, impact = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+    area, contained = np.full(count, np.nan), np.full(count, np.nan)
+    ticks, states = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    if len(run.tracks):
+        evidence = evidence_of_run(run, run.plan)
+        owners = ownership(evidence)
+        rows, every = last_rows(evidence, owners), rows_in_force(evidence, owners)
+        own = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
+        launch[own], impact[own] = run.tracks.launch[rows], run.tracks.impact[rows]
+        scores = impact_scores(evolve(evidence, tracks=run.tracks.take(rows)), owners)
+        area[scores.target], contained[scores.target] = scores.area_km2[:, -1], scores.contained[:, -1]
+        whose = owners.target[np.searchsorted(owners.track, run.tracks.track[every])]
+        ticks = np.rint(run.tracks.tick_s[every] * 1e3).astype(np.int64) * count + whose
+        states = run.tracks.state[every, :3]
+    places = np.array(truth, dtype=np.float64).reshape(-1, 2)
+    looks, probability = _probabilities(run, mine)
+    return Answers(detections, looks, probability, first_s, places, ticks, states, launch, impact, area, contained)
+
+
+def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return keys of looks and their P_d: of every so many scans for a model of signals, else of what was detected.
+
+    A detection's own P_d says little of a model that is wrong where it detects nothing.
+    """
+    plan, model = run.plan, run.plan.detection
+    count = len(plan.targets.ids)
+    if not isinstance(model, SignalModel):
+        detected = run.detections.take(mine)
+        return _look_keys(detected.sensor, run.truth.target[mine], detected.scan, count), run.truth.probability[mine]
+    every = Looks.between(plan.pairs, 0, plan.end_ns)
+    stride = 1 << max(0, math.ceil(math.log2(max(len(every.pair), 1) / LOOKS)))
+    kept = np.flatnonzero(every.scan % stride == 0)
+    pair, scan = every.pair[kept], every.scan[kept]
+    if model.probability_tolerance is None:
+        probability = model.probability(plan.look_geometry().exposures(pair, scan))
+    else:
+        whole = ProbabilityInterpolant.of(plan.look_geometry(), model, model.probability_tolerance)
+        probability = whole.over(every).probability()[kept]
+    return _look_keys(plan.pairs.sensor[pair], plan.pairs.target[pair], scan, count), probability
+
+
+def _look_keys(sensor: IndexArray, target: IndexArray, scan: IntArray, targets: int) -> IntArray:
+    keys: IntArray = (sensor.astype(np.int64) * targets + target << 36) + scan
+    return keys
+
+
+def differences(run: Answers, reference: Answers) -> dict[str, float]:
+    """Return the errors of a run, by the names of `MEASURES`."""
+    ours, theirs = _matched(_keys(run.detections), _keys(reference.detections))
+    here, there = run.detections.take(ours), reference.detections.take(theirs)
+    across = np.linalg.norm(here.line_of_sight_ecef - there.line_of_sight_ecef, axis=1)
+    row, other = _matched(run.ticks, reference.ticks)
+    apart = np.linalg.norm(run.states[row] - reference.states[other], axis=1)
+    look, same = _matched(run.looks, reference.looks)
+    wanted = len(reference.detections)
+    return {
+        "p_d": _largest(run.probability[look] - reference.probability[same]),
+        "counts": (len(run.detections) - wanted) / wanted if wanted else float(len(run.detections) > 0),
+        "latency_s": _largest(_both(run.first_s, reference.first_s)),
+        "line_of_sight_urad": 1e6 * _largest(across),
+        "confidence": _largest(here.confidence - there.confidence),
+        "type": float(np.mean(here.reported_type != there.reported_type)) if len(here) else 0.0,
+        "truth_m": _largest(_distances(run.truth, reference.truth)),
+        "position_km": 1e-3 * _rms(apart) if len(row) or not len(reference.ticks) else np.inf,
+        "launch_km": 1e-3 * _rms(_distances(run.launch, reference.launch)),
+        "impact_km": 1e-3 * _rms(_distances(run.impact, reference.impact)),
+        "region_contains": _share(run.contained) - _share(reference.contained),
+        "impact_area": _rms(_both(run.area_km2, reference.area_km2) / np.nan_to_num(reference.area_km2, nan=1.0)),
+    }
+
+
+def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
+    """Return the errors of several runs as one: mean, root mean square or largest, by measure."""
+    return {name: _over_runs(name, np.array([each[name] for each in found])) for name in MEASURES}
+
+
+def _over_runs(name: str, values: FloatArray) -> float:
+    if name in _MEANS:
+        return float(abs(values.mean()))
+    return float(np.sqrt(np.mean(values**2))) if name in _ROOT_MEAN_SQUARES else float(values.max())
+
+
+def _keys(detections: Detections) -> Any:
+    return np.ascontiguousarray(detections.detection_id).view("V16").ravel()
+
+
+def _matched(ours: Any, theirs: Any) -> tuple[IntArray, IntArray]:
+    _, row, other = np.intersect1d(ours, theirs, return_indices=True)
+    return row, other
+
+
+def _both(ours: FloatArray, theirs: FloatArray) -> FloatArray:
+    """Return differences where both are known, 0 where none is, infinity where one is."""
+    known, wanted = np.isfinite(ours), np.isfinite(theirs)
+    apart = np.where(known, ours, 0.0) - np.where(wanted, theirs, 0.0)
+    return np.where(known != wanted, np.inf, np.where(known, apart, 0.0))
+
+
+def _distances(ours: FloatArray, theirs: FloatArray) -> FloatArray:
+    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad; as `_both` where unknown."""
+    known, wanted = np.isfinite(ours[:, 0]), np.isfinite(theirs[:, 0])
+    pair = known & wanted
+    found = np.where(known != wanted, np.inf, 0.0)
+    if pair.any():
+        found[pair] = np.linalg.norm(ground_error(_ground(ours[pair]), _ground(theirs[pair])), axis=1)
+    return found
+
+
+def _ground(places: FloatArray) -> FloatArray:
+    return np.column_stack([places[:, :2], np.zeros(len(places))])
+
+
+def _share(contained: FloatArray) -> float:
+    known = contained[np.isfinite(contained)]
+    return float(known.mean()) if len(known) else 0.0
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0

@@ -1,0 +1,198 @@
+"""`opir tune`: the settings it chooses are coarser for looser errors, and meet the error on scenes it never saw."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from attrs import evolve
+from opir_studies.differences import MEASURES, answers_of, differences, over_runs
+from opir_studies.knobs import knobs_of
+from opir_studies.tuning import Tuned, Tuner, overrides_at, tuned
+from study_scene import SCENE
+
+import opir_core as opir
+from opir_core.cli.main import main
+from opir_core.errors import SceneError
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import Scene
+from opir_core.simulation.run import Run
+
+LIT = {**SCENE, "duration_s": 60.0, "detection": "snr", "atmosphere": "lowtran"}
+#: Another launch, seen by another sensor, at another time of day.
+ELSEWHERE = {
+    **LIT,
+    "scene": "elsewhere",
+    "seed": 7,
+    "sensors": [{"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": 15.0}],
+    "targets": [
+        {
+            "id": "A",
+            "type": "IRBM",
+            "launch": {"lat_deg": 30.0, "lon_deg": 20.0, "time_s": 1.0},
+            "aim": {"lat_deg": 20.0, "lon_deg": 40.0},
+        }
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("tune"), LIT)
+
+
+def written(folder: Path, scene: object) -> Path:
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    return path
+
+
+def counted(scene: Scene, host: Host) -> tuple[Run, float]:
+    """Return a run with a cost that falls with every level, so that no choice depends on the machine."""
+    run = opir.simulate(scene, host)
+    detection = scene.detection.config
+    looks = 20.0 if detection.exact else -np.log10(detection.probability_tolerance)
+    return run, 100.0 + 30.0 * looks + 50.0 * scene.light_time
+
+
+@cache
+def choice(path: Path, **wanted: float) -> Tuned:
+    return tuned(Tuner(str(path), runs=1, simulate=counted), wanted)
+
+
+def test_only_settings_of_what_a_scene_names_are_turned() -> None:
+    def names(**more: object) -> set[str]:
+        return {knob.name for knob in knobs_of(scene_from_mapping({**SCENE, **more}))}
+
+    assert names() == {"light time"}
+    assert names(light_time=False, detection="snr") == {"probability tolerance"}
+    assert names(atmosphere="lowtran", light_time=False) == set()  # a model is never left out
+    assert "tracker cadence" in names(tracker="kepler-arc")
+    assert {"reassignments", "impact regions"} <= names(tracker="imm")
+
+
+def test_forces_are_left_out_from_the_highest_term_down() -> None:
+    (knob,) = (
+        knob
+        for knob in knobs_of(scene_from_mapping({**SCENE, "forces": ["j2", "j3", "drag"]}))
+        if knob.name == "forces"
+    )
+    assert knob.levels == ((), ('forces=["j2", "j3"]',), ('forces=["j2"]',), ("forces=kepler",))
+
+
+def test_every_level_is_a_valid_scene() -> None:
+    named = {"forces": ["j2", "j3", "j4", "drag"], "tracker": "imm", "classification": "spectral", "detection": "snr"}
+    plain = {**SCENE, **named, "atmosphere": "lowtran"}
+    for knob in knobs_of(scene_from_mapping(plain)):
+        seen = [scene_from_mapping(plain, overrides=list(level)) for level in knob.levels]
+        assert len(seen) == len({str(each) for each in seen})
+
+
+def test_a_run_does_not_differ_from_itself_and_a_coarse_one_does() -> None:
+    scene = scene_from_mapping({**SCENE, "tracker": "kepler-arc"})
+    exact = answers_of(opir.simulate(scene))
+    assert set(differences(exact, exact)) == set(MEASURES)
+    assert max(map(abs, differences(exact, exact).values())) == 0.0
+    late = differences(answers_of(opir.simulate(evolve(scene, light_time=False))), exact)
+    # Light takes 0.12 s: a target that climbs at 100 m/s and turns with the Earth moves some 50 m, 1.4 µrad from orbit.
+    assert 0.1 < late["line_of_sight_urad"] < 20.0
+    assert late["p_d"] == 0.0
+
+
+def test_an_answer_that_only_one_run_has_is_an_infinite_error() -> None:
+    scene = scene_from_mapping({**SCENE, "tracker": "kepler-arc"})
+    exact, without = (answers_of(opir.simulate(each)) for each in (scene, scene_from_mapping(SCENE)))
+    assert differences(without, exact)["launch_km"] == np.inf
+    assert differences(without, exact)["position_km"] == np.inf
+
+
+def test_errors_of_runs_are_joined_by_their_kind() -> None:
+    none = dict.fromkeys(MEASURES, 0.0)
+    joined = over_runs(
+        [{**none, "p_d": 1.0, "impact_km": 3.0, "counts": -0.5}, {**none, "impact_km": 4.0, "counts": 0.5}]
+    )
+    assert joined["p_d"] == 1.0
+    assert joined["impact_km"] == pytest.approx(np.sqrt(12.5))
+    assert joined["counts"] == 0.0
+
+
+@pytest.mark.slow
+def test_looser_errors_give_coarser_and_cheaper_settings(path: Path) -> None:
+    bounds = (1e-4, 1e-2, 0.5)
+    found = [choice(path, p_d=bound) for bound in bounds]
+    for bound, each in zip(bounds, found, strict=True):
+        assert each.meets
+        assert each.checked["p_d"] <= bound
+    assert found[0].chosen.levels < found[1].chosen.levels < found[2].chosen.levels
+    assert found[0].chosen.time_s > found[1].chosen.time_s > found[2].chosen.time_s
+
+
+@pytest.mark.slow
+def test_a_setting_that_does_not_matter_for_the_error_is_loosened_and_one_that_does_is_not(path: Path) -> None:
+    strict = choice(path, line_of_sight_urad=0.1)
+    assert "light_time=false" not in strict.overrides
+    assert "detection.probability_tolerance=1.0e-1" in strict.overrides  # it moves lines of sight by 0.01 µrad
+    loose = choice(path, line_of_sight_urad=100.0)
+    assert "light_time=false" in loose.overrides
+
+
+def test_a_tolerance_is_never_looser_than_the_wanted_error_of_p_d() -> None:
+    (knob,) = knobs_of(scene_from_mapping({**LIT, "light_time": False}))
+    allowed = [level for level in range(len(knob.levels)) if knob.allows(level, {"p_d": 1e-3})]
+    assert knob.levels[allowed[-1]][0] == "detection.probability_tolerance=1.0e-3"
+    assert knob.allows(len(knob.levels) - 1, {"impact_km": 1.0})
+
+
+def test_p_d_is_compared_where_nothing_is_detected() -> None:
+    lit, dark = (
+        answers_of(opir.simulate(scene_from_mapping({**LIT, "atmosphere": air, "detection": model})))
+        for air, model in (("clear", "snr"), ("lowtran", {"model": "snr", "exact": True}))
+    )
+    assert differences(dark, lit)["p_d"] > 0.1  # in the thick air of the first seconds
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bound", [1e-4, 1e-2])
+def test_the_choice_meets_the_error_on_a_scene_that_it_was_not_made_on(path: Path, bound: float) -> None:
+    found = choice(path, p_d=bound)
+    knobs = knobs_of(scene_from_mapping(ELSEWHERE))
+    exact, chosen = (
+        answers_of(opir.simulate(scene_from_mapping(ELSEWHERE, overrides=list(overrides))))
+        for overrides in (overrides_at(knobs, [0] * len(knobs)), found.overrides)
+    )
+    assert len(exact.detections) > 100
+    assert differences(chosen, exact)["p_d"] <= bound
+
+
+def test_unknown_and_impossible_errors_are_refused(path: Path) -> None:
+    with pytest.raises(SceneError, match=r"no error is called 'impact'.*impact_km"):
+        tuned(Tuner(str(path)), {"impact": 1.0})
+    with pytest.raises(SceneError, match="not a positive error"):
+        tuned(Tuner(str(path)), {"impact_km": 0.0})
+    with pytest.raises(SceneError, match="name an error"):
+        tuned(Tuner(str(path)), {})
+
+
+@pytest.mark.slow
+def test_the_command_prints_overrides_that_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tune", str(path), "--error", "p_d=1e-2", "--runs", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["meets"]
+    assert found["errors"]["p_d"] <= 1e-2
+    assert main(["validate", str(path), *(word for each in found["overrides"] for word in ("--set", each))]) == 0
+    capsys.readouterr()
+    assert main(["tune", str(path), "--error", "p_d=1e-2", "--runs", "1"]) == 0
+    out = capsys.readouterr().out
+    assert f"opir run {path} --set detection" in out
+    assert "processor time" in out
+
+
+@pytest.mark.parametrize(("words", "message"), [("p_d", "has no number"), ("pd=1", "no error is called 'pd'")])
+def test_the_command_refuses_errors_that_it_does_not_know(
+    path: Path, words: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["tune", str(path), "--error", words]) == 2
+    assert message in capsys.readouterr().err
