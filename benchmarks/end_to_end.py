@@ -27,7 +27,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from end_to_end_page import ALL, write_page
-from opir_studies.differences import Answers, answers_of, differences
+from opir_studies.differences import RunAnswers, answers_of, differences
 from opir_studies.knobs import Knob, knobs_of
 from opir_studies.tuning import overrides_at
 from result_files import write_csv
@@ -99,7 +99,7 @@ def child(request: Mapping[str, Any], out: str) -> None:
     Path(out).write_bytes(pickle.dumps(answers_of(run)))
 
 
-def answered(plain: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Answers, float]:
+def answered(plain: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunAnswers, float]:
     """Return the answers of a process that runs a scene, and its processor time, s."""
     tolerance = [float(each.removesuffix(" m")) for each in overrides if each.endswith(" m")]
     request = {
@@ -126,14 +126,16 @@ def is_default(plain: Mapping[str, Any], overrides: Sequence[str]) -> bool:
     return scene_mapping(opir.scene_from_mapping(plain, overrides=list(overrides))) == scene_mapping(own)
 
 
-def row_of(knob: str, level: str, default: bool, took: float, found: Answers, reference: Answers) -> dict[str, str]:
+def row_of(
+    knob: str, level: str, default: bool, took: float, found: RunAnswers, reference: RunAnswers
+) -> dict[str, str]:
     """Return a row of the CSV file, without its scene."""
     errors = {**differences(found, reference), "from_truth_km": from_truth_km(found)}
     row = {"knob": knob, "level": level, "default": str(int(default)), "processor_s": f"{took:.3f}"}
     return row | {each: f"{value:.4g}" for each, value in errors.items()}
 
 
-def from_truth_km(run: Answers) -> float:
+def from_truth_km(run: RunAnswers) -> float:
     """Return the error of the last predicted impact points from the true ones, root mean square, km; nan for none."""
     known = np.isfinite(run.impact[:, 0]) & np.isfinite(run.truth[:, 0])
     if not known.any():
@@ -153,7 +155,7 @@ def rows(plain: Mapping[str, Any], only: Sequence[str]) -> Iterator[dict[str, st
     every = knobs(plain)
     own, own_s = answered(plain, ())
     for knob in every:
-        reference: Answers | None = None
+        reference: RunAnswers | None = None
         for level in knob.levels if not only or knob.name in only else ():
             default = is_default(plain, level)
             found, took = (own, own_s) if default else answered(plain, level)

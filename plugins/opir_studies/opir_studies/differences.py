@@ -47,7 +47,7 @@ LOOKS = 20_000
 
 
 @frozen(eq=False)
-class Answers:
+class RunAnswers:
     """What a user reads of a run: detections with their P_d, and for each launch the estimates, nan where none."""
 
     detections: Detections
@@ -64,7 +64,7 @@ class Answers:
     contained: FloatArray
 
 
-def answers_of(run: Run) -> Answers:
+def answers_of(run: Run) -> RunAnswers:
     """Return the answers of a run."""
     count = len(run.plan.targets.ids)
     mine = np.flatnonzero(run.truth.target >= 0)
@@ -88,7 +88,7 @@ def answers_of(run: Run) -> Answers:
         states = run.tracks.state[every, :3]
     places = np.array(truth, dtype=np.float64).reshape(-1, 2)
     looks, probability = _probabilities(run, mine)
-    return Answers(detections, looks, probability, first_s, places, ticks, states, launch, impact, area, contained)
+    return RunAnswers(detections, looks, probability, first_s, places, ticks, states, launch, impact, area, contained)
 
 
 def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
@@ -118,7 +118,7 @@ def _look_keys(sensor: IndexArray, target: IndexArray, scan: IntArray, targets: 
     return keys
 
 
-def differences(run: Answers, reference: Answers) -> dict[str, float]:
+def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
     """Return the errors of a run, by the names of `MEASURES`."""
     ours, theirs = _matched(_keys(run.detections), _keys(reference.detections))
     here, there = run.detections.take(ours), reference.detections.take(theirs)

@@ -13,7 +13,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run, run_of_plan
-from opir_studies.differences import MEASURES, Answers, answers_of, differences, over_runs
+from opir_studies.differences import MEASURES, RunAnswers, answers_of, differences, over_runs
 from opir_studies.knobs import Knob, Overrides, knobs_of
 
 #: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like it need the rest.
@@ -77,7 +77,7 @@ class Tuner:
     host: Host = field(factory=Host.discover)
     simulate: Callable[[Scene, Host], tuple[Run, float]] = timed_run
     on_run: Callable[[], None] = lambda: None
-    _references: dict[int, tuple[Answers, float]] = field(factory=dict, init=False)
+    _references: dict[int, tuple[RunAnswers, float]] = field(factory=dict, init=False)
 
     def scene(self, extra: Overrides = ()) -> Scene:
         """Return the scene with more overrides, without outputs."""
@@ -110,7 +110,7 @@ class Tuner:
             times.append(spent_s)
         return Trial(levels, median(times), over_runs(found))
 
-    def _reference(self, knobs: Sequence[Knob], seed: int) -> Answers:
+    def _reference(self, knobs: Sequence[Knob], seed: int) -> RunAnswers:
         if seed not in self._references:
             scene = self.scene(overrides_at(knobs, [0] * len(knobs)))
             run, spent_s = self._run(evolve(scene, seed=seed))
