@@ -78,7 +78,11 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         events = Path(folder) / f"events.{arguments.to}"
-        truth = None if arguments.no_truth else Path(folder) / "truth.jsonl"
+        truth = (
+            None
+            if arguments.no_truth
+            else Path(folder) / ("truth.parquet" if arguments.to == "parquet" else "truth.jsonl")
+        )
         output = {"null": {}} if arguments.to == "null" else {arguments.to: {"path": str(events)}}
         scene = raid(arguments.launches, arguments.duration, [output])
         before_s = time.process_time()

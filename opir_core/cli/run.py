@@ -40,7 +40,8 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--out", metavar="PATH", help="write events here as JSON lines (- for standard output)")
     where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
-    parser.add_argument("--truth", metavar="PATH", help="write the truth here (default: beside the events)")
+    where_truth = "write the truth here, as columns if PATH ends in .parquet (default: beside the events)"
+    parser.add_argument("--truth", metavar="PATH", help=where_truth)
     parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")

@@ -26,6 +26,9 @@ from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
 
+#: The ending of a truth file with columns.
+PARQUET = ".parquet"
+
 
 @frozen(eq=False)
 class RunOutcome:
@@ -105,13 +108,10 @@ def _recorded(
     plan: Plan, windows: Iterable[Window], files: OutputFiles, truth_path: Path | None, tracks_path: Path | None
 ) -> Iterator[Window]:
     """Yield windows after their truth and tracks are written to files."""
-    from opir_core.output.run_files import TruthFile
-
     with ExitStack() as opened:
         truth = None
         if truth_path is not None:
-            place = files.stage(truth_path, only_appends=True, kind="truth")
-            truth = opened.enter_context(TruthFile(place, plan))
+            truth = opened.enter_context(_truth_file(plan, files, truth_path))
         tracks = None
         if tracks_path is not None:
             from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
@@ -124,6 +124,21 @@ def _recorded(
             if tracks is not None:
                 tracks.write(window.tracks)
             yield window
+
+
+def _truth_file(plan: Plan, files: OutputFiles, path: Path) -> Any:
+    """Return the file of a run's truth, open: columns, by opir-export, for a path that ends in `.parquet`; else lines.
+
+    Raises `PluginError` if opir-export is needed and not installed.
+    """
+    from opir_core.output.run_files import TruthFile, truth_records
+
+    if path.suffix != PARQUET:
+        return TruthFile(files.stage(path, only_appends=True, kind="truth"), plan)
+    from opir_core.simulation.run_views import provided
+
+    make = provided("opir_export", "ParquetTruth", f"a truth file with the ending {PARQUET}")
+    return make(path, files.stage(path, kind="truth"), plan.targets.ids, truth_records(plan))
 
 
 def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mapping[str, Sink]:

@@ -66,6 +66,16 @@ class LinesFile:
             raise unwritable(self._kind, self._path, error) from error
 
 
+def truth_records(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return the records of the sensors with a line-of-sight bias and of the targets, with which a truth begins."""
+    biases = () if plan.bias is None else plan.bias.by_sensor(plan.sensors)
+    targets = zip(plan.targets.ids, plan.targets.truth(), strict=True)
+    return [
+        *({"record": "sensor", **bias} for bias in biases),
+        *({"record": "target", "target_id": id_, **launch} for id_, launch in targets),
+    ]
+
+
 class TruthFile(LinesFile):
     """Writes the truth of a run to a file, window by window; use it as a context."""
 
@@ -76,10 +86,7 @@ class TruthFile(LinesFile):
         self._render = fastest()
         self._ids = plan.targets.ids
         self._targets = [_TARGET % self._encoder.encode(id_) for id_ in (*self._ids, None)]
-        biases = () if plan.bias is None else plan.bias.by_sensor(plan.sensors)
-        self._write([{"record": "sensor", **bias} for bias in biases])
-        targets = zip(self._ids, plan.targets.truth(), strict=True)
-        self._write([{"record": "target", "target_id": id_, **launch} for id_, launch in targets])
+        self._write(truth_records(plan))
 
     def write(self, window: Window) -> None:
         """Write the truth of a window's detections."""

@@ -7,15 +7,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from opir_export.parquet_truth import ParquetTruth
     from opir_export.tabular.run_tables import tables, to_pandas, to_polars
 
-__all__ = ["tables", "to_pandas", "to_polars"]
+__all__ = ["ParquetTruth", "tables", "to_pandas", "to_polars"]
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'opir_export' has no attribute {name!r}")
-    return getattr(import_module("opir_export.tabular.run_tables"), name)
+    module = "parquet_truth" if name == "ParquetTruth" else "tabular.run_tables"
+    return getattr(import_module(f"opir_export.{module}"), name)
 
 
 def __dir__() -> list[str]:

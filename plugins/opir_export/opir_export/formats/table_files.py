@@ -78,9 +78,10 @@ class CsvFolder(TableFolder):
 def encodings(schema: Any) -> dict[str, list[str]]:
     """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers that all differ.
 
-    A dictionary of measured numbers is as large as the numbers; their bytes compress if equal places are together.
+    A dictionary of measured numbers, or of ids, is as large as these; the bytes of numbers compress if equal places are
+    together.
     """
-    repeated = [each.name for each in schema if not _is_measured(each)]
+    repeated = [each.name for each in schema if not _is_measured(each) and each.name != "detection_id"]
     return {"use_dictionary": repeated, "use_byte_stream_split": [each.name for each in schema if _is_measured(each)]}
 
 

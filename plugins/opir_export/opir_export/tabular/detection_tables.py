@@ -9,10 +9,10 @@ import pyarrow as pa
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections
-from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core.random_streams.detection_ids import uuid_characters, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known, texts
+from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known
 
 _UTC = "UTC"
 
@@ -67,7 +67,7 @@ def _reports(rows: Detections, origin: EncoderContext) -> Iterator[TableColumn]:
     )
     yield TableColumn("target_type", names(rows.reported_type, origin.reported_types), "", "reported type")
     yield TableColumn("confidence", numbers(rows.confidence), "", "in [0, 1]")
-    yield TableColumn("bands", texts(_bands(rows, sensors)), "", "bands that confirm, joined by +")
+    yield TableColumn("bands", _bands(rows, sensors), "", "bands that confirm, joined by +")
     yield TableColumn("snr", numbers(rows.snr), "", "signal-to-noise ratio")
     yield TableColumn(
         "detection_count", numbers(rows.detection_count), "", "detections of the object by the sensor so far"
@@ -77,9 +77,13 @@ def _reports(rows: Detections, origin: EncoderContext) -> Iterator[TableColumn]:
 
 def truth_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `truth` of a run, row by row that of the detections."""
-    rows = run.truth
-    yield TableColumn("detection_id", texts_of_ids(run.detections), "", "UUID of the event")
-    yield TableColumn("target_id", names(rows.target, run.target_ids), "", "the target, null for a false alarm")
+    yield from columns_of_truth(run.detections, run.truth, run.target_ids)
+
+
+def columns_of_truth(detections: Detections, rows: DetectionTruth, target_ids: Sequence[str]) -> Iterator[TableColumn]:
+    """Yield the columns of the truth of detections of targets with these ids."""
+    yield TableColumn("detection_id", texts_of_ids(detections), "", "UUID of the event")
+    yield TableColumn("target_id", names(rows.target, target_ids), "", "the target, null for a false alarm")
     yield TableColumn("emission_s", numbers(rows.emission_time_s), "s", "scene time at which the light was emitted")
     yield TableColumn("range_m", numbers(rows.range_m), "m", "true distance from sensor to target")
     elevation_deg = np.degrees(rows.target_elevation_rad)
@@ -89,15 +93,22 @@ def truth_columns(run: Any) -> Iterator[TableColumn]:
 
 def texts_of_ids(rows: Detections) -> Any:
     """Return the ids of detections as an array of texts."""
-    return pa.array(uuid_text(rows.detection_id), type=pa.string())
+    characters = uuid_characters(rows.detection_id)
+    if characters.size > np.iinfo(np.int32).max:  # too long for the offsets of one array of texts
+        return pa.array(uuid_text(rows.detection_id), type=pa.string())
+    offsets = np.arange(len(characters) + 1, dtype=np.int32) * characters.shape[1]
+    return pa.StringArray.from_buffers(len(characters), pa.py_buffer(offsets), pa.py_buffer(characters))
 
 
-def _bands(rows: Detections, sensors: Sequence[Sensor]) -> list[str]:
+def _bands(rows: Detections, sensors: Sequence[Sensor]) -> Any:
     """Return the names of each detection's bands; each pair of sensor and mask is spelt once."""
     pairs = rows.sensor.astype(np.int64) << 8 | rows.bands
-    distinct, place = np.unique(pairs, return_inverse=True)
-    words = [_spelt(sensors[pair >> 8], pair & 0xFF) for pair in distinct.tolist()]
-    return [words[index] for index in place.tolist()]
+    used = np.flatnonzero(np.bincount(pairs))
+    spelt = [_spelt(sensors[pair >> 8], pair & 0xFF) for pair in used.tolist()]
+    words = sorted(set(spelt))
+    codes = np.zeros(used.max(initial=-1) + 1, dtype=np.int32)
+    codes[used] = [words.index(word) for word in spelt]
+    return names(codes.take(pairs), words)
 
 
 def _spelt(sensor: Sensor, mask: int) -> str:

@@ -1,0 +1,50 @@
+"""The truth of a run as columns: what is in memory, in row groups, with the records of sensors and targets."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_runs import SCENE
+from pyarrow import parquet
+
+import opir_core
+from opir_core.cli.main import main
+from opir_core.output.run_files import truth_records
+
+
+def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "events.truth.parquet"
+    scene = opir_core.load_scene(SCENE, overrides=["duration_s=70", "tracker=none"])
+    settings = ["--set", "duration_s=70", "--set", "tracker=none", "--out", str(tmp_path / "events.jsonl")]
+    assert main(["run", str(SCENE), "--quiet", "--truth", str(path), *settings]) == 0
+    run = opir_core.simulate(scene)
+    read, due = parquet.read_table(path), run.tables()["truth"]
+    assert read.column_names == due.column_names
+    assert len(read) == len(due) > 1000
+    for name in due.column_names:
+        assert read[name].to_pylist() == due[name].to_pylist(), name
+    assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(json.dumps(truth_records(run.plan)))
+
+
+def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
+    events = tmp_path / "events.jsonl"
+    outputs = f"outputs=[{{jsonl: {{path: {events}}}}}, {{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"
+    settings = ["--set", "duration_s=70", "--set", "tracker=none", "--set", outputs]
+    assert main(["run", str(SCENE), "--quiet", *settings]) == 0
+    lines = [json.loads(line) for line in events.read_bytes().splitlines()]
+    read = parquet.read_table(tmp_path / "events.parquet")
+    assert read["detection_id"].to_pylist() == [line["detection_id"] for line in lines]
+    assert read["bands"].to_pylist() == ["+".join(line["bands"]) for line in lines]
+    assert np.allclose(read["azimuth_deg"], [line["azimuth_deg"] for line in lines], atol=1e-9)
+
+
+def test_without_opir_export_the_message_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "opir_export", None)
+    path = tmp_path / "truth.parquet"
+    assert main(["run", str(SCENE), "--quiet", "--truth", str(path), "--out", str(tmp_path / "events.jsonl")]) == 3
+    assert "opir-export" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
