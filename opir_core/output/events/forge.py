@@ -200,8 +200,10 @@ def _type_probabilities(detections: Detections) -> list[Column]:
     """Return the type probabilities, if the classifier has them."""
     if not detections.type_log_probability.shape[1]:
         return []
-    columns = [Decimal(column, RATIO_DECIMALS) for column in detections.type_probability.T]
-    return [each for both in zip(_TYPES, columns, strict=True) for each in both] + [b"},"]
+    columns: list[Column] = []
+    for name, column in zip(_TYPES, detections.type_probability.T, strict=True):
+        columns += [name, Decimal(column, RATIO_DECIMALS)]
+    return [*columns, b"},"]
 
 
 def _positions(window: Window) -> list[Column]:
