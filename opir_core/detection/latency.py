@@ -96,8 +96,8 @@ def latency_quantile(
             # With P_d = 1 the quotient is 0, and one look is needed for any q above 0.
             return np.asarray(period * np.where(level > 0.0, np.maximum(np.ceil(looks), 1.0), looks))
         whole = np.floor(looks)
-        missed = np.exp(np.where(whole == 0.0, 0.0, whole * _log_miss(probability)))
-        part = np.where(level == 0.0, 0.0, (1.0 - (1.0 - level) / missed) / probability)
+        log_missed = np.where(whole == 0.0, 0.0, whole * _log_miss(probability))
+        part = np.where(level == 0.0, 0.0, -np.expm1(np.log1p(-level) - log_missed) / probability)
         return np.asarray(period * np.where(np.isinf(looks), np.inf, whole + part))
 
 

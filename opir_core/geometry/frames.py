@@ -21,7 +21,7 @@ J2000_JULIAN_DATE = 2451545.0
 DAYS_PER_CENTURY = 36525.0
 
 #: The Julian date of 1970-01-01T00:00:00.
-_UNIX_JULIAN_DATE = 2440587.5
+UNIX_JULIAN_DATE = 2440587.5
 
 #: Seconds of a day; leap seconds are not counted.
 SECONDS_PER_DAY = 86400.0
@@ -33,8 +33,8 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
 
     One double holds it to 4e-5 s.
     """
-    day, second = _day_and_second(epoch, time_s)
-    return (day + _UNIX_JULIAN_DATE) + second / SECONDS_PER_DAY
+    day, second = day_and_second(epoch, time_s)
+    return (day + UNIX_JULIAN_DATE) + second / SECONDS_PER_DAY
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -44,8 +44,8 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     Source: Aoki et al., Astron. Astrophys. 105 (1982), 359-361; Vallado, section 3.5. Day and second are separate, so
     that the rounding error is below 1e-12 rad.
     """
-    day, second = _day_and_second(epoch, time_s)
-    centuries = ((day + (_UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / SECONDS_PER_DAY) / DAYS_PER_CENTURY
+    day, second = day_and_second(epoch, time_s)
+    centuries = ((day + (UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / SECONDS_PER_DAY) / DAYS_PER_CENTURY
     # The leading term of the formula, 876600 h per century, is the rotation by the day: whole days of it drop out.
     drift = (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
     seconds = 67310.54841 - 43200.0 + second + drift
@@ -53,7 +53,7 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     return select(angle < 2.0 * np.pi, angle, angle * 0.0)
 
 
-def _day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return whole days since 1970 and seconds since their midnight."""
     instant = np.asarray(epoch, dtype="datetime64")
     midnight = instant.astype("datetime64[D]")

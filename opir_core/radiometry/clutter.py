@@ -52,7 +52,11 @@ def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: Array
     far = np.asarray(distance, dtype=np.float64) / np.asarray(scale, dtype=np.float64)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         value = 2.0 ** (1.0 - order) / gamma(order) * far**order * kv(order, far)
-    return np.where(far > 0.0, value, 1.0)
+        # Where K_ν overflows, the first terms of its series, 1 - (r/ℓ)² / (4 (ν - 1)) for ν above 1; where the power
+        # overflows, K_ν is 0.
+        near = np.where(order > 1.0, 1.0 - np.square(far) / (4.0 * (order - 1.0)), 1.0)
+        value = np.where(np.isfinite(value), value, np.where(far < 1.0, near, np.where(far > 1.0, 0.0, value)))
+    return np.where(far > 0.0, value, np.where(np.isnan(far), far, 1.0))
 
 
 @frozen

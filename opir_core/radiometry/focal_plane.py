@@ -26,6 +26,8 @@ AIRY_SIGMA = math.sqrt(2.0) / math.pi
 
 #: Sub-pixel phases of an average, from the centre of a pixel to its edge; it converges faster than any power.
 _PHASES = (np.arange(32) + 0.5) / 64.0
+#: Gauss-Legendre quadrature over [0, 1].
+_NODES, _WEIGHTS = (0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]]))
 #: Widths, in pixels: beyond the first all phases are alike, beyond the second a spot is a wider one in larger pixels.
 _ALIKE, _SMOOTH = 1.5, 4.0
 
@@ -92,6 +94,9 @@ def ensquared_energy(
     elif phase == "mean":
         falling = np.exp(-np.square(outer / scale)) - np.exp(-np.square(_ratio(inner, scale)))
         share = (outer * erf(outer / scale) - inner * _erf(inner, scale) + scale * falling / math.sqrt(math.pi)) / pixel
+        # The mean of erf(x / scale) from inner to outer: of wide spots by quadrature, whose terms have one sign.
+        wide = sum(weight * erf((inner + pixel * node) / scale) for node, weight in zip(_NODES, _WEIGHTS, strict=True))
+        share = np.where(pixel < scale, wide, share)
     else:
         raise ValueError(f"phase: {phase!r} is not one of mean, best, worst")
     return np.asarray(share * share)

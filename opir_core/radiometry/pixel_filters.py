@@ -12,6 +12,10 @@ from scipy.special import erf
 
 from opir_core.arrays import FloatArray
 
+#: Gauss-Legendre quadrature over [0, 1], and the width, in pixels, from which it is exact to rounding.
+_NODES, _WEIGHTS = (0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]]))
+_WIDE = 1.0
+
 FILTERS = ("sum", "surround", "matched")
 
 
@@ -39,9 +43,23 @@ def filter_weights(kind: str, pixels: int, sigma_rad: float, pixel_rad: float) -
 def mean_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
     """Return the mean shares (m, m) of a spot's energy in the pixels of a square about it, over sub-pixel phases."""
     place, spread = _places(width), sigma_rad / pixel_rad
-    outer, own, inner = (_mean_edge(place + step, spread) for step in (1.0, 0.0, -1.0))
-    along = outer - 2.0 * own + inner
+    if spread > _WIDE:
+        along = _of_wide_spot(place, spread)
+    else:
+        outer, own, inner = (_mean_edge(place + step, spread) for step in (1.0, 0.0, -1.0))
+        along = outer - 2.0 * own + inner
     return np.outer(along, along)
+
+
+def _of_wide_spot(place: FloatArray, spread: float) -> FloatArray:
+    """Return the mean shares (m,) along one axis: the normal density under the triangle of a pixel's places.
+
+    By quadrature: of wide spots the difference of integrals would cancel.
+    """
+    off = (place[:, None] + np.concatenate([-_NODES, _NODES])) / spread
+    weight = np.tile(_WEIGHTS * (1.0 - _NODES), 2)
+    shares: FloatArray = (np.exp(-0.5 * off * off) * weight).sum(axis=1) / (spread * math.sqrt(2.0 * math.pi))
+    return shares
 
 
 def corner_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:

@@ -1,5 +1,7 @@
 """Sunlight in a band, and what diffuse spheres reflect of it."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,6 +14,13 @@ SUN_TEMPERATURE_K = 5772.0
 
 #: The solid angle of the Sun's disc at one astronomical unit, sr.
 SUN_SOLID_ANGLE_SR = float(np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2)
+
+#: What π exceeds the nearest double by.
+_PI_REST = 1.2246467991473532e-16
+
+#: Nearer to π than this the phase function is a series; its coefficients, 2k (-1)^(k+1) / (2k+1)! of β^(2k+1).
+_SMALL_REST_RAD = 0.5
+_SERIES = tuple((-1.0) ** (k + 1) * 2.0 * k / math.factorial(2 * k + 1) for k in range(1, 9))
 
 
 def solar_irradiance(
@@ -32,7 +41,14 @@ def lambert_phase(phase_rad: ArrayLike) -> FloatArray:
     Source: H. N. Russell, Astrophysical Journal 43 (1916), 173-196.
     """
     phase = np.asarray(phase_rad, dtype=np.float64)
-    return (np.sin(phase) + (np.pi - phase) * np.cos(phase)) / np.pi
+    rest = (np.pi - phase) + _PI_REST
+    # Near π, sin β - β cos β of the rest β cancels: there its series is used.
+    small = np.minimum(rest, _SMALL_REST_RAD)
+    series = np.zeros_like(small)
+    for coefficient in reversed(_SERIES):
+        series = series * small * small + coefficient
+    direct = np.sin(phase) + (np.pi - phase) * np.cos(phase)
+    return np.where(rest < _SMALL_REST_RAD, small * small * small * series, direct) / np.pi
 
 
 def lambert_sphere_intensity(

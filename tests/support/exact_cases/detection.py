@@ -1,0 +1,424 @@
+"""References of detection, scoring and estimation: distributions, latency, consistency, ellipses, least squares."""
+
+from itertools import permutations
+from types import ModuleType
+
+import mpmath as mp
+import numpy as np
+
+import opir_core.detection as detection
+import opir_core.scoring as scoring
+from exact_cases import draws
+from exact_cases.measure import Case, dot, norm
+from opir_core.estimation import square_root
+from opir_core.estimation.containment_ellipse import containment_ellipse, sigmas
+from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.geometry.sphere import great_circle_m
+from opir_core.geometry.vectors import angle_between_rad
+
+
+def tail(x):
+    """Return Q(x), the upper tail of the standard normal distribution."""
+    return mp.erfc(x / mp.sqrt(2)) / 2
+
+
+def quantile(probability):
+    """Return Φ⁻¹(p), by Newton's method in the logarithm of the smaller tail."""
+    if not 0 < probability < 1:
+        return None
+    upper = probability > mp.mpf(1) / 2
+    small = 1 - probability if upper else probability
+    wanted = mp.log(small)
+    x = mp.sqrt(-2 * wanted) if wanted < -2 else mp.mpf(1) / 2
+    for _ in range(200):
+        value = tail(x)
+        step = (mp.log(value) - wanted) * value / (mp.exp(-x * x / 2) / mp.sqrt(2 * mp.pi))
+        x += step
+        if abs(step) < mp.mpf(10) ** -(mp.mp.dps - 4):
+            break
+    return x if upper else -x
+
+
+def student_tail(x, freedom):
+    """Return the upper tail of Student's t: an incomplete beta function."""
+    share = mp.betainc(freedom / 2, mp.mpf(1) / 2, 0, freedom / (freedom + x * x), regularized=True) / 2
+    return share if x >= 0 else 1 - share
+
+
+def student_threshold(probability, cells):
+    """Return the threshold of a tail of Student's t, by secant steps in logarithms from the float64 answer."""
+    wanted, start = mp.log(probability), mp.mpf(float(detection.cfar_threshold(float(probability), float(cells))))
+    before, now = start, start * (1 + mp.mpf(10) ** -9) + mp.mpf(10) ** -12
+    miss_before = mp.log(student_tail(before, cells - 1)) - wanted
+    for _ in range(4):
+        miss = mp.log(student_tail(now, cells - 1)) - wanted
+        if miss == miss_before:
+            break
+        before, now, miss_before = now, now - miss * (now - before) / (miss - miss_before), miss
+    return now
+
+
+def noncentral_tail(snr, threshold, cells):
+    """Return P(T > t) of the noncentral t: over the χ of the reference cells, by quadrature."""
+    freedom, shift = cells - 1, snr / mp.sqrt(1 + 1 / cells)
+
+    def part(s):
+        log_density = (freedom - 1) * mp.log(s) - freedom * s * s / 2
+        return mp.exp(log_density - peak) * tail(threshold * s - shift)
+
+    top = mp.sqrt((freedom - 1) / freedom) if freedom > 1 else mp.mpf(1)
+    peak = (freedom - 1) * mp.log(top) - freedom * top * top / 2 if freedom > 1 else mp.mpf(-1) / 2
+    width = 1 / mp.sqrt(2 * freedom)
+    edges = sorted({max(mp.mpf(0), top + k * width) for k in (-40, -16, -10, -6, -3, -1, 0, 1, 3, 6, 10, 16, 40)})
+    scale = mp.quad(lambda s: mp.exp((freedom - 1) * mp.log(s) - freedom * s * s / 2 - peak), edges)
+    # What the tail favours may lie far below the peak of χ.
+    return mp.quad(part, edges) / scale
+
+
+def binomial_tail(probability, needed, looks):
+    return mp.fsum(
+        mp.binomial(looks, k) * probability**k * (1 - probability) ** (looks - k) for k in range(needed, looks + 1)
+    )
+
+
+def log_miss(probability):
+    return mp.log1p(-probability) if probability < 1 else -mp.inf
+
+
+def cumulative(probability, looks):
+    return mp.mpf(0) if looks == 0 else mp.mpf(1) if probability == 1 else -mp.expm1(looks * log_miss(probability))
+
+
+def grid_time(value):
+    """Return a time in whole nanoseconds, as the functions compare times: by the float product's nearest integer."""
+    return mp.mpf(float(np.rint(float(value) * 1e9)))
+
+
+def latency_cdf(time, period, probability, random=True):
+    elapsed, step = grid_time(max(time, mp.mpf(0))), grid_time(period)
+    whole = mp.floor(elapsed / step)
+    certain = cumulative(probability, whole)
+    part = elapsed / step - whole if random else mp.mpf(0)
+    return certain + (1 - certain) * part * probability
+
+
+def latency_quantile(level, period, probability):
+    """Return the quantile for scans of random phase."""
+    if probability == 0:
+        return mp.inf if level > 0 else mp.mpf(0)
+    if level == 0:
+        return mp.mpf(0)
+    looks = mp.log1p(-level) / log_miss(probability) if probability < 1 else mp.mpf(0)
+    whole = mp.nint(looks) if abs(looks - mp.nint(looks)) < mp.mpf("1e-9") else mp.floor(looks)
+    left = mp.log1p(-level) - (whole * log_miss(probability) if whole else 0)
+    return period * (whole - mp.expm1(left) / probability)
+
+
+def latencies(rng, n):
+    """Return times, periods and P_d: whole scans and parts of them, a nanosecond and a year."""
+    period = draws.log_uniform(rng, n, 1e-3, 1e2, (10.0, 1e-9))
+    return period * draws.log_uniform(rng, n, 1e-3, 1e6, (1.0, 7.0, 0.0)), period, draws.probabilities(rng, n)
+
+
+def _snr(rng, n):
+    return draws.log_uniform(rng, n, 1e-3, 60.0, (0.0,)), draws.uniform(rng, n, -5.0, 38.0, (0.0, 5.0))
+
+
+def correlations(rng, n):
+    step = rng.uniform(0.0, 0.999, n)
+    return (step[:, None] ** np.arange(12),)
+
+
+def ellipse(covariance):
+    """Return the 95 % semi-axes of a covariance [a, b, c, d] from its characteristic polynomial."""
+    a, b, c, d = covariance
+    cross = (b + c) / 2
+    middle, spread = (a + d) / 2, mp.sqrt(((a - d) / 2) ** 2 + cross * cross)
+    radius = mp.sqrt(-2 * mp.log(mp.mpf(1) - mp.mpf(0.95)))
+    low = (a * d - cross * cross) / (middle + spread)
+    return radius * mp.sqrt(middle + spread), radius * mp.sqrt(max(low, mp.mpf(0)))
+
+
+def covariances(rng, n, size=2):
+    """Return covariances (n, size²), m²: a metre to 1000 km, with axes up to a million times as long as wide."""
+    root = rng.normal(size=(n, size, size)) * draws.log_uniform(rng, n, 1.0, 1e6)[:, None, None]
+    root[:, 0] *= draws.log_uniform(rng, n, 1e-5, 1.0)[:, None]
+    return (root @ root.transpose(0, 2, 1)).reshape(n, -1)
+
+
+def nees(error, covariance):
+    size = len(error)
+    solved = mp.lu_solve(
+        mp.matrix([covariance[size * row : size * (row + 1)] for row in range(size)]), mp.matrix(error)
+    )
+    return dot(error, list(solved))
+
+
+def gospa(estimate, truth):
+    """Return the distance of three estimates and three truths in the plane, by all assignments."""
+    points = [[values[2 * k : 2 * k + 2] for k in range(3)] for values in (estimate, truth)]
+    cut = mp.mpf(5)
+    costs = [
+        mp.fsum(
+            min(norm([a - b for a, b in zip(points[0][i], points[1][j], strict=True)]), cut) ** 2
+            for i, j in enumerate(order)
+        )
+        for order in permutations(range(3))
+    ]
+    return mp.sqrt(min(costs))
+
+
+def solution(rows, right):
+    """Return the least-squares solution of 6 rows of 3, by the normal equations in many digits."""
+    matrix = mp.matrix([rows[3 * k : 3 * k + 3] for k in range(6)])
+    return list(mp.lu_solve(matrix.T * matrix, matrix.T * mp.matrix(right)))
+
+
+def _stack(rows, right):
+    stack = np.concatenate([rows.reshape(-1, 6, 3), right[:, :, None]], axis=2)
+    return square_root.least_squares(stack)[1]
+
+
+def _lines(rng, n):
+    """Return whitened rows of three sensors almost in one plane, and residuals."""
+    rows = rng.normal(size=(n, 6, 3))
+    rows[:, :, 2] *= draws.log_uniform(rng, n, 1e-6, 1.0)[:, None]
+    return rows.reshape(n, 18), rng.normal(size=(n, 6))
+
+
+def inverse(root):
+    """Return the inverse of an upper triangle of 3 given as 9 numbers, as such."""
+    return list(mp.matrix([root[3 * k : 3 * k + 3] for k in range(3)]) ** -1)
+
+
+def _roots(rng, n):
+    root = np.triu(rng.normal(size=(n, 3, 3)))
+    root[:, [0, 1, 2], [0, 1, 2]] = draws.log_uniform(rng, 3 * n, 1e-3, 1e3).reshape(n, 3)
+    return (root.reshape(n, 9),)
+
+
+def directed(direction):
+    """Return the tangent axes of a direction as 9 numbers (Duff et al. 2017)."""
+    x, y, z = direction
+    sign, low = (-1 if z < 0 else 1), 1 + abs(z)
+    return [1 - x * x / low, -x * y / low, -sign * x, -sign * x * y / low, sign * (1 - y * y / low), -y, x, y, z]
+
+
+def great_circle(one, other):
+    (a, b), (c, d) = one, other
+    half = mp.sin((c - a) / 2) ** 2 + mp.cos(a) * mp.cos(c) * mp.sin((d - b) / 2) ** 2
+    return 2 * mp.mpf(6378137) * mp.asin(min(mp.mpf(1), mp.sqrt(half)))
+
+
+def _places(rng, n):
+    one = np.stack([draws.latitudes(rng, n), draws.angles(rng, n)], axis=1)
+    near = one + draws.log_uniform(rng, n, 1e-12, 1.0)[:, None] * rng.normal(size=(n, 2))
+    return one, np.clip(near, [-0.5 * np.pi, -np.inf], [0.5 * np.pi, np.inf])
+
+
+def between(one, other):
+    return mp.atan2(
+        norm(
+            [
+                one[1] * other[2] - one[2] * other[1],
+                one[2] * other[0] - one[0] * other[2],
+                one[0] * other[1] - one[1] * other[0],
+            ]
+        ),
+        dot(one, other),
+    )
+
+
+def _of(module: ModuleType, name: str):
+    return f"{module.__name__.removeprefix('opir_core.')}.{name}"
+
+
+#: Probabilities below it may be rounded to 0; their logarithms are exact.
+LEAST = 1e-300
+
+CASES = (
+    Case(
+        "detection.probability_of_detection",
+        _snr,
+        detection.probability_of_detection,
+        lambda s, t: tail(t - s),
+        scale=(LEAST,),
+    ),
+    Case(
+        "detection.log_probability_of_detection",
+        lambda r, n: (draws.log_uniform(r, n, 1e-3, 60.0), draws.uniform(r, n, -5.0, 400.0, (1e5,))),
+        detection.log_probability_of_detection,
+        lambda s, t: mp.log(tail(t - s)) if t > s else mp.log1p(-tail(s - t)),
+    ),
+    Case(
+        "detection.false_alarm_probability",
+        lambda r, n: (draws.uniform(r, n, -8.0, 38.0, (0.0,)),),
+        detection.false_alarm_probability,
+        tail,
+        scale=(LEAST,),
+    ),
+    Case(
+        "detection.threshold_sigma",
+        lambda r, n: (draws.probabilities(r, n),),
+        detection.threshold_sigma,
+        lambda p: None if quantile(p) is None else -quantile(p),
+        share=0.5,
+    ),
+    Case(
+        "detection.required_snr",
+        lambda r, n: (draws.probabilities(r, n), r.uniform(0.0, 20.0, n)),
+        detection.required_snr,
+        lambda p, t: None if quantile(p) is None else t + quantile(p),
+        share=0.5,
+    ),
+    Case(
+        "detection.m_of_n_probability",
+        lambda r, n: (draws.probabilities(r, n),),
+        lambda p: detection.m_of_n_probability(p, 3, 5),
+        lambda p: binomial_tail(p, 3, 5),
+        scale=(LEAST,),
+    ),
+    Case(
+        "detection.cfar_threshold",
+        lambda r, n: (draws.log_uniform(r, n, 1e-12, 0.5), r.integers(4, 200, n).astype(float)),
+        detection.cfar_threshold,
+        student_threshold,
+        fixed=(1,),
+        share=0.1,
+    ),
+    Case(
+        "detection.cfar_false_alarm_probability",
+        lambda r, n: (draws.log_uniform(r, n, 1e-3, 30.0), r.integers(3, 200, n).astype(float)),
+        detection.cfar_false_alarm_probability,
+        lambda t, c: student_tail(t, c - 1),
+        fixed=(1,),
+    ),
+    Case(
+        "detection.cfar_probability_of_detection",
+        lambda r, n: (
+            draws.uniform(r, n, 0.0, 12.0, (0.0,)),
+            r.uniform(2.0, 12.0, n),
+            r.integers(8, 100, n).astype(float),
+        ),
+        detection.cfar_probability_of_detection,
+        noncentral_tail,
+        fixed=(2,),
+        share=0.05,
+        digits=25,
+    ),
+    Case(
+        "detection.cfar_loss",
+        lambda r, n: (draws.log_uniform(r, n, 1e-9, 0.1), r.integers(8, 100, n).astype(float)),
+        lambda p, c: detection.cfar_probability_of_detection(
+            -detection.cfar_loss(p, c) * (-detection.threshold_sigma(p)), detection.cfar_threshold(p, c), c
+        ),
+        lambda p, c: mp.mpf(1) / 2,
+        # Of P_d in the SNR, where that is 5 to 10.
+        condition=lambda p, c: [8],
+    ),
+    Case(
+        "detection.effective_looks",
+        correlations,
+        detection.effective_looks,
+        lambda rho: 12 / (2 * mp.fsum((1 - mp.mpf(k) / 12) * r for k, r in enumerate(rho)) - rho[0]),
+    ),
+    Case(
+        "detection.cumulative_probability",
+        lambda r, n: (draws.probabilities(r, n), draws.log_uniform(r, n, 1.0, 1e9, (0.0,))),
+        detection.cumulative_probability,
+        cumulative,
+    ),
+    Case(
+        "detection.latency_cdf",
+        latencies,
+        lambda *c: detection.latency_cdf(*c, scan_phase="random"),
+        latency_cdf,
+        fixed=(0, 1),
+    ),
+    Case(
+        "detection.latency_mean",
+        lambda r, n: (r.uniform(0.01, 20.0, n), np.maximum(draws.probabilities(r, n), 1e-290)),
+        lambda *c: detection.latency_mean(*c, scan_phase="random"),
+        lambda t, p: t * (1 / p - mp.mpf(1) / 2),
+    ),
+    Case(
+        "detection.latency_quantile",
+        lambda r, n: (
+            draws.probabilities(r, n),
+            r.uniform(0.01, 20.0, n),
+            np.maximum(draws.probabilities(r, n), 1e-290),
+        ),
+        lambda q, t, p: detection.latency_quantile(np.minimum(q, 1.0 - 2.0**-53), t, p, scan_phase="random"),
+        lambda q, t, p: latency_quantile(min(q, 1 - mp.mpf(2) ** -53), t, p),
+    ),
+    Case(
+        "scoring.nees",
+        lambda r, n: (r.normal(size=(n, 3)), covariances(r, n, 3)),
+        lambda e, c: scoring.nees(e, c.reshape(-1, 3, 3)),
+        nees,
+        share=0.5,
+    ),
+    Case(
+        "scoring.gospa",
+        lambda r, n: (4.0 * r.normal(size=(n, 6)), 4.0 * r.normal(size=(n, 6))),
+        lambda e, t: np.array(
+            [
+                scoring.gospa(one.reshape(3, 2), other.reshape(3, 2), cutoff=5.0).distance
+                for one, other in zip(e, t, strict=True)
+            ]
+        ),
+        gospa,
+        share=0.2,
+    ),
+    Case(
+        "estimation.containment_ellipse",
+        lambda r, n: (covariances(r, n),),
+        lambda c: tuple(containment_ellipse(c.reshape(-1, 2, 2)))[:2],
+        ellipse,
+    ),
+    Case(
+        "estimation.containment_ellipse.sigmas",
+        lambda r, n: (np.minimum(draws.probabilities(r, n), 1.0 - 2.0**-53),),
+        lambda p: np.array([sigmas(one) for one in p.tolist()]),
+        lambda p: mp.sqrt(-2 * mp.log1p(-p)),
+    ),
+    Case("estimation.square_root.least_squares", _lines, _stack, solution, share=0.2),
+    Case(
+        "estimation.square_root.inverse_root",
+        _roots,
+        lambda root: square_root.inverse_root(root.reshape(-1, 3, 3)).reshape(-1, 9),
+        inverse,
+        share=0.5,
+    ),
+    Case(
+        "estimation.lines_of_sight.tangent_axes",
+        lambda r, n: (draws.directions(r, n) + 0.0,),
+        lambda d: tangent_axes(d).reshape(-1, 9),
+        directed,
+    ),
+    Case("geometry.sphere.great_circle_m", _places, great_circle_m, great_circle),
+    Case(
+        "geometry.vectors.angle_between_rad",
+        lambda r, n: (draws.positions(r, n), draws.positions(r, n)),
+        angle_between_rad,
+        between,
+    ),
+)
+
+LEFT_OUT = {
+    "detection": {
+        "RatioGates": "an integral to a stated tolerance (tests/core/detection/test_band_rules.py)",
+    },
+    "scoring": {
+        **dict.fromkeys(
+            ["Consistency", "Gospa", "ImpactScores", "Ownership", "RunEvidence", "ScoreSettings", "Scorecard"],
+            "a record",
+        ),
+        "consistency": "SciPy's χ² quantiles (tests/core/scoring)",
+        "containment": "counts, and SciPy's χ² quantile (tests/core/scoring)",
+        **dict.fromkeys(
+            ["evidence_of_files", "evidence_of_run", "impact_scores", "ownership", "scorecard"],
+            "takes runs, not numbers",
+        ),
+    },
+}
