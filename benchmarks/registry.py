@@ -269,4 +269,11 @@ BENCHMARKS = (
         words("--each 1 --slices 60"),
         needs=("opir_trackers", "mpmath"),
     ),
+    Benchmark(
+        "stability",
+        "Which digits does each public function lose, against 40 digits?",
+        "stability.py",
+        words("--quick --only geometry.e"),
+        needs=("mpmath", "matplotlib"),
+    ),
 )

@@ -69,7 +69,7 @@ def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     return vector(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
-def _dynamical_centuries(day: FloatArray, second: ArrayLike) -> FloatArray:
+def _dynamical_centuries(day: FloatArray, second: FloatArray | float) -> FloatArray:
     """Return Julian centuries of dynamical time since J2000.0, from days since then and seconds of UTC.
 
     Apart, for one double holds a Julian date to 4e-5 s: 8e-12 rad of the Sun's direction.
