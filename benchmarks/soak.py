@@ -1,12 +1,12 @@
-"""Soak test of the service at full speed: constant memory and file descriptors, and delivery of every event.
+"""Soak test of the service at full speed with faults at random: constant memory and descriptors, every event delivered.
 
-    nice python benchmarks/soak.py --minutes 30 [--write docs/benchmarks]
+    nice python benchmarks/soak.py --minutes 60 [--seed 1] [--write docs/benchmarks]
 
 `opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch requested every minute
-of scene time, a viewer of the stream, and a spooled output into a pipe that this script reads line by line, with
-pauses. In a pause the spool fills to its limit and holds the run; afterwards it must empty. After SIGTERM every event
-that the service reports as delivered must have come out of the pipe, once. `--write` writes the page, the samples as
-CSV and, where matplotlib is installed, a plot.
+of scene time, a viewer of the stream, and two outputs with a spool: a pipe that another process reads, and a topic of a
+mock broker. Every half minute or so a fault of some seconds: the broker is gone, stopped, slow or refuses events, the
+reader of the pipe is stopped, or no file of the service can grow. After SIGTERM every event that the service reports as
+delivered must have arrived. `--write` writes the page, the samples as CSV and, where matplotlib is installed, a plot.
 """
 
 import argparse
@@ -15,6 +15,7 @@ import csv
 import http.client
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -27,11 +28,13 @@ from typing import Any
 
 import numpy as np
 from attrs import asdict, fields, frozen
+from soak_faults import PARTITIONS, Faults, PipeReader, TopicReader, descriptors, file_mib, mock_broker, rss_mib
 
 PAGE = """# Soak test
 
-Does the service run for long without leaks or lost events? {answer}: {minutes:g} minutes of
-`opir serve --speed max --loop`, {laps} laps of a scene of 5 minutes, {given} events.
+Does the service run for long without leaks or lost events, whatever fails around it? {answer}: {minutes:g} minutes of
+`opir serve --speed max --loop`, {laps} laps of a scene of 5 minutes, {given} events to each of two outputs, {faults}
+faults.
 
 | criterion | result | met |
 |---|---|---|
@@ -43,8 +46,10 @@ The samples are in [soak.csv](soak.csv).
 
 ## Method
 
-The output has a spool. A launch is requested every {trigger_s:g} s of scene time; one viewer reads the stream.
-Every {every_min:g} minutes the reader of the output pauses for {pause_s:g} s: the spool fills and holds the run.
+Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run when it is full. A launch is requested
+every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
+{kinds}. {machine}
+
 Memory is constant if the medians of the first and the last quarter after the warm-up ({warm_up:g} % of the run)
 differ by at most {flat:g} %. Made by `python benchmarks/soak.py --write docs/benchmarks`.
 """
@@ -68,7 +73,14 @@ targets:
     launch: {lat_deg: 22.0, lon_deg: -160.0, time_s: 60.0}
     aim: {lat_deg: 24.0, lon_deg: -158.0}
 outputs:
-  - jsonl: {path: PIPE, spool: {path: SPOOL, max_bytes: 8388608, when_full: wait, wait_s: 120.0}}
+  - jsonl: {path: PIPE, spool: {path: SPOOL-pipe, max_bytes: 8388608, when_full: wait, wait_s: 120.0}}
+  - kafka:
+      bootstrap_servers: BROKER
+      topic: soak
+      request_timeout_s: 2.0
+      acknowledgement_timeout_s: 3.0
+      longest_pause_s: 0.5
+      spool: {path: SPOOL-topic, max_bytes: 8388608, when_full: wait, wait_s: 120.0}
 """
 LAUNCH = {
     "type": "ICBM",
@@ -80,17 +92,21 @@ HEADERS = {"Content-Type": "application/json"}
 SAMPLE_S = 10.0
 #: Scene time between launches: with real time, how many there are in a lap would hang on the machine's other work.
 TRIGGER_S = 60.0
-PAUSE_EVERY_S = 300.0
-PAUSE_S = 25.0
+#: Time without faults at the end, s.
+CALM_S = 45.0
 #: The part of the run that is warm-up.
 WARM_UP = 0.25
 #: How much memory may grow from the first to the last quarter of what follows the warm-up.
-FLAT = 0.03
+FLAT = 0.02
+#: Connections come and go with faults.
+DESCRIPTORS = 2
+COUNTED = re.compile(r"(\d+) (?:delivered|spooled|dropped)")
+FATES = ("delivered", "spooled", "dropped", "withheld")
 
 
 @frozen
 class Sample:
-    """The service at a moment."""
+    """The service at a moment; of counts of outputs, the sum of both."""
 
     at_s: float
     rss_mib: float
@@ -101,31 +117,7 @@ class Sample:
     out: int
     lap: int
     tracks: int
-
-
-class Pipe:
-    """The far end of the output: counts lines, and their identifiers' repetitions within a few thousand."""
-
-    def __init__(self, path: Path) -> None:
-        self.lines = self.repeated = self.longest_pause = 0
-        self.flowing = threading.Event()
-        self.flowing.set()
-        self._path = path
-        self.thread = threading.Thread(target=self._read, daemon=True)
-        self.thread.start()
-
-    def _read(self) -> None:
-        recent: dict[str, None] = {}
-        with self._path.open("rb") as lines:
-            for line in lines:
-                self.flowing.wait()
-                self.lines += 1
-                name = json.loads(line)["detection_id"]
-                self.repeated += name in recent
-                recent[name] = None
-                if len(recent) > 50_000:
-                    for old in list(recent)[:25_000]:
-                        del recent[old]
+    fault: str
 
 
 class Viewer:
@@ -157,71 +149,98 @@ def asked(port: int, method: str, path: str, body: Any = None) -> tuple[int, Any
         connection.close()
 
 
-def sampled(process: int, port: int, spool: Path, pipe: Pipe, began_s: float) -> Sample:
-    status = asked(port, "GET", "/status")[1]
-    memory = Path(f"/proc/{process}/status").read_text(encoding="ascii")
-    rss_kib = next(int(line.split()[1]) for line in memory.splitlines() if line.startswith("VmRSS"))
-    files = [Path(f"{spool}{end}") for end in ("", "-wal", "-shm")]
-    sink = status["sinks"][0]
+def balanced(port: int) -> dict[str, Any]:
+    """Return a status in which the books of both outputs balance; a window is counted once it is in the spool."""
+    give_up_s = time.monotonic() + 30.0
+    while True:
+        status: dict[str, Any] = asked(port, "GET", "/status")[1]
+        sinks = status["sinks"]
+        if all(sum(each[name] for name in FATES) == each["given"] + each["recovered"] for each in sinks):
+            return status
+        if time.monotonic() > give_up_s:
+            raise AssertionError(f"the books do not balance: {sinks}")
+
+
+def sampled(process: int, port: int, spools: Sequence[Path], out: int, began_s: float, fault: str) -> Sample:
+    # While the disk takes nothing, a window waits half counted.
+    status = balanced(port) if not fault else asked(port, "GET", "/status")[1]
     return Sample(
         at_s=time.monotonic() - began_s,
-        rss_mib=rss_kib / 1024,
-        descriptors=len(list(Path(f"/proc/{process}/fd").iterdir())),
-        spool_mib=sum(file.stat().st_size for file in files if file.exists()) / 2**20,
-        waiting=sink["spooled"],
-        given=sink["given"],
-        out=pipe.lines,
+        rss_mib=rss_mib(process),
+        descriptors=descriptors(process),
+        spool_mib=sum(map(file_mib, spools)),
+        waiting=sum(sink["spooled"] for sink in status["sinks"]),
+        given=status["sinks"][0]["given"],
+        out=out,
         lap=status["clock"]["lap"],
         tracks=status["counts"]["tracks"],
+        fault=fault,
     )
 
 
-def soaked(minutes: float, folder: Path) -> dict[str, Any]:
+def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
     """Run it; return samples, answers to triggers by status, and how it ended."""
-    spool = folder / "spool"
+    broker = mock_broker()
+    broker.tell("topic", "soak", PARTITIONS)
     os.mkfifo(folder / "pipe")
     scene = folder / "scene.yaml"
-    text = SCENE.replace("PIPE", str(folder / "pipe")).replace("SPOOL", str(spool))
+    names = {"PIPE": folder / "pipe", "SPOOL": folder / "spool", "BROKER": broker.address}
+    text = SCENE
+    for name, value in names.items():
+        text = text.replace(name, str(value))
     scene.write_text(text, encoding="utf-8")
-    pipe = Pipe(folder / "pipe")
+    pipe, topic = PipeReader(folder / "pipe"), TopicReader(broker.address, "soak")
     command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--speed", "max", "--loop", "--port", "0"]
     service = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    faults = Faults(seed, service.pid, broker, pipe)
     try:
         assert service.stdout is not None
         port = int(service.stdout.readline().rpartition(":")[2])
         viewer = Viewer(port)
-        samples, triggers = watched(service.pid, port, spool, pipe, minutes * 60)
+        spools = [folder / f"spool-{kind}" for kind in ("pipe", "topic")]
+        samples, triggers = watched(service.pid, port, spools, (pipe, topic, faults), minutes * 60)
+        status = balanced(port)
         service.send_signal(signal.SIGTERM)
         began_s = time.monotonic()
         told = service.communicate(timeout=60.0)[0]
         stop_s = time.monotonic() - began_s
+        pipe.thread.join(20.0)
+        viewer.thread.join(10.0)
+        time.sleep(2.0)
+        topic.close()
     finally:
         service.kill()
-    for thread in (pipe.thread, viewer.thread):
-        thread.join(10.0)
+        faults.end()
+        pipe.close()
+        broker.close()
     return {
         "samples": samples,
         "triggers": triggers,
         "told": told,
         "stop_s": stop_s,
         "code": service.returncode,
-        "out": pipe.lines,
-        "repeated": pipe.repeated,
+        "out": (pipe.lines, topic.messages),
+        "repeated": (pipe.repeated, topic.repeated),
+        "reader_error": topic.error,
+        "unbalanced": [sink["unbalanced"] for sink in status["sinks"]],
+        "faults": faults.counts,
         "viewer": (viewer.frames, viewer.is_told_the_end),
     }
 
 
-def watched(process: int, port: int, spool: Path, pipe: Pipe, for_s: float) -> tuple[list[Sample], dict[int, int]]:
-    """Sample, trigger and pause until the time is over; the last pause ends a minute or more before."""
+def watched(
+    process: int, port: int, spools: Sequence[Path], parts: tuple[PipeReader, TopicReader, Faults], for_s: float
+) -> tuple[list[Sample], dict[int, int]]:
+    """Sample, trigger and let things fail until the time is over, the last minute without faults."""
+    pipe, topic, faults = parts
     began_s = time.monotonic()
     samples: list[Sample] = []
     triggers: dict[int, int] = {}
     trigger_due_s, sample_due_s = 0.0, began_s
     while (at_s := time.monotonic() - began_s) < for_s:
-        paused = at_s % PAUSE_EVERY_S > PAUSE_EVERY_S - PAUSE_S and at_s < for_s - 60.0
-        (pipe.flowing.clear if paused else pipe.flowing.set)()
+        faults.step() if at_s < for_s - CALM_S else faults.end()
         scene_s = asked(port, "GET", "/status")[1]["clock"]["time_s"]
-        if scene_s >= trigger_due_s:
+        if scene_s >= trigger_due_s and faults.now is None:
             trigger_due_s = scene_s + TRIGGER_S
             answer, told = asked(port, "POST", "/trigger", LAUNCH)
             triggers[answer] = triggers.get(answer, 0) + 1
@@ -229,10 +248,10 @@ def watched(process: int, port: int, spool: Path, pipe: Pipe, for_s: float) -> t
                 print(answer, told, flush=True)
         if time.monotonic() >= sample_due_s:
             sample_due_s += SAMPLE_S
-            samples.append(sampled(process, port, spool, pipe, began_s))
+            out = pipe.lines + topic.messages
+            samples.append(sampled(process, port, spools, out, began_s, faults.now or ""))
             print(samples[-1], flush=True)
         time.sleep(0.05)
-    pipe.flowing.set()
     return samples, triggers
 
 
@@ -247,19 +266,20 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     samples: list[Sample] = found["samples"]
     warm = samples[int(WARM_UP * len(samples)) :]
     rss, fds = (quarters([getattr(each, name) for each in warm]) for name in ("rss_mib", "descriptors"))
-    settled = [each for each in warm if each.at_s % PAUSE_EVERY_S > 60.0 and each.at_s % PAUSE_EVERY_S < 270.0]
-    least = min((each.waiting for each in settled), default=-1)
-    delivered = int(found["told"].split(" delivered")[0].rpartition(" ")[2])
-    spooled = int(found["told"].split(" spooled")[0].rpartition(" ")[2])
+    counts = [[int(count) for count in COUNTED.findall(line)] for line in found["told"].splitlines()]
+    delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
     rows = [
         ("memory constant", f"{rss[0]:.1f} MiB in the first quarter, {rss[1]:.1f} MiB in the last",
          abs(rss[1] / rss[0] - 1.0) <= FLAT),
-        ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", fds[0] == fds[1]),
-        ("spool empties between pauses", f"minimum {least} waiting events", least == 0),
-        ("spool file bounded", f"maximum {max(each.spool_mib for each in samples):.1f} MiB", True),
-        ("all events delivered", f"{delivered} delivered, {spooled} left in the spool, {found['out']} read",
-         delivered == found["out"]),
-        ("no duplicates", f"{found['repeated']} repeated", found["repeated"] == 0),
+        ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", abs(fds[0] - fds[1]) <= DESCRIPTORS),
+        ("spools empty after the last fault", f"{samples[-1].waiting} waiting", samples[-1].waiting < 5000),
+        ("spool files bounded", f"maximum {max(each.spool_mib for each in samples):.1f} MiB", True),
+        ("books balance", f"off by {max(found['unbalanced'])} events", not any(found["unbalanced"])),
+        ("all events delivered", all_of(delivered, spooled, dropped, found["out"]),
+         all(low <= out <= low + left for low, left, out in zip(delivered, spooled, found["out"], strict=True))
+         and not any(dropped) and found["reader_error"] is None),
+        ("repeated events", f"{found['repeated'][0]} in the pipe, {found['repeated'][1]} in the topic",
+         found["repeated"][0] == 0),
         ("launches accepted", f"{counted(found['triggers'])}", all(code < 500 for code in found["triggers"])),
         ("SIGTERM stops it within 5 s", f"{found['stop_s']:.1f} s, exit code {found['code']}",
          found["stop_s"] < 5.0 and found["code"] == 0),
@@ -269,12 +289,19 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     return lines, all(met for _, _, met in rows)
 
 
+def all_of(*counts: Sequence[int]) -> str:
+    """Return the counts of both outputs as one sentence."""
+    names = ("delivered", "left in the spool", "dropped", "read")
+    parts = [[f"{count[place]} {name}" for name, count in zip(names, counts, strict=True)] for place in range(2)]
+    return f"pipe: {', '.join(parts[0])}; topic: {', '.join(parts[1])}"
+
+
 def counted(answers: dict[int, int]) -> str:
     """Return how many answers there were of each HTTP status."""
     return ", ".join(f"{count} × status {code}" for code, count in answers.items())
 
 
-def page(found: dict[str, Any], minutes: float) -> str:
+def page(found: dict[str, Any], minutes: float, seed: int, machine: str) -> str:
     """Return the page."""
     last = found["samples"][-1]
     rows, met = verdict(found)
@@ -283,10 +310,12 @@ def page(found: dict[str, Any], minutes: float) -> str:
         minutes=minutes,
         laps=last.lap,
         given=last.given,
+        faults=sum(found["faults"].values()),
         rows="\n".join(rows),
         trigger_s=TRIGGER_S,
-        every_min=PAUSE_EVERY_S / 60,
-        pause_s=PAUSE_S,
+        seed=seed,
+        kinds=", ".join(f"{name} ({count} times)" for name, count in found["faults"].items()),
+        machine=machine,
         warm_up=100 * WARM_UP,
         flat=100 * FLAT,
     )
@@ -331,14 +360,17 @@ def plot(samples: Sequence[Sample], path: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--seed", type=int, default=1, help="seed of the faults")
+    parser.add_argument("--machine", default="", metavar="WORDS", help="a sentence on the machine, for the page")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write soak.md, soak.csv and soak.svg to FOLDER")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = soaked(arguments.minutes, Path(folder))
+        found = soaked(arguments.minutes, arguments.seed, Path(folder))
     lines, met = verdict(found)
-    print(found["told"], *lines, "met" if met else "NOT MET", sep="\n")
+    print(found["told"], found["faults"], *lines, "met" if met else "NOT MET", sep="\n")
     if arguments.write:
-        (arguments.write / "soak.md").write_text(page(found, arguments.minutes), encoding="utf-8")
+        text = page(found, arguments.minutes, arguments.seed, arguments.machine)
+        (arguments.write / "soak.md").write_text(text, encoding="utf-8")
         write_csv(found["samples"], arguments.write / "soak.csv")
         with contextlib.suppress(ImportError):
             plot(found["samples"], arguments.write / "soak.svg")

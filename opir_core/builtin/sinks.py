@@ -6,6 +6,7 @@ import select
 import stat
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,8 @@ class LineFile:
         self._taken = 0
         self._delivered = 0
         self._withheld = 0
+        #: Bytes of an incomplete line at the end of the file, which an error left there.
+        self._incomplete = 0
         place = path if written_at is None else str(written_at)
         self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
 
@@ -121,14 +124,24 @@ class LineFile:
         """Write the lines of some events, one each."""
         written = 0
         try:
+            self._remove_incomplete()
             while written < len(lines):
                 written += _written(self._descriptor, memoryview(lines)[written:])
         except OSError as error:
             whole = lines.rfind(b"\n", 0, written) + 1
-            _truncate(self._descriptor, written - whole)
+            self._incomplete += written - whole
+            with suppress(OSError):  # else before the next line
+                self._remove_incomplete()
             self._delivered += lines.count(b"\n", 0, whole)
             raise self._failure(error) from error
         self._delivered += events
+
+    def _remove_incomplete(self) -> None:
+        """Remove an incomplete line from the end of the file; has no effect on a pipe."""
+        if self._incomplete and stat.S_ISREG(os.fstat(self._descriptor).st_mode):
+            os.ftruncate(self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_END) - self._incomplete)
+            os.lseek(self._descriptor, 0, os.SEEK_END)
+        self._incomplete = 0
 
     def _failure(self, error: OSError) -> SinkError:
         return SinkError(
@@ -180,15 +193,6 @@ def _written(descriptor: int, lines: memoryview) -> int:
     except BlockingIOError:
         select.select([], [descriptor], [])
         return 0
-
-
-def _truncate(descriptor: int, incomplete: int) -> None:
-    """Remove an incomplete line from the end of a file; has no effect on a pipe."""
-    if incomplete:
-        try:
-            os.ftruncate(descriptor, os.lseek(descriptor, 0, os.SEEK_CUR) - incomplete)
-        except OSError:
-            return
 
 
 def _way_out(error: OSError) -> str:

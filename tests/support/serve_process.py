@@ -28,13 +28,13 @@ def opir(log: str, *words: str) -> None:
 class Nursery:
     """Where such processes come from."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str = "serve_process") -> None:
         doomed = str(Path(__file__).with_name("forked_processes.py"))
-        command = [sys.executable, doomed, "serve_process"]
+        command = [sys.executable, doomed, module]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
 
     def born(self, log: Path, *words: str) -> int:
-        """Start `opir` with these words; return the process's number."""
+        """Start the module's `opir` with these words; return the process's number."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f"opir {json.dumps([str(log), *words])}\n")
@@ -45,8 +45,8 @@ class Nursery:
 
 
 @contextmanager
-def nursery() -> Iterator[Nursery]:
-    made = Nursery()
+def nursery(module: str = "serve_process") -> Iterator[Nursery]:
+    made = Nursery(module)
     try:
         yield made
     finally:

@@ -17,6 +17,7 @@ import pytest
 from failing_disk import ERRORS, READ, SHORT, WRITING, FailingDisk, can_fail
 from spool_transports import ENCODER, MIB, SENSORS, Holding, ids_of, window
 
+from opir_core.builtin.sinks import LineFile
 from opir_core.errors import OpirError, SinkError
 from opir_core.output.delivery import deliver
 from opir_core.output.run_files import read_manifest
@@ -32,7 +33,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(not can_fail(), reason="needs
 
 IS_EVERY = bool(os.environ.get("OPIR_EVERY_FAULT"))
 #: An error that occurs once, one that stays, as on a full disk, and a short write.
-FAULTS = [(errno.EIO, False), (errno.ENOSPC, True), (SHORT, False)]
+FAULTS = [(errno.EIO, False), (errno.ENOSPC, True), (SHORT, False), (SHORT, True)]
 if IS_EVERY:
     FAULTS = [(error, lasts) for error in (*ERRORS, SHORT) for lasts in (False, True)]
 FAULT = pytest.mark.parametrize(
@@ -252,3 +253,20 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: in
             lines = (folder / "e.jsonl").read_bytes().splitlines()
             assert list(dict.fromkeys(lines)) == whole, number
             assert all(json.loads(line) for line in lines)
+
+
+def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(tmp_path: Path) -> None:
+    """A retried output would otherwise append to half a line, and lose the event of that line."""
+    path, lines = tmp_path / "lines", ENCODER.encode(window(21)).splitlines()
+    with FailingDisk(tmp_path) as disk:
+        file = LineFile(str(path), ENCODER)
+        file.write(window(10))
+        disk.fail_at(1, SHORT, lasts=True)
+        assert "input/output error" in str(message_of(lambda: file.write(window(11, 10))))
+        assert path.read_bytes().splitlines()[-1] not in lines
+        assert "input/output error" in str(message_of(lambda: file.write(window(11, 10))))
+        disk.heal()
+        file.write(window(11, 10))
+        file.close()
+    found = path.read_bytes().splitlines()
+    assert list(dict.fromkeys(found)) == lines

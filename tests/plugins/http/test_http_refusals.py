@@ -149,6 +149,26 @@ def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None
     assert "default-src 'none'" in answer.headers["content-security-policy"]
 
 
+#: What the OWASP cheat sheet of HTTP headers asks of a page that nobody frames and that uses no device.
+SECURITY_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+}
+
+
+@pytest.mark.parametrize(
+    ("method", "path"), [("GET", "/status"), ("GET", "/"), ("GET", "/missing"), ("DELETE", "/config"), ("HEAD", "/")]
+)
+def test_every_answer_has_the_security_headers(stand: Stand, method: str, path: str) -> None:
+    answer = stand.ask(method, path)
+    assert SECURITY_HEADERS.items() <= dict(answer.headers).items()
+    assert "frame-ancestors 'none'" in answer.headers["content-security-policy"]
+
+
 def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
     for path, item in document()["paths"].items():
         answer = stand.ask("OPTIONS", path)
