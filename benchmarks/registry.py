@@ -122,10 +122,17 @@ BENCHMARKS = (
     ),
     Benchmark(
         "soak",
-        "Does the service run long without leaks or losses?",
+        "Does the service run long without leaks or losses, with faults around it?",
         "soak.py",
         words("--minutes 0.1"),
-        needs=("opir_http",),
+        needs=("opir_http", "opir_kafka", "confluent_kafka"),
+    ),
+    Benchmark(
+        "campaign",
+        "What survives kills, failing disks and brokers, and damage?",
+        "campaign.py",
+        words("--minutes 0.05 --only spool"),
+        needs=("opir_http", "opir_kafka", "confluent_kafka"),
     ),
     Benchmark(
         "service",
