@@ -50,8 +50,9 @@ Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run
 every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
 {kinds}. {machine}
 
-Memory is constant if the medians of the first and the last quarter after the warm-up ({warm_up:g} % of the run,
-and {warm_up_laps} laps, in which the service's histories fill) differ by at most {flat:g} %. Made by `python benchmarks/soak.py --write docs/benchmarks`.
+Memory is constant if the medians of the first and the last quarter after the warm-up ({warm_up:g} % of the run, and
+{warm_up_laps} laps, in which the service's histories fill) differ by at most {flat:g} %. Made by
+`python benchmarks/soak.py --write docs/benchmarks`.
 """
 
 SCENE = """
