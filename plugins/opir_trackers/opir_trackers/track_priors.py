@@ -9,7 +9,8 @@ from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.contexts import TrackerContext
-from opir_trackers.configs import ImmConfig
+from opir_trackers.configs import ImmConfig, ThrustConfig
+from opir_trackers.filter.burn_modes import NewStage
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
@@ -47,7 +48,14 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        stage=None if config.boost_model == "jerk" else stage_of(config.thrust),
     )
+
+
+def stage_of(thrust: ThrustConfig) -> NewStage:
+    """Return what a new stage begins with: what a new track begins with."""
+    force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
+    return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s)
 
 
 def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.motion import BOOST, COAST, taylor_positions, taylor_weights
@@ -111,6 +111,15 @@ _SUMS = {
 }
 
 
+#: Probabilities of steady burn and of staging where nothing is known of them: those that transitions lead to.
+BURN_SHARE = np.array([[1.0, 0.0]])
+
+
+def twice(rows: FloatArray) -> FloatArray:
+    """Return rows (n, ...) as two equal parts, (n, 2, ...)."""
+    return rows[:, None].repeat(2, axis=1)
+
+
 @frozen(eq=False)
 class ModeEstimates(Columns):
     """Estimates of tracks at one time, one row each: mean and information root of each mode, and mode probabilities.
@@ -118,6 +127,9 @@ class ModeEstimates(Columns):
     `weight` (n, 2) are the probabilities of boost and coast. `detection_rate` (n, 3) are the number of detections and
     the time, s, over which they are counted, both with exponential forgetting, and the time since the last detection,
     s.
+
+    `burn_mean` (n, 2, d), `burn_root` and `burn_share` (n, 2) are the two parts of a boost, steady and staging
+    (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them both parts are the boost.
     """
 
     weight: FloatArray
@@ -126,6 +138,11 @@ class ModeEstimates(Columns):
     coast_mean: FloatArray
     coast_root: FloatArray
     detection_rate: FloatArray
+    burn_mean: FloatArray = field(default=Factory(lambda self: twice(self.boost_mean), takes_self=True))
+    burn_root: FloatArray = field(default=Factory(lambda self: twice(self.boost_root), takes_self=True))
+    burn_share: FloatArray = field(
+        default=Factory(lambda self: BURN_SHARE.repeat(len(self.weight), axis=0), takes_self=True)
+    )
 
     @classmethod
     def empty(cls) -> "ModeEstimates":

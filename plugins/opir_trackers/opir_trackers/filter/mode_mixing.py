@@ -22,6 +22,8 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import matvec
 from opir_core.estimation.motion import COAST
+from opir_trackers.filter import burn_modes
+from opir_trackers.filter.burn_modes import Burns
 from opir_trackers.filter.estimates import ModeEstimates
 
 #: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the root mean square of
@@ -110,6 +112,8 @@ def mode_weights_of_one(weight: Sequence[float], change: Pair, least: float) -> 
     return boost / (boost + coast), coast / (boost + coast)
 
 
+_FIRST = np.array([0])
+
 #: Lower bound on mode probabilities, so that no mode is lost.
 _LEAST_WEIGHT = 1e-6
 
@@ -134,13 +138,15 @@ def mixed(estimates: ModeEstimates, step_s: float, boost_s: float, coast_s: floa
         return _mixed_alone(estimates, leave, least)
     weight, share = _shares(estimates.weight, leave)
     boost, coast = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
+    burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     into_coast = ((share[:, 0, 1] > _LEAST_SHARE) & (weight[:, 1] >= least)).nonzero()[0]
     into_boost = ((share[:, 1, 0] > _LEAST_SHARE) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)).nonzero()[0]
     if len(into_coast):
         coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1]))
     if len(into_boost):
-        boost = _put(boost, into_boost, _into_boost(estimates.part(into_boost), share[into_boost, :, 0]))
-    return ModeEstimates(weight, *boost, *coast, estimates.detection_rate)
+        lit = _into_boost(estimates.part(into_boost), share[into_boost, :, 0])
+        boost, burns = _put(boost, into_boost, lit), burn_modes.with_rows(burns, lit, into_boost)
+    return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
 def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: float) -> ModeEstimates:
@@ -148,11 +154,13 @@ def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: fl
     boost, coast = estimates.weight[0].tolist()
     weight, into_boost, into_coast = mixing_of_one((boost, coast), leave)
     burning, coasting = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
+    burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     if into_coast[0] > _LEAST_SHARE and weight[1] >= least:
         coasting = _into_coast(estimates, np.array([into_coast]))
     if into_boost[1] > _LEAST_SHARE and coast >= EXCLUDED_WEIGHT:
         burning = _into_boost(estimates, np.array([into_boost]))
-    return ModeEstimates(np.array([weight]), *burning, *coasting, estimates.detection_rate)
+        burns = burn_modes.with_rows(burns, burning, _FIRST)
+    return ModeEstimates(np.array([weight]), *burning, *coasting, estimates.detection_rate, *burns)
 
 
 @lru_cache(maxsize=64)

@@ -9,16 +9,17 @@ burnout, the detection itself discriminates far better. So a detection excludes 
 An excluded coast is not computed: nothing depends on it, and the next step derives it from the boost.
 """
 
-from math import log
+from math import log as log_of
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import AngleMeasurements
 from opir_core.estimation.motion import BOOST, COAST
-from opir_trackers.filter import iterated_update, mode_mixing
+from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
+from opir_trackers.filter.burn_modes import BurnModes, Burns, NewStage, carried
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.iterated_update import Mode
@@ -44,6 +45,12 @@ class ImmFilter:
     memory_s: float = 20.0
     coast_detection: float = 1.0
     pause_s: float = 0.0
+    stage: NewStage | None = None
+
+    @property
+    def burns(self) -> BurnModes:
+        """Return the two modes of a burn."""
+        return BurnModes(self.boost, self.stage)
 
     @property
     def switches(self) -> bool:
@@ -76,10 +83,10 @@ class ImmFilter:
         if not len(rows):
             return estimates
         burnt = mode_mixing.coast_from_boost(before.part(rows))
-        known = _with_rows(_modes_of(estimates)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows)
-        return ModeEstimates(
-            estimates.weight, estimates.boost_mean, estimates.boost_root, *known, estimates.detection_rate
+        mean, root = _with_rows(
+            _modes_of(estimates)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows
         )
+        return evolve(estimates, coast_mean=mean, coast_root=root)
 
     def _moved(self, estimates: ModeEstimates, step_s: float, least: float) -> ModeEstimates:
         """Return the estimates a step later; coasts less probable than `least` stay as they were."""
@@ -88,27 +95,24 @@ class ImmFilter:
         used, steps = _in_use(estimates), np.array([step_s] * len(estimates.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
         rests = mode_mixing.resting_rows(mixed) if len(rows) else _NONE
+        burns: Burns = mixed.burn_mean, mixed.burn_root, mixed.burn_share
         if used[0] and rests.size < steps.size:
-            boost = self._carried(self.boost, *boost, steps)
+            burns = self.burns.predicted(burns, step_s)
+            boost = burn_modes.moments(burns)
         if len(rows) == len(steps):
             coast = self._carried(self.coast, *coast, steps)
         elif len(rows):
             part = coast[0][rows], coast[1][rows]
             coast = _with_rows(coast, self._carried(self.coast, *part, steps[rows]), rows)
         if rests.size:
-            boost = _with_rows(
-                boost, mode_mixing.restarted_boost(estimates.part(rests), coast[0][rests], coast[1][rests]), rests
-            )
-        return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate)
+            restarted = mode_mixing.restarted_boost(estimates.part(rests), coast[0][rests], coast[1][rests])
+            boost, burns = _with_rows(boost, restarted, rests), burn_modes.with_rows(burns, restarted, rests)
+        return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
 
     def _carried(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        if motion.about is not None:
-            motion = motion.about(mean, root)
-        after = motion.propagated(mean, step_s)
-        back = motion.transition(0.5 * (mean + after), -step_s)
-        return after, square_root.time_update(root, back, motion.noise_root(step_s, after))
+        return carried(motion if motion.about is None else motion.about(mean, root), mean, root, step_s)
 
     def updated(
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements, step_s: float
@@ -120,65 +124,80 @@ class ImmFilter:
             return self._updated_alone(estimates, time_s, measurements, step_s)
         hits = np.bincount(measurements.track, minlength=len(estimates)).astype(np.float64)
         seen = hits > 0.0
-        boost, coast, change = self._taken_in(estimates, seen, time_s, measurements)
+        burns, coast, change = self._taken_in(estimates, seen, time_s, measurements)
+        boost = burn_modes.moments(burns)
         if not self.switches and not all(_in_use(estimates)):
-            return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate)
+            return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
         last_s = np.full(len(estimates), time_s - step_s)
         np.maximum.at(last_s, measurements.track, measurements.time_s)
-        change[seen, 1] += log(self.coast_detection)
+        change[seen, 1] += log_of(self.coast_detection)
         weighed = mode_mixing.mode_update(estimates, hits, time_s - last_s, change, step_s, self.memory_s, self.pause_s)
-        return ModeEstimates(weighed[0], *boost, *coast, weighed[1])
+        return ModeEstimates(weighed[0], *boost, *coast, weighed[1], *burns)
 
     def _updated_alone(
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements, step_s: float
     ) -> ModeEstimates:
         """Return `updated` for one track."""
-        every, change = list(_modes_of(estimates)), [0.0, 0.0]
-        weight = estimates.weight[0].tolist()
-        used = [
-            number for number in (0, 1) if weight[number] > 0.0 and (not number or weight[1] >= self.least_open_weight)
-        ]
+        weight, change = estimates.weight[0].tolist(), [0.0, 0.0]
+        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
+        coast = estimates.coast_mean, estimates.coast_root
+        coasts = weight[1] > 0.0 and weight[1] >= self.least_open_weight
         looks, silent_s = len(measurements.time_s), step_s
         if looks:
-            modes = [Mode((self.boost, self.coast)[number], *every[number]) for number in used]
+            modes = [*(self.burns.modes(burns) if weight[0] > 0.0 else ()), *([Mode(self.coast, *coast)] * coasts)]
             results = iterated_update.updated(modes, time_s, measurements, self.rounds)
-            for number, mode, after in zip(used, modes, results, strict=True):
-                every[number] = after.mean, after.root
-                change[number] = float(iterated_update.log_likelihoods(mode, after)[0]) if len(used) == 2 else 0.0
-            change[1] += log(self.coast_detection)
+            logs = [iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)]
+            if weight[0] > 0.0:
+                burns, log = self.burns.joined(burns, results[: len(modes) - coasts], logs)
+                change[0] = float(log[0]) if coasts else 0.0
+            if coasts:
+                coast, change[1] = (results[-1].mean, results[-1].root), float(logs[-1][0])
+            change[1] += log_of(self.coast_detection)
             silent_s = min(step_s, time_s - float(np.maximum.reduce(measurements.time_s)))
+        boost = burn_modes.moments(burns)
         if not self.switches and not all(weight):
-            return ModeEstimates(estimates.weight, *every[0], *every[1], estimates.detection_rate)
+            return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
         both = change[0], change[1]
         weighed = mode_mixing.mode_update_alone(estimates, looks, silent_s, both, step_s, self.memory_s, self.pause_s)
-        return ModeEstimates(weighed[0], *every[0], *every[1], weighed[1])
+        return ModeEstimates(weighed[0], *boost, *coast, weighed[1], *burns)
 
     def _taken_in(
         self, estimates: ModeEstimates, seen: BoolArray, time_s: float, measurements: AngleMeasurements
-    ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray], FloatArray]:
-        """Return means and roots of both modes after measurements, and log likelihoods (n, 2) where both are in use."""
-        every, change, used = list(_modes_of(estimates)), np.zeros((len(estimates), 2)), _in_use(estimates)
+    ) -> tuple[Burns, tuple[FloatArray, FloatArray], FloatArray]:
+        """Return burns and coasts after measurements, and log likelihoods (n, 2) where both are in use."""
+        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
+        coast, change, used = _modes_of(estimates)[1], np.zeros((len(estimates), 2)), _in_use(estimates)
         if not len(measurements):
-            return every[0], every[1], change
+            return burns, coast, change
         open_ = estimates.weight[:, 1] >= self.least_open_weight
-        for some, numbers in ((seen & open_, [number for number in (0, 1) if used[number]]), (seen & ~open_, [0])):
+        for some, coasts in ((seen & open_, used[1]), (seen & ~open_, False)):
             rows = _rows(some)
             if rows is not None and not len(rows):
                 continue
-            modes = [_mode((self.boost, self.coast)[number], *every[number], rows) for number in numbers]
+            every = slice(None) if rows is None else rows
+            mine: Burns = burns if rows is None else (burns[0][rows], burns[1][rows], burns[2][rows])
+            modes = list(self.burns.modes(mine)) if used[0] else []
+            if coasts:
+                modes.append(_mode(self.coast, *coast, rows))
             results = iterated_update.updated(modes, time_s, _of_rows(measurements, some, rows), self.rounds)
-            for number, mode, after in zip(numbers, modes, results, strict=True):
-                every[number] = _with_rows(every[number], (after.mean, after.root), rows)
-                if len(numbers) == 2:
-                    change[slice(None) if rows is None else rows, number] = iterated_update.log_likelihoods(mode, after)
-        return every[0], every[1], change
+            logs = [iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)]
+            if used[0]:
+                mine, log = self.burns.joined(mine, results[: len(modes) - coasts], logs)
+                burns = mine if rows is None else burn_modes.put(burns, rows, mine)
+                change[every, 0] = log if coasts else 0.0
+            if coasts:
+                coast, change[every, 1] = _with_rows(coast, (results[-1].mean, results[-1].root), rows), logs[-1]
+        return burns, coast, change
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the prior."""
-        boost, coast = (
+        (mean, root), coast = (
             _with_rows(mode, with_velocity_prior(mode[0][rows], mode[1][rows]), rows) for mode in _modes_of(estimates)
         )
-        return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate)
+        parts = burn_modes.each(with_velocity_prior, estimates.burn_mean[rows], estimates.burn_root[rows])
+        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
+        burns = burn_modes.put(burns, rows, (*parts, burns[2][rows]))
+        return ModeEstimates(estimates.weight, mean, root, *coast, estimates.detection_rate, *burns)
 
     def mode_updated(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, measurements: AngleMeasurements

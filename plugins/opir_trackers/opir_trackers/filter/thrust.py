@@ -235,7 +235,7 @@ class Thrust:
             alone = slopes_of_one(numbers, self.tilt_s, self._pull(*numbers[:3]))
             return np.array(alone).reshape(1, 3, THRUST - 3)
         count, pull = len(state), 1.0 / self.tilt_s
-        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        velocity, force = air_velocity(state), state[:, 6:9]
         square = dot(velocity, velocity)
         speed = np.sqrt(square + 1.0)
         unit = velocity / speed[:, None]
@@ -263,7 +263,7 @@ class Thrust:
         """Return L (n, 10, 10) with L Lᵀ the process-noise covariance of steps (n,) from states."""
         if len(state) == 1:
             return self._noise_root_of_one(abs(float(step_s[0])), state)
-        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        velocity, force = air_velocity(state), state[:, 6:9]
         across = np.tan(self.tilt_rad) * np.sqrt(2.0 / self.tilt_s * dot(force, force))
         along_it = (self.noise_m_s2 - across) / (dot(velocity, velocity) + 1.0)
         side = along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :] + across[:, None, None] * _UNIT
@@ -311,6 +311,12 @@ class Thrust:
         out[:, :9, :THRUST] = side[:, :9]
         out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
         return out
+
+
+def air_velocity(state: FloatArray) -> FloatArray:
+    """Return the velocity (n, 3) of states relative to the rotating air."""
+    velocity: FloatArray = state[:, 3:6] - _AIR * state[:, [1, 0, 2]]
+    return velocity
 
 
 def _kinematics() -> FloatArray:

@@ -90,7 +90,7 @@ class _Thrust:
         """Return the specific force (p, 3)."""
         place, velocity = state[:, :3], air_velocity(state)
         square = np.einsum("ij,ij->i", velocity, velocity) + 1e-6
-        side = np.cross(velocity, place)
+        side = _cross(velocity, place)
         across = np.sqrt(np.einsum("ij,ij->i", side, side)) + 1e-3
         # v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
         down = velocity * np.einsum("ij,ij->i", velocity, place)[:, None] - place * square[:, None]
@@ -105,6 +105,12 @@ class _Thrust:
             + (size * aside * speed / across)[:, None] * side
         )
         return force
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return cross products (p, 3): `np.cross` takes three times as long."""
+    (x, y, z), (u, v, w) = one.T, other.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 def _step(

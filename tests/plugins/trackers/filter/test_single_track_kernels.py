@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.filter.burn_modes import NewStage
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
@@ -23,8 +24,9 @@ from opir_core.interfaces.columns import names_of
 FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
+STAGE = NewStage(20.0, 10.0, 0.01, 0.01, 40.0)
 FILTERS = {
-    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0),
+    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0, stage=STAGE),
     "jerk": ImmFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
 }
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -68,8 +70,9 @@ def same(one: ModeEstimates, many: ModeEstimates, row: int) -> None:
         mine, theirs = getattr(one, name)[0], getattr(many, name)[row]
         if name.endswith("root"):
             # Signs of rows are of no account.
-            mine, theirs = mine.T @ mine, theirs.T @ theirs
-            unit = np.sqrt(np.outer(np.diag(theirs), np.diag(theirs)))
+            mine, theirs = mine.swapaxes(-1, -2) @ mine, theirs.swapaxes(-1, -2) @ theirs
+            scale = np.sqrt(np.diagonal(theirs, axis1=-2, axis2=-1))
+            unit = scale[..., :, None] * scale[..., None, :]
             assert np.allclose(mine / unit, theirs / unit, atol=1e-9), name
         else:
             assert np.allclose(mine, theirs, rtol=1e-9, atol=1e-12), name

@@ -3,10 +3,12 @@
 import numpy as np
 from drawn_flights import GEO_M, SLOTS_RAD, flown
 from opir_trackers.configs import ThrustConfig
+from opir_trackers.filter.burn_modes import NewStage
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
+from opir_trackers.track_priors import stage_of
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
@@ -50,9 +52,11 @@ class Watched:
         return np.concatenate([self.places(row, when), speed], axis=1)
 
 
-def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def errors(
+    watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarray, stage: NewStage | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return each flight's mean NEES / 6 (n,), and all errors of speed (m,), from 20 s after ignition to burnout."""
-    filter_ = ImmFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf)
+    filter_ = ImmFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf, stage=stage)
     every, burnout = np.arange(FLIGHTS), watched.flown.burnout_s
     place = watched.places(every, np.full(FLIGHTS, TICKS_S[0] - 1.0))
     up = place / np.linalg.norm(place, axis=1)[:, None]
@@ -79,7 +83,7 @@ def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarra
 def test_thrust_along_the_velocity_errs_less_than_any_jerk_and_says_so() -> None:
     watched, usual = Watched(3), ThrustConfig()
     thrust = Thrust(np.radians(usual.tilt_deg), usual.tilt_s, usual.noise_m_s2, usual.growth_noise_per_s, FREE)
-    square, off = errors(watched, thrust, np.array([0.01]), np.array([10.0, 10.0, 10.0, 0.01]))
+    square, off = errors(watched, thrust, np.array([0.01]), np.array([10.0, 10.0, 10.0, 0.01]), stage_of(usual))
     _, other = errors(watched, Motion(BOOST, 0.3, FREE), np.zeros(3), np.repeat([20.0, 0.5], 3))
     assert np.sqrt(np.mean(off**2)) < 0.92 * np.sqrt(np.mean(other**2))
     wide = 3.3 * square.std(ddof=1) / np.sqrt(len(square))

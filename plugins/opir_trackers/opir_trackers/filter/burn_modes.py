@@ -1,0 +1,160 @@
+"""The two modes of a burn, steady and staging, as an IMM of their own.
+
+In steady burn the force follows the rocket equation but for a little noise. Where one stage follows another it jumps,
+and so does its growth. That shows only after some seconds: a jump of 20 m/s² moves a target by 250 m in 5 s. So after a
+jump the mode staging lasts for a while, with the noise of jumps that begin at any time, and hands over to the steady
+one. Both move alike but for their noise.
+"""
+
+from collections.abc import Callable, Sequence
+from math import expm1
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import dot
+from opir_core.estimation.motion import COAST
+from opir_trackers.filter.dynamics import Dynamics
+from opir_trackers.filter.estimates import BURN_SHARE, twice
+from opir_trackers.filter.iterated_update import Mode, Updated
+from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
+
+#: Means (n, 2, d), information roots (n, 2, d, d) and probabilities (n, 2) of steady burn and staging.
+Burns = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@frozen(eq=False)
+class NewStage:
+    """The start of a stage: mean and standard deviations of specific force, m/s², and growth, 1/s.
+
+    `every_s` is the mean time from one stage to the next.
+    """
+
+    force_m_s2: float
+    force_sigma_m_s2: float
+    growth_per_s: float
+    growth_sigma_per_s: float
+    every_s: float
+
+    def begun(self, mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force along the velocity."""
+        velocity = air_velocity(mean)
+        speed = np.sqrt(dot(velocity, velocity) + SLOW_M_S**2)
+        after = mean.copy()
+        after[:, 6:9] = self.force_m_s2 * velocity / speed[:, None]
+        after[:, 9] = self.growth_per_s
+        # What is known of the last columns whatever the first ones are.
+        known = square_root.triangular(np.concatenate([root[:, :, COAST:], root[:, :, :COAST]], axis=2))
+        begun = np.zeros_like(root)
+        begun[:, :COAST, :COAST] = known[:, -COAST:, -COAST:]
+        begun[:, _FORCE, _FORCE] = 1.0 / self.force_sigma_m_s2
+        begun[:, 9, 9] = 1.0 / self.growth_sigma_per_s
+        return after, begun
+
+
+_FORCE = np.arange(6, 9)
+
+
+@frozen(eq=False)
+class BurnModes:
+    """The modes of a burn; without `stage` there is one, and both parts are the same."""
+
+    motion: Dynamics
+    stage: NewStage | None
+
+    def predicted(self, burns: Burns, step_s: float) -> Burns:
+        """Return burns a step later."""
+        mean, root, share = burns
+        if self.stage is None:
+            alone = carried(self.motion, mean[:, 0], root[:, 0], np.full(len(mean), step_s))
+            return twice(alone[0]), twice(alone[1]), share
+        mean, root, share = _mixed(burns, self.stage, step_s)
+        steps = np.full(2 * len(mean), step_s)
+        return (*each(lambda means, roots: carried(self.motion, means, roots, steps), mean, root), share)
+
+    def modes(self, burns: Burns) -> Sequence[Mode]:
+        """Return the modes to update."""
+        mean, root, _ = burns
+        return [Mode(self.motion, mean[:, part], root[:, part]) for part in ((0,) if self.stage is None else (0, 1))]
+
+    def joined(self, burns: Burns, after: Sequence[Updated], log: Sequence[FloatArray]) -> tuple[Burns, FloatArray]:
+        """Return burns after an update of `modes`, whose log likelihoods are (n,), and that of the burn (n,)."""
+        if self.stage is None:
+            return (twice(after[0].mean), twice(after[0].root), burns[2]), log[0]
+        logs = np.stack(log[:2], axis=1)
+        most = np.maximum.reduce(logs, axis=1, keepdims=True)
+        chance = burns[2] * np.exp(logs - most)
+        total = chance.sum(axis=1, keepdims=True)
+        share = np.maximum(chance / total, _LEAST_SHARE)
+        share /= share.sum(axis=1, keepdims=True)
+        parts = [(part.mean, part.root) for part in after]
+        return (*_stacked(parts), share), (most + np.log(total))[:, 0]
+
+
+#: Least probability of a mode, so that none is lost.
+_LEAST_SHARE = 1e-4
+
+
+def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return means (n, d) and information roots after steps (n,), s."""
+    after = motion.propagated(mean, step_s)
+    back = motion.transition(0.5 * (mean + after), -step_s)
+    return after, square_root.time_update(root, back, motion.noise_root(step_s, after))
+
+
+def moments(burns: Burns) -> tuple[FloatArray, FloatArray]:
+    """Return the means (n, d) and information roots of burns, by moment matching."""
+    mean, root, share = burns
+    return square_root.moment_matched(share, (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
+
+
+def with_rows(
+    burns: Burns, known: tuple[FloatArray, FloatArray], rows: IntArray, share: FloatArray = BURN_SHARE
+) -> Burns:
+    """Return burns of which rows have no parts: both are the given means and roots."""
+    mean, root = known
+    return put(burns, rows, (twice(mean), twice(root), share.repeat(len(mean), axis=0)))
+
+
+def put(burns: Burns, rows: IntArray, part: Burns) -> Burns:
+    """Return burns with some rows replaced."""
+    mean, root, share = (column.copy() for column in burns)
+    mean[rows], root[rows], share[rows] = part
+    return mean, root, share
+
+
+def each(
+    function: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]], mean: FloatArray, root: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return a function's means and roots of each part, (n, 2, d) and (n, 2, d, d)."""
+    count, parts, size = mean.shape
+    found = function(mean.reshape(-1, size), root.reshape(-1, size, size))
+    return found[0].reshape(count, parts, size), found[1].reshape(count, parts, size, size)
+
+
+def _stacked(parts: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    (mean, root), (other, other_root) = parts
+    return np.stack([mean, other], axis=1), np.stack([root, other_root], axis=1)
+
+
+def _mixed(burns: Burns, stage: NewStage, step_s: float) -> Burns:
+    """Return burns whose next stage may have begun in a step, and of which the decided ones are in steady burn."""
+    decided = (burns[2][:, 1] > _DECIDED).nonzero()[0]
+    if len(decided):
+        mean, root, share = (column[decided] for column in burns)
+        burns = with_rows(burns, moments((mean, root, share)), decided, _STEADY)
+    mean, root, before = burns
+    begins = before[:, :1] * -expm1(-step_s / stage.every_s)
+    share = before + begins * _BEGINS
+    into = np.concatenate([begins, before[:, 1:]], axis=1) / share[:, 1:]
+    first = stage.begun(mean[:, 0], root[:, 0])
+    mixed = square_root.moment_matched(into, (first[0], mean[:, 1]), (first[1], root[:, 1]))
+    return (*_stacked([(mean[:, 0], root[:, 0]), mixed]), share)
+
+
+_BEGINS, _STEADY = np.array([-1.0, 1.0]), np.array([[1.0, 0.0]])
+
+#: A new stage with this probability is the steady burn.
+_DECIDED = 0.9

@@ -1,0 +1,94 @@
+"""The modes of a burn: a new stage is found, and a steady burn stays sharp."""
+
+import numpy as np
+import pytest
+from opir_trackers.filter import burn_modes
+from opir_trackers.filter.burn_modes import BurnModes, NewStage
+from opir_trackers.filter.estimates import BURN_SHARE, twice
+from opir_trackers.filter.iterated_update import Updated, log_likelihoods
+from opir_trackers.filter.thrust import Thrust
+
+from opir_core.estimation.square_root import covariance
+from opir_core.flight.forces import Forces
+
+STAGE = NewStage(force_m_s2=20.0, force_sigma_m_s2=10.0, growth_per_s=0.01, growth_sigma_per_s=0.01, every_s=40.0)
+MODES = BurnModes(Thrust(np.radians(3.0), 30.0, 0.5, 0.001, Forces(zonal=())), STAGE)
+#: A burn at 2 km/s with 60 m/s², known well.
+STATE = np.array([6.5e6, 0.0, 0.0, 1400.0, 1400.0 + 474.0, 0.0, 42.0, 42.0, 0.0, 0.015])
+SIGMA = np.array([100.0] * 3 + [20.0] * 3 + [2.0] * 3 + [0.002])
+
+
+def burns(share=BURN_SHARE):
+    root = np.diag(1.0 / SIGMA)[None]
+    return twice(STATE[None]), twice(root), share
+
+
+def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velocity_of_the_old():
+    mean, root, _ = burns()
+    after, begun = STAGE.begun(mean[:, 0], root[:, 0])
+    assert after[0, :6] == pytest.approx(STATE[:6])
+    assert np.linalg.norm(after[0, 6:9]) == pytest.approx(20.0, rel=2e-3)
+    assert after[0, 6:9] @ [1.0, 1.0, 0.0] == pytest.approx(20.0 * np.sqrt(2.0), rel=2e-3)
+    assert np.sqrt(np.diag(covariance(begun)[0])) == pytest.approx([*SIGMA[:6], 10.0, 10.0, 10.0, 0.01], rel=1e-9)
+
+
+def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_is_dropped():
+    mean, root, _ = burns()
+    root[:, 0, 3, 6] = 0.04
+    before = covariance(root[:, 0])[0]
+    _, begun = STAGE.begun(mean[:, 0], root[:, 0])
+    assert covariance(begun)[0, :6, :6] == pytest.approx(before[:6, :6], rel=1e-9)
+    assert covariance(begun)[0, :6, 6:] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_probability_of_a_new_stage_grows_at_its_rate():
+    _, _, share = MODES.predicted(burns(), 1.0)
+    assert share[0] == pytest.approx([np.exp(-1.0 / 40.0), -np.expm1(-1.0 / 40.0)], rel=1e-9)
+    _, _, later = MODES.predicted(MODES.predicted(burns(), 1.0), 1.0)
+    assert later[0, 0] == pytest.approx(np.exp(-2.0 / 40.0), rel=1e-9)
+
+
+def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
+    known = burns(np.array([[0.05, 0.95]]))
+    known[0][:, 1, 6:9] *= 0.4
+    mean, _, share = MODES.predicted(known, 0.1)
+    assert share[0, 0] == pytest.approx(np.exp(-0.1 / 40.0))
+    assert np.linalg.norm(mean[0, 0, 6:9]) == pytest.approx(60.0 * (0.05 + 0.95 * 0.4), rel=0.02)
+
+
+@pytest.mark.parametrize("force", [60.0, 20.0])
+def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
+    """Looks of 300 m a second: a stage of 20 m/s² instead of 60 is 1.3 km behind after eight seconds."""
+    truth, known = STATE[None].copy(), burns()
+    truth[0, 6:9] *= force / 60.0
+    for _ in range(8):
+        truth = MODES.motion.propagated(truth, np.ones(1))
+        known = MODES.predicted(known, 1.0)
+        modes = MODES.modes(known)
+        after = [_seen(mode, truth[0, :3], 300.0) for mode in modes]
+        known, _ = MODES.joined(known, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
+    assert known[2][0].max() > 0.9
+    mean, root = burn_modes.moments(known)
+    assert np.linalg.norm(mean[0, 6:9]) == pytest.approx(np.linalg.norm(truth[0, 6:9]), abs=8.0)
+    error = mean[0] - truth[0]
+    assert error @ np.linalg.solve(covariance(root)[0], error) < 18.3
+
+
+def _seen(mode, place_m, sigma_m):
+    """Return a mode after a measured position."""
+    from opir_core.estimation.square_root import least_squares
+
+    size = mode.mean.shape[1]
+    stack = np.zeros((1, size + 3, size + 1))
+    stack[:, :size, :size] = mode.root
+    stack[0, size:, :3] = np.eye(3) / sigma_m
+    stack[0, size:, -1] = (place_m - mode.mean[0, :3]) / sigma_m
+    upper, step, left = least_squares(stack)
+    return Updated(mode.mean + step, upper, left)
+
+
+def test_without_stages_both_parts_are_the_burn():
+    alone = BurnModes(MODES.motion, None)
+    mean, _, _ = alone.predicted(burns(), 1.0)
+    assert np.array_equal(mean[:, 0], mean[:, 1])
+    assert len(alone.modes(burns())) == 1
