@@ -29,6 +29,8 @@ from opir_core.simulation.plan_warnings import plan_warnings
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
+#: Sinks with one file of events, beside which truth, tracks and manifest are written.
+_FILES_OF_EVENTS = ("jsonl", "parquet")
 
 #: Rows of targets and tracks that are printed.
 _LISTED = 12
@@ -119,7 +121,7 @@ def _beside(scene: Scene, path: str | None, suffix: str) -> Path | None:
     """Return the given path, else one beside the first file of events, else None."""
     if path is not None:
         return Path(path)
-    files = [choice.config.path for choice in scene.outputs if choice.name == "jsonl"]
+    files = [choice.config.path for name in _FILES_OF_EVENTS for choice in scene.outputs if choice.name == name]
     named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
     if named is None or not named.name or (named.exists() and not named.is_file()):
         return None  # beside a device or a pipe there is no place for files
@@ -133,7 +135,7 @@ def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mappi
     if arguments.tracks is not None and files["tracks"] is None:
         words = f"the tracker {scene.tracker.name} makes no tracks; omit this option, or set another with --tracker"
         problems.append(Problem("--tracks", words))
-    events = [Path(choice.config.path) for choice in scene.outputs if choice.name == "jsonl"]
+    events = [Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS]
     taken = {Path(arguments.scene).resolve(): "the scene"}
     for what, path in [*(("events", path) for path in events), *files.items()]:
         if path is None or (path.exists() and not path.is_file()):

@@ -27,6 +27,7 @@ from opir_core.output.run_files import (
 from opir_core.output.tracks_file import read_tracks
 from opir_core.output.transaction import finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.components import SinkModel
 from opir_core.plugin.host import Host
 from opir_core.random_streams.detection_ids import uuid_words
 from opir_core.scene.reading import scene_from_mapping
@@ -68,6 +69,7 @@ class _Event(msgspec.Struct):
     reported_at: str | None = None
     bands: tuple[str, ...] = ()
     snr: float | None = None
+    scan: int | None = None
     track_id: int | None = None
     band_irradiance_w_m2: dict[str, float | None] | None = None
     type_probability: dict[str, float | None] | None = None
@@ -76,9 +78,10 @@ class _Event(msgspec.Struct):
 def load_run(path: str | Path, host: Host | None = None) -> Run:
     """Return a run from the files that `opir run` wrote.
 
-    `path` is the folder of one run, its events, or any file beside them. A column that files do not have is empty or
-    unknown: `scan` and `estimate` are -1, irradiances and type probabilities are those of encoders that write them.
-    Raises `SceneError` with the file and line that is missing, invalid or of another run.
+    `path` is the folder of one run, its events (JSON lines, or what the sink `parquet` wrote), or any file beside them.
+    A column that files do not have is empty or unknown: `estimate` is -1, and `scan` of JSON lines; irradiances and
+    type probabilities are those of encoders that write them. Raises `SceneError` with the file and line that is
+    missing, invalid or of another run.
     """
     return read_run(_events_at(Path(path)), host=host)
 
@@ -104,7 +107,7 @@ def read_run(
     estimates = _tracks_of(events, tracks, contents, plan)
     truth_path = _existing(truth or events.with_suffix(_TRUTH), "truth")
     truths = _truth_lines(truth_path, plan)
-    rows = list(_lines(_existing(events, "events"), _Event, "an event of the encoder forge"))
+    rows = list(_events_of(_existing(events, "events"), plan))
     require_events_of_run(events, [row.detection_id for row in rows], truths, contents)
     detection_truth = _truth_columns([truths[row.detection_id] for row in rows], plan)
     detections = _Columns(rows, plan, events).detections(detection_truth.target)
@@ -193,7 +196,7 @@ class _Columns:
         detections = Detections(
             time_ns=self._times_ns([row.timestamp for row in rows]),
             sensor=sensor,
-            scan=np.full(len(rows), -1, dtype=np.int64),
+            scan=np.array([-1 if row.scan is None else row.scan for row in rows], dtype=np.int64),
             detection_id=self._ids(),
             reported_type=self._types(),
             bands=np.array(
@@ -303,6 +306,21 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError) as error:
                 raise invalid_file(path, f"line {number}", f"is not {due}: {error}") from error
+
+
+def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
+    """Yield the events of a file: read by the sink of this file name, if it can, else JSON lines."""
+    names = [choice.name for choice in plan.scene.outputs if Path(getattr(choice.config, "path", "")).name == path.name]
+    read = plan.host.component(SinkModel, names[0]).read if names else None
+    if read is None:
+        yield from _lines(path, _Event, "an event of the encoder forge")
+        return
+    try:
+        for row in read(path):
+            yield msgspec.convert(row, _Event)
+    except (OSError, ValueError) as error:
+        words = reason_of(error) if isinstance(error, OSError) else str(error)
+        raise invalid_file(path, "", f"cannot be read: {words}") from error
 
 
 def _existing(path: Path, what: str) -> Path:

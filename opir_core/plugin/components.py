@@ -5,7 +5,8 @@ class of its block (`config`) and the function that makes the working part (`bui
 `build`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 from attrs import field, frozen
@@ -165,10 +166,17 @@ class EventEncoder(Component):
 
 @frozen(kw_only=True)
 class SinkModel(Component):
-    """`build(config, context) -> Sink`: writes events."""
+    """`build(config, context) -> Sink`: writes events.
+
+    `read(path)` yields the events of a file that the sink wrote, each a mapping with the keys of the encoder `forge`;
+    with it, `opir_core.load_run`, `opir score` and `opir report` read runs whose events are in such a file. Raises
+    `OSError` or `ValueError` if the file is another.
+    """
 
     hook = "opir_sinks"
     kind = "sink"
+
+    read: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
 
 
 @frozen(kw_only=True)

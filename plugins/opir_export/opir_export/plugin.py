@@ -1,8 +1,9 @@
 """The command `opir export`, the exporters and the sink `parquet`; pyarrow is imported when one of them is built."""
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from opir_core.plugin import ExporterModel, SinkModel, hookimpl
@@ -26,6 +27,12 @@ def _built_by(module: str, function: str) -> Callable[[Any, Any], Any]:
         return getattr(import_module(f"opir_export.{module}"), function)(config, context)
 
     return build
+
+
+def _read_parquet(path: Path) -> Iterable[Mapping[str, Any]]:
+    """Return the events of a file of the sink `parquet`."""
+    events: Iterable[Mapping[str, Any]] = import_module("opir_export.parquet_events").parquet_events(path)
+    return events
 
 
 @hookimpl
@@ -101,6 +108,7 @@ def opir_sinks() -> Iterable[SinkModel]:
         summary="detections as columns of a Parquet file",
         config=ParquetSinkConfig,
         build=_built_by("parquet_sink", "parquet_sink"),
+        read=_read_parquet,
     )
 
 
