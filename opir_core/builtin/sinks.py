@@ -5,7 +5,7 @@ import os
 import select
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -75,6 +75,9 @@ def null_sink(_config: NoConfig, _context: SinkContext) -> NullSink:
     return NullSink()
 
 
+#: Encoded lines.
+Lines = bytes | memoryview
+
 #: The path of standard output.
 STANDARD_OUTPUT = "-"
 #: Length of a file's end that is searched for its last complete line, bytes.
@@ -105,11 +108,21 @@ class LineFile:
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
-        self._taken += self._count(window)
+        self.write_encoded(window, self.encoded(window))
+
+    def encoded(self, window: Window) -> Iterator[tuple[bytes, int, int]]:
+        """Yield the lines of a window's events in blocks, each with its numbers of events and of withheld ones."""
         for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
-            self._withheld += len(block.detections) - len(kept.detections)
-            self._write_lines(self._encoder.encode(kept), self._count(kept))
+            withheld = len(block.detections) - len(kept.detections)
+            yield self._encoder.encode(kept), self._count(kept), withheld
+
+    def write_encoded(self, window: Window, blocks: Iterable[tuple[Lines, int, int]]) -> None:
+        """Write a window's lines, as `encoded` yields them."""
+        self._taken += self._count(window)
+        for lines, events, withheld in blocks:
+            self._withheld += withheld
+            self._write_lines(lines, events)
 
     def close(self) -> Delivery:
         """Close the file; events without a complete line count as dropped."""
@@ -120,7 +133,7 @@ class LineFile:
         missing = self._taken - self._withheld - self._delivered
         return Delivery(delivered=self._delivered, dropped=missing, withheld=self._withheld)
 
-    def _write_lines(self, lines: bytes, events: int) -> None:
+    def _write_lines(self, lines: Lines, events: int) -> None:
         """Write the lines of some events, one each."""
         written = 0
         try:
@@ -128,6 +141,7 @@ class LineFile:
             while written < len(lines):
                 written += _written(self._descriptor, memoryview(lines)[written:])
         except OSError as error:
+            lines = bytes(lines)
             whole = lines.rfind(b"\n", 0, written) + 1
             self._incomplete += written - whole
             with suppress(OSError):  # else before the next line

@@ -46,6 +46,9 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
     parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
+    parser.add_argument(
+        "--workers", metavar="N", type=int, default=1, help="processes that compute the run; the files are the same"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
@@ -80,7 +83,8 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             truth_path=truth,
             tracks_path=tracks,
             manifest_path=manifest,
-            on_window=lambda window: update(scene.name, window.end_s),
+            on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
+            workers=arguments.workers,
         )
     return scene, outcome, files
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
 
@@ -25,6 +25,9 @@ from opir_core.scene.scene import Choice
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
+
+if TYPE_CHECKING:
+    from opir_core.output.shared_output import SharedOutput
 
 #: The ending of a truth file with columns.
 PARQUET = ".parquet"
@@ -64,16 +67,19 @@ def deliver(
     tracks_path: Path | None = None,
     manifest_path: Path | None = None,
     on_window: Callable[[Window], None] | None = None,
+    workers: int = 1,
 ) -> RunOutcome:
     """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with duration.
 
     The files of the run are put in place together, once it is whole, the manifest last; a run that is interrupted, or
-    in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks. A
-    failing sink does not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another
-    run writes one of the files; for the sinks, `RunOutcome.raise_for_failures` does.
+    in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks.
+    `workers` is the number of processes that compute and encode the windows; it changes no byte. A failing sink does
+    not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of
+    the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
-    windows = tally.over(plan_windows(plan))
+    shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
+    windows = tally.over(plan_windows(plan) if shared is None else shared.windows())
     files = OutputFiles(manifest_path)
     try:
         staged: dict[str, bool] = {}
@@ -82,8 +88,10 @@ def deliver(
             for sink in sinks.values():
                 closing.callback(sink.close)
             if truth_path is not None or tracks_path is not None:
-                windows = _recorded(plan, windows, files, truth_path, tracks_path)
+                windows = _recorded(plan, windows, files, truth_path, tracks_path, shared)
             closing.pop_all()
+        if shared is not None:
+            sinks = {path: shared.sink(path, sink) for path, sink in sinks.items()}
         counts = {choice.path: counter_of(plan, choice) for choice in plan.scene.outputs}
         report = pump(windows, sinks, on_window=on_window, counts=counts)
     except BaseException:
@@ -104,14 +112,26 @@ def _outcome(
     return RunOutcome(tally.summary(), files.commit(manifest), report)
 
 
+def _shared(plan: Plan, workers: int, *, needs_columns: bool) -> "SharedOutput":
+    from opir_core.output.shared_output import SharedOutput  # a run in one process does not load it
+
+    return SharedOutput(plan, workers, needs_columns=needs_columns)
+
+
 def _recorded(
-    plan: Plan, windows: Iterable[Window], files: OutputFiles, truth_path: Path | None, tracks_path: Path | None
+    plan: Plan,
+    windows: Iterable[Window],
+    files: OutputFiles,
+    truth_path: Path | None,
+    tracks_path: Path | None,
+    shared: "SharedOutput | None",
 ) -> Iterator[Window]:
     """Yield windows after their truth and tracks are written to files."""
     with ExitStack() as opened:
         truth = None
         if truth_path is not None:
-            truth = opened.enter_context(_truth_file(plan, files, truth_path))
+            file = opened.enter_context(_truth_file(plan, files, truth_path))
+            truth = file if shared is None else shared.truth(file)
         tracks = None
         if tracks_path is not None:
             from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it

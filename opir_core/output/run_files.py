@@ -6,7 +6,7 @@ hot source, a `detection` per event with its `detection_id`; `target_id` is null
 """
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
@@ -57,9 +57,10 @@ class LinesFile:
             raise unwritable(self._kind, self._path, error) from error
 
     def _write(self, lines: Sequence[object]) -> None:
-        self._write_bytes(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
+        self.write_bytes(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
 
-    def _write_bytes(self, lines: bytes) -> None:
+    def write_bytes(self, lines: bytes | memoryview) -> None:
+        """Write encoded lines."""
         try:
             self._file.write(lines)
         except OSError as error:
@@ -90,24 +91,27 @@ class TruthFile(LinesFile):
 
     def write(self, window: Window) -> None:
         """Write the truth of a window's detections."""
+        for lines in self.encoded(window):
+            self.write_bytes(lines)
+
+    def encoded(self, window: Window) -> Iterator[bytes]:
+        """Yield the truth of a window's detections as lines, block by block."""
         for block in window_blocks(window):
             truth = block.truth
-            self._write_bytes(
-                self._render(
-                    len(truth),
-                    [
-                        *(_ID, Ids(block.detections.detection_id), b'"'),
-                        Looked(self._targets, np.where(truth.target < 0, len(self._ids), truth.target)),
-                        Decimal(truth.emission_time_s, TRUTH_DECIMALS["emission_s"]),
-                        b',"range_m":',
-                        Decimal(truth.range_m, TRUTH_DECIMALS["range_m"]),
-                        b',"target_elevation_rad":',
-                        Decimal(truth.target_elevation_rad, TRUTH_DECIMALS["target_elevation_rad"]),
-                        b',"probability":',
-                        Decimal(truth.probability, TRUTH_DECIMALS["probability"]),
-                        b"}\n",
-                    ],
-                )
+            yield self._render(
+                len(truth),
+                [
+                    *(_ID, Ids(block.detections.detection_id), b'"'),
+                    Looked(self._targets, np.where(truth.target < 0, len(self._ids), truth.target)),
+                    Decimal(truth.emission_time_s, TRUTH_DECIMALS["emission_s"]),
+                    b',"range_m":',
+                    Decimal(truth.range_m, TRUTH_DECIMALS["range_m"]),
+                    b',"target_elevation_rad":',
+                    Decimal(truth.target_elevation_rad, TRUTH_DECIMALS["target_elevation_rad"]),
+                    b',"probability":',
+                    Decimal(truth.probability, TRUTH_DECIMALS["probability"]),
+                    b"}\n",
+                ],
             )
 
 

@@ -16,7 +16,8 @@ class Confirmation:
 
     def __init__(self, needed: IntArray, scans: IntArray) -> None:
         self._needed, self._scans = needed, scans
-        self._recent = np.full((len(needed), int(needed.max(initial=1)) - 1), _NEVER)
+        #: The scans (pairs, most M - 1) of the last detections of each pair, the latest one first.
+        self.recent = np.full((len(needed), int(needed.max(initial=1)) - 1), _NEVER)
 
     def confirmed(self, pair: IntArray, scan: IntArray) -> BoolArray:
         """Return which detections are reported, given by pairs (n,) and scans (n,), sorted by pair, then scan."""
@@ -28,21 +29,21 @@ class Confirmation:
         before = np.flatnonzero(place < back)
         first = np.empty(len(pair), dtype=np.int64)
         first[inside] = scan[inside - back[inside]]
-        first[before] = self._recent[pair[before], back[before] - 1 - place[before]]
+        first[before] = self.recent[pair[before], back[before] - 1 - place[before]]
         self._remember(pair[start], times, scan, start)
         confirmed: BoolArray = scan - first < self._scans[pair]
         return confirmed
 
     def take_over(self, former: "Confirmation", own_row: IntArray, former_row: IntArray) -> None:
         """Continue with the last detections of pairs of another one."""
-        width = min(self._recent.shape[1], former._recent.shape[1])
-        self._recent[own_row, :width] = former._recent[former_row, :width]
+        width = min(self.recent.shape[1], former.recent.shape[1])
+        self.recent[own_row, :width] = former.recent[former_row, :width]
 
     def _remember(self, pair: IntArray, times: IntArray, scan: IntArray, start: IntArray) -> None:
         """Keep the scans of the last detections of distinct pairs, the latest one first."""
-        known = self._recent[pair]
+        known = self.recent[pair]
         for back in range(known.shape[1]):
             is_new = times > back
             new = scan[np.where(is_new, start + times - 1 - back, start)]
             old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
-            self._recent[pair, back] = np.where(is_new, new, old)
+            self.recent[pair, back] = np.where(is_new, new, old)

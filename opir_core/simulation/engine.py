@@ -4,6 +4,8 @@ All data of a window are columns over its looks. Each look is drawn against its 
 detections are measured, classified, and get a confidence and an id. Nothing depends on the windows' edges.
 """
 
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Measured
-from opir_core.interfaces.records import Detections, DetectionTruth, Window
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Pairs
@@ -48,6 +50,8 @@ class Engine:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.time_ns = 0
+        #: Entered while `carried` is used and changed: another engine's may be put there, and taken from there.
+        self.turn: AbstractContextManager[None] = nullcontext()
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
         with self._plugin_errors:
             self._prepare(plan)
@@ -109,25 +113,50 @@ class Engine:
 
     def _advanced(self, end_ns: int) -> Window:
         start_ns, self.time_ns = self.time_ns, end_ns
+        return self._with_tracks(self._observed(start_ns, end_ns), start_ns, end_ns)
+
+    def observe(self, start_ns: int, end_ns: int) -> Window:
+        """Return the window of observations in [start, end), without tracks; raises as `advance` does."""
+        with self._plugin_errors:
+            return self._observed(start_ns, end_ns)
+
+    def track(self, window: Window, end_ns: int) -> Window:
+        """Return a window of observations up to `end_ns` with its tracks; windows follow each other."""
+        start_ns, self.time_ns = self.time_ns, end_ns
+        with self._plugin_errors:
+            return self._with_tracks(window, start_ns, end_ns)
+
+    @property
+    def carried(self) -> Sequence[IntArray]:
+        """What a window passes on to the next one: each pair's count and last detections; changed in place."""
+        recent = () if self._confirmation is None else (self._confirmation.recent,)
+        return self._counts, *recent
+
+    def _observed(self, start_ns: int, end_ns: int) -> Window:
         looks = Looks.between(self.plan.pairs, start_ns, end_ns)
         numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
         false_alarms = None if self._false_alarms is None else self._false_alarms.between(start_ns, end_ns)
         detections, truth = self._detected(looks, numbers, false_alarms)
         if self._delays is not None:
             detections = self._delays.reported(detections)
-        tracked = self._tracker.absorb(detections, start_ns, end_ns)
         self._streams.forget(looks.active[self.plan.pairs.is_over(end_ns)[looks.active]])
         return Window(
             start_s=start_ns * 1e-9,
             end_s=end_ns * 1e-9,
             looks=len(looks.pair),
-            detections=with_tracks(
-                self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates
-            ).freeze(),
+            detections=detections.freeze(),
             truth=truth.freeze(),
-            tracks=tracked.tracks,
-            estimates=tracked.estimates,
+            tracks=Tracks.empty(),
+            estimates=Tracks.empty(),
         )
+
+    def _with_tracks(self, window: Window, start_ns: int, end_ns: int) -> Window:
+        """Return a window of observations with the tracks of its ticks, and what these change in its detections."""
+        tracked = self._tracker.absorb(window.detections, start_ns, end_ns)
+        detections = with_tracks(self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates)
+        if detections is window.detections:
+            return window
+        return evolve(window, detections=detections.freeze(), tracks=tracked.tracks, estimates=tracked.estimates)
 
     def _detected(
         self, looks: Looks, numbers: WindowNumbers, false_alarms: "FalseAlarms | None"
@@ -174,19 +203,28 @@ class Engine:
         drawn = numbers.words("detection", None if interpolant is None else interpolant.undecided())
         row = np.flatnonzero(uniforms_of(drawn) < probability)
         pair, scan = looks.pair.take(row), looks.scan.take(row)
-        # Detections are counted pair by pair, each included; `pair` comes in runs in order of time.
-        start = np.flatnonzero(np.diff(pair, prepend=-1))
-        distinct, times = pair[start], np.diff(start, append=len(pair))
-        place = np.arange(len(pair)) - np.repeat(start, times)
-        count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
-        self._counts[distinct] += times.astype(np.int32)
-        if self._confirmation is not None:
-            reported = np.flatnonzero(self._confirmation.confirmed(pair, scan))
+        with self.turn:
+            count, reported = self._counted(pair, scan)
+        if reported is not None:
             row, pair = row.take(reported), pair.take(reported)
             scan, count = scan.take(reported), count.take(reported)
         words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
         time_ns = look_times_ns(self.plan.pairs, pair, scan)
         return Hits(row, pair, scan, time_ns, count, probability.take(row), words)
+
+    def _counted(self, pair: IntArray, scan: IntArray) -> tuple[IndexArray, IntArray | None]:
+        """Return the numbers (n,) of detections of pairs so far, and the rows that are reported, None for all.
+
+        Detections, given by pairs (n,) and scans (n,), are counted pair by pair, each included; they come in runs of a
+        pair in order of time.
+        """
+        start = np.flatnonzero(np.diff(pair, prepend=-1))
+        distinct, times = pair[start], np.diff(start, append=len(pair))
+        place = np.arange(len(pair)) - np.repeat(start, times)
+        count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
+        self._counts[distinct] += times.astype(np.int32)
+        confirmation = self._confirmation
+        return count, None if confirmation is None else np.flatnonzero(confirmation.confirmed(pair, scan))
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, interpolant: "WindowInterpolant") -> Measured | None:
         """Return the measurements of hits, which are sorted by sensor."""

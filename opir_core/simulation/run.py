@@ -84,20 +84,23 @@ LOOKS_PER_WINDOW = 1 << 18
 _NS = 1_000_000_000
 
 
-def window_edges_ns(plan: Plan, window_s: float | None = None) -> Sequence[int]:
-    """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW` looks."""
+def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1) -> Sequence[int]:
+    """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW` looks.
+
+    With several workers, after as many looks in all of their windows together.
+    """
     if window_s is None:
-        return _edges_by_looks(plan.pairs, plan.end_ns)
+        return _edges_by_looks(plan.pairs, plan.end_ns, max(LOOKS_PER_WINDOW // max(workers, 1), 1))
     step_ns = round(window_s * _NS)
     if step_ns < 1:
         raise SceneError([Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")])
     return [*range(step_ns, plan.end_ns, step_ns), plan.end_ns]
 
 
-def _edges_by_looks(pairs: Pairs, end_ns: int) -> Sequence[int]:
+def _edges_by_looks(pairs: Pairs, end_ns: int, looks: int) -> Sequence[int]:
     looking = pairs.take(pairs.looks > 0)
     total = int(looking.looks.sum())
-    if total <= LOOKS_PER_WINDOW:
+    if total <= looks:
         return [end_ns]
     starts = looking.phase_ns + looking.first_scan * looking.period_ns
     stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
@@ -107,33 +110,44 @@ def _edges_by_looks(pairs: Pairs, end_ns: int) -> Sequence[int]:
     np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / looking.period_ns)
     np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / looking.period_ns)
     passed = np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
-    wanted = np.arange(LOOKS_PER_WINDOW, total, LOOKS_PER_WINDOW)
+    wanted = np.arange(looks, total, looks)
     edges = np.unique(np.rint(np.interp(wanted, passed, times_ns)).astype(np.int64))
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
 
 
-def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Run:
+def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1) -> Run:
     """Return the run of a scene: all detections and tracks as columns in memory.
 
-    `window_s` sets the length of the windows, which changes no result. For scenes too large for memory use
-    `opir_core.windows`.
+    `window_s` sets the length of the windows, `workers` the number of processes that compute them; neither changes a
+    result. For scenes too large for memory use `opir_core.windows`.
     """
-    return run_of_plan(compile_plan(scene, host), window_s)
+    return run_of_plan(compile_plan(scene, host), window_s, workers=workers)
 
 
-def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
-    """Return the run of a plan; each call returns the same run."""
+def run_of_plan(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Run:
+    """Return the run of a plan; each call returns the same run. `workers` is as in `simulate`."""
     tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
-    return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
+    return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s, workers=workers))))
 
 
-def windows(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Iterator[Window]:
-    """Yield the windows of a scene, in order of time; `window_s` sets their length, which changes no result."""
-    yield from plan_windows(compile_plan(scene, host), window_s)
+def windows(
+    scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1
+) -> Iterator[Window]:
+    """Yield the windows of a scene, in order of time; `window_s` and `workers` are as in `simulate`."""
+    yield from plan_windows(compile_plan(scene, host), window_s, workers=workers)
 
 
-def plan_windows(plan: Plan, window_s: float | None = None) -> Iterator[Window]:
-    """Yield the windows of a plan, in order of time; the last one has what is reported after the scene's end."""
+def plan_windows(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Iterator[Window]:
+    """Yield the windows of a plan, in order of time; the last one has what is reported after the scene's end.
+
+    `window_s` and `workers` are as in `simulate`.
+    """
+    if workers != 1:
+        from opir_core.simulation.shared_run import shared_windows  # a run in one process does not load it
+
+        edges_ns = window_edges_ns(plan, window_s, workers)
+        yield from (window for window, _ in shared_windows(plan, edges_ns, workers))
+        return
     engine, reports = Engine(plan), ReportOrder(plan)
     for edge_ns in window_edges_ns(plan, window_s):
         yield reports.take(engine.advance(edge_ns), edge_ns)

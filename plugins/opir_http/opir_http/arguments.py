@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (default 50)"
     )
+    parser.add_argument("--workers", type=_no_workers, help=argparse.SUPPRESS)
     add_address(parser)
     parser.add_argument("--no-config-writes", action="store_true", help="refuse PUT /config")
     parser.add_argument(
@@ -58,6 +59,11 @@ def add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
     )
+
+
+def _no_workers(_word: str) -> None:
+    """Refuse the option of `opir run`."""
+    raise argparse.ArgumentTypeError("a live service runs in one process; omit it, or use opir run")
 
 
 def _speed(word: str) -> float | None:
