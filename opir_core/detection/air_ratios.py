@@ -13,7 +13,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.radiometric_models import CloudyTransmittance, Paths, Transmittance, transmittances
+from opir_core.detection.radiometric_columns import checked_transmittances
+from opir_core.interfaces.radiometric_models import CloudyTransmittance, Paths, Transmittance
 
 #: Elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere; heights, uniform in their square root.
 _ELEVATIONS, _BEND = 24, 0.05
@@ -38,7 +39,7 @@ class AirRatios:
         clear = atmosphere.clear if isinstance(atmosphere, CloudyTransmittance) else atmosphere
         sine = _BEND * np.sinh(np.linspace(0.0, math.asinh(1.0 / _BEND), _ELEVATIONS))
         height_m = _TOP_M * np.square(np.linspace(0.0, 1.0, _HEIGHTS))
-        through = transmittances(
+        through = checked_transmittances(
             clear, (reference, *others), _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
         )
         usable = through[0] >= _FAINTEST

@@ -12,6 +12,12 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_core.detection.focal_planes import LineOfSightError
+from opir_core.detection.radiometric_columns import (
+    checked_intensities,
+    checked_radiances_and_clutter,
+    checked_transmittances,
+    require_radiance,
+)
 from opir_core.detection.receivers import (
     Receiver,
     Rule,
@@ -30,8 +36,6 @@ from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
 from opir_core.interfaces.radiometric_models import (
     StructuredBackground,
     Views,
-    radiances_and_clutter_w_m2_sr,
-    transmittances,
 )
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment, heights_m
@@ -194,9 +198,10 @@ class SnrDetection:
         for number, rows in rows_of_kind:
             looks, path, bands = exposures.take(rows), paths.take(rows), self.receivers[number].bands.tolist()
             intensity = self.environment.intensities_w_sr(bands, looks, path.height_m, aspect[rows])
+            checked_intensities(intensity, len(bands), len(looks))
             shining = as_slice_if_consecutive(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
             own = intensity[:, shining] / np.square(looks.range_m[shining])
-            own *= transmittances(self.environment.atmosphere, bands, path.take(shining))
+            own *= checked_transmittances(self.environment.atmosphere, bands, path.take(shining))
             lit = np.zeros(intensity.shape)
             lit[:, shining] = own
             irradiance[: len(bands), rows] = lit
@@ -229,8 +234,10 @@ class SnrDetection:
         """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
         background, bands = self.environment.background, receiver.bands.tolist()
         if receiver.plane is None or not isinstance(background, StructuredBackground):
-            return radiances_and_clutter_w_m2_sr(background, bands, view)
+            return checked_radiances_and_clutter(background, bands, view)
         radiance, rms, structure = background.structured_radiances_w_m2_sr(bands, view)
+        for column in (radiance, rms):
+            require_radiance(column, len(bands), view, "structured_radiances_w_m2_sr")
         range_m = length(*components(view.point_ecef_m - sensor_ecef_m))
         return radiance, receiver.plane.clutter_w_m2_sr(rms, structure, range_m)
 

@@ -306,14 +306,14 @@ def intensities_w_sr(
     columns = (target, time_since_ignition_s, altitude_m, aspect_rad)
     if isinstance(signatures, ManyBandSignatures):
         return signatures.intensities_w_sr(bands, *columns)
-    return np.array([signatures.intensity_w_sr(band, *columns) for band in bands])
+    return _stacked([signatures.intensity_w_sr(band, *columns) for band in bands])
 
 
 def transmittances(atmosphere: Transmittance, bands: Sequence[int], path: Paths) -> FloatArray:
     """Return in-band transmittances (bands, n)."""
     if isinstance(atmosphere, ManyBandTransmittance):
         return atmosphere.transmittances(bands, path)
-    return np.array([atmosphere.transmittance(band, path) for band in bands])
+    return _stacked([atmosphere.transmittance(band, path) for band in bands])
 
 
 def radiances_and_clutter_w_m2_sr(
@@ -324,4 +324,9 @@ def radiances_and_clutter_w_m2_sr(
         return background.radiances_and_clutter_w_m2_sr(bands, view)
     both = [(background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)) for band in bands]
     radiance, clutter = zip(*both, strict=True)
-    return np.array(radiance), np.array(clutter)
+    return _stacked(radiance), _stacked(clutter)
+
+
+def _stacked(columns: Sequence[FloatArray]) -> FloatArray:
+    """Return columns (n,) of bands as (bands, n); one object for each that has no shape in common with the others."""
+    return np.array(columns, dtype=None if len(set(map(np.shape, columns))) <= 1 else object)

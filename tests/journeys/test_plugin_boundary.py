@@ -35,6 +35,11 @@ SENSOR = (
     {"sensors": [{"model": "rogue", "id": "A", "orbital_slot_deg": -135.0}]},
 )
 
+AIR = ("opir_atmosphere_models", "clear", "transmittance", {**SNR, "atmosphere": "rogue"})
+ALL_AIR = ("opir_atmosphere_models", "lowtran", "transmittances", {**SNR, "atmosphere": "rogue"})
+SKY = ("opir_background_models", "none", "radiance_w_m2_sr", {**SNR, "background": "rogue"})
+CLUTTER = ("opir_background_models", "none", "clutter_w_m2_sr", {**SNR, "background": "rogue"})
+
 PARTS = {
     "model": MODEL,
     "measure": MEASURE,
@@ -106,6 +111,12 @@ WRONG = {
         lambda tracks: evolve(tracks, launch=tracks.launch * [57.3, 57.3, 1.0]),
         "launch with a latitude or longitude outside the range of radians",
     ),
+    "percent": (AIR, lambda through: 100.0 * through, "transmittance returned 100 in row 0; [0, 1] is required"),
+    "air of another length": (AIR, lambda through: through[:-1], "transmittance returned float64 ("),
+    "air of whole numbers": (AIR, lambda through: through.astype(int), "transmittance returned int64 ("),
+    "nan air": (ALL_AIR, lambda through: through * np.nan, "transmittance returned nan in row 0"),
+    "dark sky": (SKY, lambda radiance: radiance - 1.0, "radiance_w_m2_sr returned -1 in row 0; [0, inf) W/(m2 sr)"),
+    "endless clutter": (CLUTTER, lambda clutter: clutter + np.inf, "clutter_w_m2_sr returned inf in row 0"),
     "angle in degrees": (SENSOR, lambda sensor: evolve(sensor, field_of_regard_half_angle_rad=10.0), "[0, 3.142]"),
     "sigma": (SENSOR, lambda sensor: evolve(sensor, line_of_sight_sigma_rad=float("nan")), "sigma_rad nan; [0, 0.5]"),
     "confusion": (SENSOR, lambda sensor: evolve(sensor, confusion={"ICBM": {"ICBM": 0.5}}), "sums to 0.5, not to 1"),
