@@ -87,14 +87,8 @@ class BurnModes:
         most = np.maximum.reduce(logs, axis=1, keepdims=True)
         chance = burns[2] * np.exp(logs - most)
         total = chance.sum(axis=1, keepdims=True)
-        share = np.maximum(chance / total, _LEAST_SHARE)
-        share /= share.sum(axis=1, keepdims=True)
         parts = [(part.mean, part.root) for part in after]
-        return (*_stacked(parts), share), (most + np.log(total))[:, 0]
-
-
-#: Least probability of a mode, so that none is lost.
-_LEAST_SHARE = 1e-4
+        return (*_stacked(parts), chance / total), (most + np.log(total))[:, 0]
 
 
 def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -141,6 +135,8 @@ def _stacked(parts: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray
 
 def _mixed(burns: Burns, stage: NewStage, step_s: float) -> Burns:
     """Return burns whose next stage may have begun in a step, and of which the decided ones are in steady burn."""
+    if step_s <= 0.0:
+        return burns
     decided = (burns[2][:, 1] > _DECIDED).nonzero()[0]
     if len(decided):
         mean, root, share = (column[decided] for column in burns)
@@ -156,5 +152,6 @@ def _mixed(burns: Burns, stage: NewStage, step_s: float) -> Burns:
 
 _BEGINS, _STEADY = np.array([-1.0, 1.0]), np.array([[1.0, 0.0]])
 
-#: A new stage with this probability is the steady burn.
+#: A new stage with this probability is the steady burn. The moments of both stay, so the choice costs no containment:
+#: below, a doubtful stage is blurred with the old one; above, a third stage waits for the second to be certain.
 _DECIDED = 0.9

@@ -48,6 +48,13 @@ def test_the_probability_of_a_new_stage_grows_at_its_rate():
     assert later[0, 0] == pytest.approx(np.exp(-2.0 / 40.0), rel=1e-9)
 
 
+def test_a_step_of_no_time_changes_nothing():
+    mean, root, share = MODES.predicted(burns(), 0.0)
+    assert mean[0] == pytest.approx(burns()[0][0], rel=1e-12)
+    assert covariance(root[:, 1]) == pytest.approx(covariance(burns()[1][:, 1]), rel=1e-9, abs=1e-9)
+    assert np.array_equal(share, BURN_SHARE)
+
+
 def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
     known = burns(np.array([[0.05, 0.95]]))
     known[0][:, 1, 6:9] *= 0.4
