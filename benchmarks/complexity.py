@@ -38,7 +38,7 @@ How do time and memory grow with targets, sensors, duration and scan rate?
 
 {table}
 
-Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat} times over all decades. One quantity
+Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat} over all decades. One quantity
 varies, the others are {base}; every minute has as many launches
 anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time, user and system, of the whole
 process, start-up included: on a busy machine it is longer than on an idle one, though less so than wall time.
@@ -191,7 +191,7 @@ def write_page(folder: Path) -> None:
         answer=f"Time: {words} (exponents). The largest is that of {UNITS[worst[0]].partition(',')[0]}.",
         table=markdown_table(head, cells),
         flat=f"{FLAT:g} times",
-        base=", ".join(f"{value:g} {UNITS[name]}" for name, value in BASE.items()),
+        base=f"{BASE['targets']} targets, {BASE['sensors']} sensors, {BASE['duration_s']:g} s, a look per second",
     )
     (folder / "complexity.md").write_text(page, encoding="utf-8")
     plot(table, found, folder / "complexity.svg")

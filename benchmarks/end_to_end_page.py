@@ -18,10 +18,10 @@ ERRORS: Mapping[str, tuple[str, str]] = {
     "leave out the background": ("p_d", "P_d"),
     "leave out the focal plane": ("counts", "counts, relative"),
     "launches of the classifier": ("type", "share of types"),
-    "tracker cadence and slice": ("impact_km", "predicted impact, km"),
-    "reassignments": ("impact_km", "predicted impact, km"),
+    "tracker cadence and slice": ("position_km", "tracked position, km"),
+    "reassignments": ("position_km", "tracked position, km"),
     "impact regions": ("impact_area", "area of regions, relative"),
-    "association": ("impact_km", "predicted impact, km"),
+    "association": ("position_km", "tracked position, km"),
     "tracker": ("from_truth_km", "impact from truth, km"),
 }
 COLOURS = {"one": BLUE, "salvo": ORANGE, "raid": GREEN}
@@ -50,10 +50,10 @@ What does each accuracy setting cost a whole run, what does it buy, and are the 
 ![Error against processor time of a whole process, for each setting; defaults are ringed](end_to_end.svg)
 
 Each setting is varied alone and held against its most exact level with the same seed: noise is the same, so differences
-are those of the setting. One launch, a salvo of {salvo} and a raid of {raid}, {duration} s, two SBIRS-GEO with focal
-planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are processor time of whole processes, start-up
-included. Points without error are drawn at the lower edge. What leaves a part out is not a default but a choice of
-physics: it says what the part costs.
+are those of the setting. Scenes: {scenes}.
+{duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are
+processor time of whole processes, start-up included. Points without error are drawn at the lower edge. To leave a part
+out is no accuracy but a choice of physics: it says what the part costs.
 
 ## All defaults against the most exact settings
 
@@ -61,8 +61,8 @@ physics: it says what the part costs.
 
 Errors are largest values, those of tracks root mean squares over launches
 ([definitions](../how-to/tune.md#errors)). Positions, launch points and impacts are differences between two estimates
-from the same detections, not from the truth: from the truth the last predicted impacts are off by
-{truth}.
+from the same detections, not from the truth. The last predicted impacts are off the true ones by {truth}:
+before burnout an impact is hardly known, and estimates that differ by metres predict impacts far apart.
 
 [end_to_end.csv](end_to_end.csv) has all levels, errors and times. `opir tune` picks levels for a wanted error
 ([how](../how-to/tune.md)).
@@ -89,8 +89,7 @@ def write_page(folder: Path) -> None:
     lines.append(("the same, most exact, s", *(f"{number(row['processor_s']):.1f}" for row in exact.values()), "–"))
     page = PAGE.format(
         answer=answer(table, whole),
-        salvo=counts.get("salvo", "–"),
-        raid=counts.get("raid", "–"),
+        scenes=", ".join(f"{name} ({count} launch{'es' if count != '1' else ''})" for name, count in counts.items()),
         duration=table[0]["duration_s"],
         table=markdown_table(("error of defaults", *(f"{name} ({counts[name]})" for name in whole), "bar"), lines),
         truth=", ".join(f"{number(row['from_truth_km']):.0f} km ({name})" for name, row in whole.items()) or "–",
@@ -107,11 +106,13 @@ def answer(table: Sequence[Row], whole: Mapping[str, Row]) -> str:
         for key, words, bar in BARS
         if bar is not None and abs(number(row[key])) > bar
     ]
+    if not whole:
+        return "The rows of all settings together were not run."
     first = "All defaults meet their bars." if not missed else f"Defaults miss a bar: {'; '.join(missed)}."
     off = list(dict.fromkeys(off_the_knee(table)))
     if not off:
-        return f"{first} No other level is both faster by a tenth and as exact as a default: all are on the curve."
-    return f"{first} Levels that are faster by a tenth and no less exact than a default: {'; '.join(off)}."
+        return f"{first}\nNo other level is both faster by a tenth and as exact as a default: all are on the curve."
+    return f"{first}\nLevels that are faster by a tenth and no less exact than a default: {'; '.join(off)}."
 
 
 def off_the_knee(table: Sequence[Row]) -> Sequence[str]:

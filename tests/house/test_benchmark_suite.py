@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from repository import ROOT
 
@@ -136,3 +137,27 @@ def test_a_failed_benchmark_is_named_with_its_reason(tmp_path: Path) -> None:
 
 def test_ratios_leave_out_what_only_one_has() -> None:
     assert ratios({"a": 3.0, "b": 1.0, "c": 1.0}, {"a": 2.0, "c": 0.0}) == {"a": 1.5}
+
+
+@pytest.mark.parametrize(("power", "start"), [(1.0, 0.0), (1.0, 0.9), (2.0, 0.5), (0.5, 0.02)])
+def test_the_exponent_of_a_power_law_above_a_start_is_found(
+    power: float, start: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    complexity = importlib.import_module("complexity")
+    value = np.logspace(1.0, 4.0, 7)
+    assert complexity.exponent(value, start + 1e-3 * value**power) == pytest.approx(power, abs=0.05)
+    assert complexity.exponent(value, np.full(7, 3.0)) == 0.0
+
+
+def test_a_level_that_beats_a_default_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    page = importlib.import_module("end_to_end_page")
+
+    def row(level: str, default: str, time: str, error: str) -> dict[str, str]:
+        knob = {"scene": "one", "knob": "light time", "level": level, "default": default}
+        return knob | {"processor_s": time, "line_of_sight_urad": error}
+
+    given = row("on", "1", "2.0", "0.0")
+    assert page.off_the_knee([given, row("off", "0", "1.0", "5.0")]) == []
+    assert page.off_the_knee([given, row("on too", "0", "1.0", "0.0")]) == ["light time on too in `one`"]
