@@ -28,6 +28,7 @@ TRACKERS = ("stonesoup", "filterpy")
 class Benchmark:
     """A script, its arguments, and the folder of `docs` for its pages (`writes`: it has `--write FOLDER`).
 
+    If it `judges`, exit code 1 says that a criterion is not met, which small sizes need not meet.
     Without `needs` (modules) and `programs` it cannot run; `peers` are modules that it leaves out if they are missing.
     """
 
@@ -37,6 +38,7 @@ class Benchmark:
     quick: tuple[str, ...]
     writes: bool = True
     pages: str = "benchmarks"
+    judges: bool = False
     full: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     programs: tuple[str, ...] = ()
@@ -125,6 +127,7 @@ BENCHMARKS = (
         "Does the service run long without leaks or losses, with faults around it?",
         "soak.py",
         words("--minutes 0.1"),
+        judges=True,
         needs=("opir_http", "opir_kafka", "confluent_kafka"),
     ),
     Benchmark(

@@ -45,6 +45,8 @@ def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> A
         process.returncode = code = os.waitstatus_to_exitcode(status)
         text = log.read_text(encoding="utf-8", errors="replace")
         figures = figures_in(Path(folder)) | kept_figures(kept)
+        if quick and benchmark.judges and figures and code == 1:
+            code = 0
         if docs and not code:
             shutil.copytree(folder, docs / benchmark.pages, dirs_exist_ok=True)
         return Attempt(
