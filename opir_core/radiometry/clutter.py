@@ -27,6 +27,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _LEAST, _EVEN = 1e-9, 0.25
 #: exp(-x²) beyond this is no part of a double's sum.
 _FAR = 6.0
+#: Distances, in outer scales, below which two terms of the series of a correlation are exact to rounding.
+_VERY_NEAR = 1e-20
 #: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
 _MOST_PANELS = 1500
 
@@ -52,10 +54,12 @@ def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: Array
     far = np.asarray(distance, dtype=np.float64) / np.asarray(scale, dtype=np.float64)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         value = 2.0 ** (1.0 - order) / gamma(order) * far**order * kv(order, far)
-        # Where K_ν overflows, the first terms of its series, 1 - (r/ℓ)² / (4 (ν - 1)) for ν above 1; where the power
-        # overflows, K_ν is 0.
-        near = np.where(order > 1.0, 1.0 - np.square(far) / (4.0 * (order - 1.0)), 1.0)
-        value = np.where(np.isfinite(value), value, np.where(far < 1.0, near, np.where(far > 1.0, 0.0, value)))
+        # Very near, where K_ν loses digits or overflows, the first terms of its series; where the power overflows, K_ν
+        # is 0.
+        fall = gamma(1.0 - order) / gamma(1.0 + order) * (0.5 * far) ** (2.0 * order)
+        near = 1.0 - np.where(order < 1.0, fall, np.square(far) / (4.0 * np.maximum(order - 1.0, 1e-3)))
+        value = np.where((far < _VERY_NEAR) | ~np.isfinite(value) & (far < 1.0), near, value)
+        value = np.where(np.isnan(value) & (far > 1.0), 0.0, value)
     return np.where(far > 0.0, value, np.where(np.isnan(far), far, 1.0))
 
 

@@ -185,8 +185,9 @@ class LowtranAtmosphere:
 def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
     """Return transmittances (bands, n) of paths that first descend; 0 through the Earth."""
     cosine = np.sqrt((1.0 - elevation_sine) * (1.0 + elevation_sine))
-    lowest_m = height_m - (RADIUS_M + height_m) * (1.0 - cosine)
-    climb = np.sqrt(np.maximum(height_m - lowest_m, 0.0)) * ((CLIMBS - 1) / HIGHEST_ROOT)
+    # 1 - cosine without cancellation.
+    drop_m = (RADIUS_M + height_m) * (elevation_sine * elevation_sine / (1.0 + cosine))
+    lowest_m, climb = height_m - drop_m, np.sqrt(drop_m) * ((CLIMBS - 1) / HIGHEST_ROOT)
     return np.where(lowest_m < 0.0, 0.0, _within(grids, lowest_m, climb))
 
 

@@ -19,6 +19,7 @@ from opir_core.simulation.manifest import components_used
 from opir_core.simulation.plan_warnings import plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
+from opir_core.simulation.summary import planned_work
 
 _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
@@ -48,6 +49,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "forces": list(plan.scene.forces.names),
         "components": components_used(plan),
         "looks": int(plan.pairs.looks.sum()),
+        "work": planned_work(plan.pairs),
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "dark": _dark(plan),

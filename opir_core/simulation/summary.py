@@ -10,9 +10,27 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import IMPACT_METHODS, Tracks, Window
-from opir_core.planning.sightlines import Pairs
+from opir_core.planning.sightlines import Blocked, Pairs
 from opir_core.planning.targets import Targets
 from opir_core.scene.scene import REPORTED_TYPES
+
+
+def planned_work(pairs: Pairs) -> Mapping[str, Any]:
+    """Return how many pairs and looks a plan has, and how many pairs it skips, by reason, as plain values.
+
+    Looks that are visible throughout need no visibility test; the others are tested one by one.
+    """
+    looks, skipped = pairs.looks, pairs.blocked[pairs.looks == 0]
+    tested = int(looks[pairs.is_checked].sum())
+    return {
+        "pairs": len(looks),
+        "pairs_skipped": {
+            reason.name.lower(): int(np.count_nonzero(skipped == reason)) for reason in Blocked if reason in skipped
+        },
+        "looks": int(looks.sum()),
+        "looks_visible_throughout": int(looks.sum()) - tested,
+        "looks_tested_for_visibility": tested,
+    }
 
 
 class Tally:
@@ -26,6 +44,7 @@ class Tally:
         reported_types: Sequence[str] = REPORTED_TYPES,
     ) -> None:
         self._sensors, self._targets, self._types = sensors, targets, reported_types
+        self._work = planned_work(pairs)
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
         shape = len(sensors), len(targets.ids)
         self._looks = 0
@@ -121,6 +140,7 @@ class Tally:
         numbers = {row["track_id"] for row in tracks}
         return {
             "counts": self.counts(),
+            "work": self._work,
             "sensors": [
                 {
                     "sensor_id": sensor.id,

@@ -234,7 +234,7 @@ def _of(module: ModuleType, name: str):
 
 
 #: Probabilities below it may be rounded to 0; their logarithms are exact.
-LEAST = 1e-300
+LEAST = 1e-290
 
 CASES = (
     Case(
