@@ -15,6 +15,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -231,8 +232,6 @@ def kafka_faults(dice: random.Random, folder: Path, stand: Stand) -> Found:
                 sink.write(window(20, first))
                 first += 20
                 time.sleep(dice.uniform(0.0, 0.1))
-        if broker.is_frozen:
-            broker.thaw()
         told = sink.close()
         assert told.dropped == 0, told
     broker.heal()
@@ -326,7 +325,9 @@ def tried(name: str, dice: random.Random, row: Row, stand: Stand, number: int) -
         try:
             found = KINDS[name](dice, folder, stand)
         except Exception as error:
-            return [f"trial {number} ({name}): {type(error).__name__}: {str(error)[:2000]}"]
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(place.filename).name}, line {place.lineno}"
+            return [f"trial {number} ({name}): {type(error).__name__} in {where}: {str(error)[:2000]}"]
     row.events, row.reported, row.missing = (
         row.events + found.events,
         row.reported + found.reported,
