@@ -319,7 +319,8 @@ def over_bound(ratios: Iterable[float]) -> str:
 HEAD = (
     "flights,mark,flown,tracked,state_95_percent,low,high,impact_50_percent,low,high,impact_95_percent,low,high,"
     "velocity_rmse_m_s,area_50_km2,area_95_km2,impact_error_median_km,"
-    "position_over_bound_rms,median,velocity_over_bound_rms,median,impact_over_bound_rms,median"
+    "position_over_bound_rms,position_over_bound_median,velocity_over_bound_rms,velocity_over_bound_median,"
+    "impact_over_bound_rms,impact_over_bound_median"
 )
 
 
@@ -328,7 +329,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", type=int, default=200)
     parser.add_argument("--only", help="lines whose names contain this")
-    parser.add_argument("--write", type=Path, help="folder of tracker_honesty.csv")
+    parser.add_argument("--write", type=Path, help="folder of the CSV")
+    parser.add_argument("--name", default="tracker_honesty", help="name of the CSV")
     options = parser.parse_args()
     lines = [HEAD]
     with tempfile.TemporaryDirectory() as folder:
@@ -338,7 +340,7 @@ def main() -> None:
                 lines += list(table(line, rows))
                 print("\n".join(lines[-len(MARKS) :]), flush=True)
     if options.write:
-        (options.write / "tracker_honesty.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (options.write / f"{options.name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
