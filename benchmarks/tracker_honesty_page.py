@@ -28,7 +28,8 @@ the median. The bar is 1.5, with classes told 1.3.
 
 {sharp}
 
-With two sensors, positions of gravity turns are near the bar in the burn. Velocities are above it until a new stage has shown itself: `imm` must expect one at any
+With two sensors, positions of gravity turns are near the bar in the burn.
+Velocities are above it until a new stage has shown itself: `imm` must expect one at any
 time, the bound knows how many there are. Impacts are far above, because `imm` cannot exclude another stage 5 s after
 burnout. It is told no class, so the bound of class profiles, with five unknown parameters, is out of its reach. From at
 least {sharp_flights} flights a line: [tracker_sharpness.csv](tracker_sharpness.csv).
