@@ -24,14 +24,14 @@ of the burn. All figures with their 95 % intervals: [tracker_honesty.csv](tracke
 
 **Sharp?** Errors over the posterior Cramér–Rao bound of an estimator that knows the law of these flights and has its
 parameters to find (`opir_core.scoring.flight_bound`): the root mean square over flights, of impacts 5 s after burnout
-the median. The bar is 1.5, with classes told 1.3.
+the median. The bar is 1.5, of known classes 1.3.
 
 {sharp}
 
 With two sensors, positions of gravity turns are near the bar in the burn.
 Velocities are above it until a new stage has shown itself: `imm` must expect one at any
 time, the bound knows how many there are. Impacts are far above, because `imm` cannot exclude another stage 5 s after
-burnout. It is told no class, so the bound of class profiles, with five unknown parameters, is out of its reach. From at
+burnout. It knows no class, so the bound of class profiles, with five unknown parameters, is out of its reach. From at
 least {sharp_flights} flights a line: [tracker_sharpness.csv](tracker_sharpness.csv).
 
 **Flights.** Gravity turns of one to three stages, integrated by SciPy (`benchmarks/foreign_flights.py`), and class
