@@ -141,8 +141,9 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
     single = samples.take(outer[one_sign[outer]])
     left = np.delete(np.arange(len(size)), last)
     right = left + 1
-    # Of two equal samples beside a dip only one is its nearest.
-    lowest = (next_size[left] <= size[left]) & (next_size[left] < next_size[right])
+    # Of two equal samples beside a dip only one is its nearest; in the first step that is the outermost.
+    is_equal_nearest = np.isin(left, first, invert=True) & (next_size[left] == size[left])
+    lowest = ((next_size[left] < size[left]) | is_equal_nearest) & (next_size[left] < next_size[right])
     near = next_size[left] <= np.maximum(rise[left], rise[right])
     both = left[one_sign[left] & one_sign[right] & lowest & near]
     double = _Brackets(

@@ -42,6 +42,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-studies": (
         "commands.compare",
         "commands.sweep",
+        "commands.tune",
         "executors.processes",
         "executors.serial",
         "metrics.accuracy",

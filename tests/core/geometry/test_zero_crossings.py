@@ -28,6 +28,8 @@ def test_rows_have_functions_and_ends_of_their_own():
 
 
 @example(25.0, 1.0, "parabola", False)
+@example(5.0, 1.0, "parabola", False)
+@example(95.0, 1.0, "parabola", True)
 @given(st.floats(0.05, 99.95), st.floats(3e-3, 3.0), st.sampled_from(["parabola", "corner"]), st.booleans())
 def test_a_dip_between_two_samples_is_found(centre_s, half_s, shape, is_negated):
     """A dip of any width, below zero within half_s of its centre, and samples 10 s apart."""
