@@ -79,20 +79,22 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 615), ({"boost_model": "jerk"}, 570), ({"slice_s": 0.5}, 1290)],
+    [({}, 863), ({"boost_model": "jerk"}, 587), ({"slice_s": 0.5}, 1931)],
     ids=["thrust", "jerk", "two slices a tick"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
+    """With `thrust` a burn has two parts, as a stage may begin at any time: each is predicted, updated and matched."""
     calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
     assert np.median(calls[20:]) <= most
 
 
 @pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
+    """The silent one may still burn, so both parts of its burn are predicted."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 1540
-    assert np.median(calls[75:]) <= 425
+    assert sorted(calls[3:12])[-2] <= 1946
+    assert np.median(calls[75:]) <= 585
 
 
 def calls_with_new_regions(prior: PriorBoosts, monkeypatch: pytest.MonkeyPatch) -> IntArray:

@@ -24,6 +24,9 @@ from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
 #: Means (n, 2, d), information roots (n, 2, d, d) and probabilities (n, 2) of steady burn and staging.
 Burns = tuple[FloatArray, FloatArray, FloatArray]
 
+#: Means (n, d) and information roots (n, d, d).
+Gaussian = tuple[FloatArray, FloatArray]
+
 
 @frozen(eq=False)
 class NewStage:
@@ -46,7 +49,9 @@ class NewStage:
         after[:, 6:9] = self.force_m_s2 * velocity / speed[:, None]
         after[:, 9] = self.growth_per_s
         # What is known of the last columns whatever the first ones are.
-        known = square_root.triangular(np.concatenate([root[:, :, COAST:], root[:, :, :COAST]], axis=2))
+        turned = np.empty_like(root)
+        turned[:, :, :-COAST], turned[:, :, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+        known = square_root.triangular(turned)
         begun = np.zeros_like(root)
         begun[:, :COAST, :COAST] = known[:, -COAST:, -COAST:]
         begun[:, _FORCE, _FORCE] = 1.0 / self.force_sigma_m_s2
@@ -59,39 +64,52 @@ _FORCE = np.arange(6, 9)
 
 @frozen(eq=False)
 class BurnModes:
-    """The modes of a burn; without `stage` there is one, and both parts are the same."""
+    """The modes of a burn; without `stage` there is the burn alone, and its parts are not used.
+
+    A burn is its means (n, d) and roots, and its parts; with stages the former are the moments of the latter.
+    """
 
     motion: Dynamics
     stage: NewStage | None
 
-    def predicted(self, burns: Burns, step_s: float) -> Burns:
+    def predicted(self, boost: Gaussian, burns: Burns, step_s: float) -> tuple[Gaussian, Burns]:
         """Return burns a step later."""
-        mean, root, share = burns
+        count = len(boost[0])
         if self.stage is None:
-            alone = carried(self.motion, mean[:, 0], root[:, 0], np.full(len(mean), step_s))
-            return twice(alone[0]), twice(alone[1]), share
+            return carried(self.motion, *boost, np.array([step_s] * count)), burns
         mean, root, share = _mixed(burns, self.stage, step_s)
-        steps = np.full(2 * len(mean), step_s)
-        return (*each(lambda means, roots: carried(self.motion, means, roots, steps), mean, root), share)
+        steps = np.array([step_s] * (count if count == 1 else 2 * count))
+        if count == 1:
+            # Single states have faster kernels.
+            parts = [carried(self.motion, mean[:, part], root[:, part], steps) for part in (0, 1)]
+            burns = (*_stacked(*parts), share)
+        else:
+            burns = (*each(lambda means, roots: carried(self.motion, means, roots, steps), mean, root), share)
+        return moments(burns), burns
 
-    def modes(self, burns: Burns) -> Sequence[Mode]:
+    def modes(self, boost: Gaussian, burns: Burns) -> Sequence[Mode]:
         """Return the modes to update."""
-        mean, root, _ = burns
-        return [Mode(self.motion, mean[:, part], root[:, part]) for part in ((0,) if self.stage is None else (0, 1))]
+        if self.stage is None:
+            return [Mode(self.motion, *boost)]
+        return [Mode(self.motion, burns[0][:, part], burns[1][:, part]) for part in (0, 1)]
 
-    def joined(self, burns: Burns, after: Sequence[Updated], log: Sequence[FloatArray]) -> tuple[Burns, FloatArray]:
+    def joined(
+        self, burns: Burns, after: Sequence[Updated], log: Sequence[FloatArray]
+    ) -> tuple[Gaussian, Burns, FloatArray]:
         """Return burns after an update of `modes`, whose log likelihoods are (n,), and that of the burn (n,)."""
         if self.stage is None:
-            return (twice(after[0].mean), twice(after[0].root), burns[2]), log[0]
-        logs = np.stack(log[:2], axis=1)
-        most = np.maximum.reduce(logs, axis=1, keepdims=True)
-        chance = burns[2] * np.exp(logs - most)
-        total = chance.sum(axis=1, keepdims=True)
-        parts = [(part.mean, part.root) for part in after]
-        return (*_stacked(parts), chance / total), (most + np.log(total))[:, 0]
+            return after[0][:2], burns, log[0]
+        change = log[1] - log[0]
+        most = np.maximum(change, 0.0)
+        steady, staging = burns[2][:, 0] * np.exp(-most), burns[2][:, 1] * np.exp(change - most)
+        total = steady + staging
+        share = np.empty_like(burns[2])
+        share[:, 0], share[:, 1] = steady / total, staging / total
+        burns = (*_stacked(after[0][:2], after[1][:2]), share)
+        return moments(burns), burns, log[0] + most + np.log(total)
 
 
-def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray) -> Gaussian:
     """Return means (n, d) and information roots after steps (n,), s."""
     after = motion.propagated(mean, step_s)
     back = motion.transition(0.5 * (mean + after), -step_s)
@@ -128,9 +146,13 @@ def each(
     return found[0].reshape(count, parts, size), found[1].reshape(count, parts, size, size)
 
 
-def _stacked(parts: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    (mean, root), (other, other_root) = parts
-    return np.stack([mean, other], axis=1), np.stack([root, other_root], axis=1)
+def _stacked(first: Gaussian, second: Gaussian) -> Gaussian:
+    """Return means and roots of two parts, (n, 2, d) and (n, 2, d, d)."""
+    count, size = first[0].shape
+    mean, root = np.empty((count, 2, size)), np.empty((count, 2, size, size))
+    mean[:, 0], root[:, 0] = first
+    mean[:, 1], root[:, 1] = second
+    return mean, root
 
 
 def _mixed(burns: Burns, stage: NewStage, step_s: float) -> Burns:
@@ -138,16 +160,17 @@ def _mixed(burns: Burns, stage: NewStage, step_s: float) -> Burns:
     if step_s <= 0.0:
         return burns
     decided = (burns[2][:, 1] > _DECIDED).nonzero()[0]
-    if len(decided):
+    if decided.size:
         mean, root, share = (column[decided] for column in burns)
         burns = with_rows(burns, moments((mean, root, share)), decided, _STEADY)
     mean, root, before = burns
     begins = before[:, :1] * -expm1(-step_s / stage.every_s)
-    share = before + begins * _BEGINS
-    into = np.concatenate([begins, before[:, 1:]], axis=1) / share[:, 1:]
+    share, into = before + begins * _BEGINS, before.copy()
+    into[:, :1] = begins
+    into /= share[:, 1:]
     first = stage.begun(mean[:, 0], root[:, 0])
     mixed = square_root.moment_matched(into, (first[0], mean[:, 1]), (first[1], root[:, 1]))
-    return (*_stacked([(mean[:, 0], root[:, 0]), mixed]), share)
+    return (*_stacked((mean[:, 0], root[:, 0]), mixed), share)
 
 
 _BEGINS, _STEADY = np.array([-1.0, 1.0]), np.array([[1.0, 0.0]])

@@ -12,14 +12,14 @@ An excluded coast is not computed: nothing depends on it, and the next step deri
 from math import log as log_of
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import AngleMeasurements
 from opir_core.estimation.motion import BOOST, COAST
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
-from opir_trackers.filter.burn_modes import BurnModes, Burns, NewStage, carried
+from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian, NewStage, carried
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.iterated_update import Mode
@@ -46,11 +46,9 @@ class ImmFilter:
     coast_detection: float = 1.0
     pause_s: float = 0.0
     stage: NewStage | None = None
-
-    @property
-    def burns(self) -> BurnModes:
-        """Return the two modes of a burn."""
-        return BurnModes(self.boost, self.stage)
+    burns: BurnModes = field(
+        default=Factory(lambda self: BurnModes(self.boost, self.stage), takes_self=True), init=False
+    )
 
     @property
     def switches(self) -> bool:
@@ -97,8 +95,7 @@ class ImmFilter:
         rests = mode_mixing.resting_rows(mixed) if len(rows) else _NONE
         burns: Burns = mixed.burn_mean, mixed.burn_root, mixed.burn_share
         if used[0] and rests.size < steps.size:
-            burns = self.burns.predicted(burns, step_s)
-            boost = burn_modes.moments(burns)
+            boost, burns = self.burns.predicted(boost, burns, step_s)
         if len(rows) == len(steps):
             coast = self._carried(self.coast, *coast, steps)
         elif len(rows):
@@ -124,8 +121,7 @@ class ImmFilter:
             return self._updated_alone(estimates, time_s, measurements, step_s)
         hits = np.bincount(measurements.track, minlength=len(estimates)).astype(np.float64)
         seen = hits > 0.0
-        burns, coast, change = self._taken_in(estimates, seen, time_s, measurements)
-        boost = burn_modes.moments(burns)
+        boost, burns, coast, change = self._taken_in(estimates, seen, time_s, measurements)
         if not self.switches and not all(_in_use(estimates)):
             return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
         last_s = np.full(len(estimates), time_s - step_s)
@@ -140,21 +136,21 @@ class ImmFilter:
         """Return `updated` for one track."""
         weight, change = estimates.weight[0].tolist(), [0.0, 0.0]
         burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
-        coast = estimates.coast_mean, estimates.coast_root
+        boost, coast = _modes_of(estimates)
         coasts = weight[1] > 0.0 and weight[1] >= self.least_open_weight
         looks, silent_s = len(measurements.time_s), step_s
         if looks:
-            modes = [*(self.burns.modes(burns) if weight[0] > 0.0 else ()), *([Mode(self.coast, *coast)] * coasts)]
+            modes = list(self.burns.modes(boost, burns)) if weight[0] > 0.0 else []
+            modes += [Mode(self.coast, *coast)] * coasts
             results = iterated_update.updated(modes, time_s, measurements, self.rounds)
             logs = [iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)]
             if weight[0] > 0.0:
-                burns, log = self.burns.joined(burns, results[: len(modes) - coasts], logs)
+                boost, burns, log = self.burns.joined(burns, results, logs)
                 change[0] = float(log[0]) if coasts else 0.0
             if coasts:
                 coast, change[1] = (results[-1].mean, results[-1].root), float(logs[-1][0])
             change[1] += log_of(self.coast_detection)
             silent_s = min(step_s, time_s - float(np.maximum.reduce(measurements.time_s)))
-        boost = burn_modes.moments(burns)
         if not self.switches and not all(weight):
             return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
         both = change[0], change[1]
@@ -163,12 +159,12 @@ class ImmFilter:
 
     def _taken_in(
         self, estimates: ModeEstimates, seen: BoolArray, time_s: float, measurements: AngleMeasurements
-    ) -> tuple[Burns, tuple[FloatArray, FloatArray], FloatArray]:
-        """Return burns and coasts after measurements, and log likelihoods (n, 2) where both are in use."""
+    ) -> tuple[Gaussian, Burns, Gaussian, FloatArray]:
+        """Return boosts, their parts and coasts after looks, and log likelihoods (n, 2) where both are in use."""
         burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
-        coast, change, used = _modes_of(estimates)[1], np.zeros((len(estimates), 2)), _in_use(estimates)
+        (boost, coast), change, used = _modes_of(estimates), np.zeros((len(estimates), 2)), _in_use(estimates)
         if not len(measurements):
-            return burns, coast, change
+            return boost, burns, coast, change
         open_ = estimates.weight[:, 1] >= self.least_open_weight
         for some, coasts in ((seen & open_, used[1]), (seen & ~open_, False)):
             rows = _rows(some)
@@ -176,18 +172,20 @@ class ImmFilter:
                 continue
             every = slice(None) if rows is None else rows
             mine: Burns = burns if rows is None else (burns[0][rows], burns[1][rows], burns[2][rows])
-            modes = list(self.burns.modes(mine)) if used[0] else []
+            burning = boost if rows is None else (boost[0][rows], boost[1][rows])
+            modes = list(self.burns.modes(burning, mine)) if used[0] else []
             if coasts:
                 modes.append(_mode(self.coast, *coast, rows))
             results = iterated_update.updated(modes, time_s, _of_rows(measurements, some, rows), self.rounds)
             logs = [iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)]
             if used[0]:
-                mine, log = self.burns.joined(mine, results[: len(modes) - coasts], logs)
+                burning, mine, log = self.burns.joined(mine, results, logs)
+                boost = _with_rows(boost, burning, rows)
                 burns = mine if rows is None else burn_modes.put(burns, rows, mine)
                 change[every, 0] = log if coasts else 0.0
             if coasts:
                 coast, change[every, 1] = _with_rows(coast, (results[-1].mean, results[-1].root), rows), logs[-1]
-        return burns, coast, change
+        return boost, burns, coast, change
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the prior."""

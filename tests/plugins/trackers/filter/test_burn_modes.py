@@ -23,6 +23,11 @@ def burns(share=BURN_SHARE):
     return twice(STATE[None]), twice(root), share
 
 
+def predicted(known, step_s):
+    """Return burns a step later."""
+    return MODES.predicted(burn_modes.moments(known), known, step_s)[1]
+
+
 def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velocity_of_the_old():
     mean, root, _ = burns()
     after, begun = STAGE.begun(mean[:, 0], root[:, 0])
@@ -42,14 +47,14 @@ def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_i
 
 
 def test_the_probability_of_a_new_stage_grows_at_its_rate():
-    _, _, share = MODES.predicted(burns(), 1.0)
+    _, _, share = predicted(burns(), 1.0)
     assert share[0] == pytest.approx([np.exp(-1.0 / 40.0), -np.expm1(-1.0 / 40.0)], rel=1e-9)
-    _, _, later = MODES.predicted(MODES.predicted(burns(), 1.0), 1.0)
+    _, _, later = predicted(predicted(burns(), 1.0), 1.0)
     assert later[0, 0] == pytest.approx(np.exp(-2.0 / 40.0), rel=1e-9)
 
 
 def test_a_step_of_no_time_changes_nothing():
-    mean, root, share = MODES.predicted(burns(), 0.0)
+    mean, root, share = predicted(burns(), 0.0)
     assert mean[0] == pytest.approx(burns()[0][0], rel=1e-12)
     assert covariance(root[:, 1]) == pytest.approx(covariance(burns()[1][:, 1]), rel=1e-9, abs=1e-9)
     assert np.array_equal(share, BURN_SHARE)
@@ -58,7 +63,7 @@ def test_a_step_of_no_time_changes_nothing():
 def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
     known = burns(np.array([[0.05, 0.95]]))
     known[0][:, 1, 6:9] *= 0.4
-    mean, _, share = MODES.predicted(known, 0.1)
+    mean, _, share = predicted(known, 0.1)
     assert share[0, 0] == pytest.approx(np.exp(-0.1 / 40.0))
     assert np.linalg.norm(mean[0, 0, 6:9]) == pytest.approx(60.0 * (0.05 + 0.95 * 0.4), rel=0.02)
 
@@ -70,10 +75,10 @@ def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
     truth[0, 6:9] *= force / 60.0
     for _ in range(8):
         truth = MODES.motion.propagated(truth, np.ones(1))
-        known = MODES.predicted(known, 1.0)
-        modes = MODES.modes(known)
+        known = predicted(known, 1.0)
+        modes = MODES.modes(burn_modes.moments(known), known)
         after = [_seen(mode, truth[0, :3], 300.0) for mode in modes]
-        known, _ = MODES.joined(known, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
+        _, known, _ = MODES.joined(known, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
     assert known[2][0].max() > 0.9
     mean, root = burn_modes.moments(known)
     assert np.linalg.norm(mean[0, 6:9]) == pytest.approx(np.linalg.norm(truth[0, 6:9]), abs=8.0)
@@ -86,16 +91,31 @@ def _seen(mode, place_m, sigma_m):
     from opir_core.estimation.square_root import least_squares
 
     size = mode.mean.shape[1]
-    stack = np.zeros((1, size + 3, size + 1))
+    stack = np.zeros((len(mode.mean), size + 3, size + 1))
     stack[:, :size, :size] = mode.root
-    stack[0, size:, :3] = np.eye(3) / sigma_m
-    stack[0, size:, -1] = (place_m - mode.mean[0, :3]) / sigma_m
+    stack[:, size:, :3] = np.eye(3) / sigma_m
+    stack[:, size:, -1] = (place_m - mode.mean[:, :3]) / sigma_m
     upper, step, left = least_squares(stack)
     return Updated(mode.mean + step, upper, left)
 
 
-def test_without_stages_both_parts_are_the_burn():
-    alone = BurnModes(MODES.motion, None)
-    mean, _, _ = alone.predicted(burns(), 1.0)
-    assert np.array_equal(mean[:, 0], mean[:, 1])
-    assert len(alone.modes(burns())) == 1
+def test_without_stages_a_burn_has_no_parts():
+    alone, boost = BurnModes(MODES.motion, None), (STATE[None], np.diag(1.0 / SIGMA)[None])
+    (mean, root), _ = alone.predicted(boost, burns(), 1.0)
+    after = burn_modes.carried(MODES.motion, *boost, np.ones(1))
+    assert np.array_equal(mean, after[0])
+    assert np.array_equal(root, after[1])
+    assert len(alone.modes(boost, burns())) == 1
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_boost_of_a_burn_is_the_moments_of_its_parts(count):
+    known = tuple(column.repeat(count, axis=0) for column in burns(np.array([[0.7, 0.3]])))
+    boost, parts = MODES.predicted(burn_modes.moments(known), known, 1.0)
+    for told, own in zip(boost, burn_modes.moments(parts), strict=True):
+        assert np.array_equal(told, own)
+    modes = MODES.modes(boost, parts)
+    after = [_seen(mode, parts[0][:, 0, :3] + 50.0, 300.0) for mode in modes]
+    boost, parts, _ = MODES.joined(parts, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
+    for told, own in zip(boost, burn_modes.moments(parts), strict=True):
+        assert np.array_equal(told, own)
