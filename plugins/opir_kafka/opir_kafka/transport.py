@@ -71,7 +71,8 @@ class KafkaTransport:
             self._main = self._loop.create_task(self._serve(), name=OURS)
             self._loop.run_until_complete(self._main)
         except asyncio.CancelledError:
-            self._loop.run_until_complete(_finish_tasks())
+            # Named as ours, for the closing of a producer cancels every other task.
+            self._loop.run_until_complete(self._loop.create_task(_finish_tasks(), name=OURS))
         finally:
             for shipment in self._shipments:
                 shipment.future.cancel()

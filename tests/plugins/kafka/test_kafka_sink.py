@@ -1,9 +1,12 @@
 """The Kafka sink: the command line, batches, partitions, settings, the document of the topic, deadlines."""
 
 import ast
+import asyncio
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -17,6 +20,7 @@ from opir_kafka.document import asyncapi_document, asyncapi_text
 from opir_kafka.failures import is_fatal
 from opir_kafka.lanes import Shipment
 from opir_kafka.settings import KafkaConfig
+from opir_kafka.transport import KafkaTransport
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 
@@ -210,6 +214,30 @@ def test_closing_is_quick_whatever_the_state() -> None:
         made.close(5.0)
         made.close(5.0)
     assert time.monotonic() - began < 8.0
+
+
+def test_closing_while_a_producer_is_being_closed_ends_its_thread_in_peace() -> None:
+    is_closing = threading.Event()
+
+    class Lost:
+        """A producer whose connection is lost, and which takes its time to end."""
+
+        client = SimpleNamespace(close=lambda: asyncio.sleep(0.0))
+
+        async def partitions_for(self, _topic: str) -> set[int]:
+            raise OSError("lost")
+
+        async def stop(self) -> None:
+            is_closing.set()
+            await asyncio.sleep(0.3)
+
+    async def connect() -> Any:
+        return Lost()
+
+    carrier = KafkaTransport(config(dead_address(), "t"), connect)
+    assert is_closing.wait(10.0)
+    carrier.close(5.0)  # an error of the thread is one of the test
+    assert not carrier._thread.is_alive()
 
 
 def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
