@@ -11,17 +11,16 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import Any
 
-import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.interfaces.records import Window
 from opir_core.live.changes import PastError, plan_of_lap
 from opir_core.planning.plan import Plan
 from opir_core.plugin.host import Host
 from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
+from opir_core.simulation.shifting import shifted
 
 #: Interval, s, after which another thread releases the interpreter to the run; Python's default is 5 ms.
 SWITCH_S = 0.001
@@ -96,38 +95,7 @@ class LapOffset:
 
     def shifted(self, window: Window) -> Window:
         """Return a window of a lap with the times and track numbers of the whole run."""
-        if not self.time_ns:
-            return window
-        detections, offset_s = window.detections, self.time_ns * 1e-9
-        time_ns = detections.time_ns + self.time_ns
-        reported_ns = detections.reported_ns + self.time_ns if detections.is_delayed else time_ns
-        track: IntArray = np.where(detections.track >= 0, detections.track + self.tracks, detections.track)
-        return evolve(
-            window,
-            start_s=window.start_s + offset_s,
-            end_s=window.end_s + offset_s,
-            detections=evolve(detections, time_ns=time_ns, reported_ns=reported_ns, track=track).freeze(),
-            tracks=self._tracks(window.tracks, offset_s),
-            estimates=self._tracks(window.estimates, offset_s),
-        )
-
-    def _tracks(self, tracks: Tracks, offset_s: float) -> Tracks:
-        return evolve(
-            tracks,
-            tick_s=tracks.tick_s + offset_s,
-            available_s=tracks.available_s + offset_s,
-            track=tracks.track + self.tracks,
-            launch=_later(tracks.launch, offset_s),
-            impact=_later(tracks.impact, offset_s),
-            burnout=_later(tracks.burnout, offset_s),
-        )
-
-
-def _later(event: FloatArray, offset_s: float) -> FloatArray:
-    """Return events with a later time, their last column."""
-    later = event.copy()
-    later[:, -1] += offset_s
-    return later
+        return shifted(window, self.time_ns, self.tracks) if self.time_ns else window
 
 
 @frozen(eq=False)

@@ -197,9 +197,11 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
         component = plan.host.component(choice.hook, choice.name)
         owner = partial(owner_text, plan.host, choice)
         return sink if not is_checked or is_of_core(component) else checked_sink(sink, owner, check_hint(choice.name))
+    from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.transport_sink import transport_sink
 
-    return transport_sink(choice, made, make_encoder, plan.sensors)
+    origin = Origin(plan.scene.epoch_us, plan.sensors, plan.reported_types)
+    return transport_sink(choice, made, make_encoder, origin)
 
 
 def counter_of(plan: Plan, choice: Choice) -> Counter:

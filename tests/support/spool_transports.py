@@ -16,6 +16,7 @@ from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
+from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.testing import stub_sensor
@@ -23,6 +24,7 @@ from opir_core.testing.doubles import stub_window
 
 SENSORS = tuple(stub_sensor(f"S-{number}") for number in range(5))
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0))
+ORIGIN = Origin(0, SENSORS)
 MIB = 1 << 20
 QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
 

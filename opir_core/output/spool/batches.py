@@ -1,27 +1,22 @@
 """Batches of events, and the backlogs in which they wait until they are acknowledged.
 
-For sinks that take windows, batches are columns, as numpy archives, and hold no messages. Truth is no part of an event
-and is not kept: windows from a spool have none.
+For sinks that take windows, batches are columns (`columns.py`) and hold no messages.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from io import BytesIO
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
-from attrs import fields
 from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.optional import TrackEncoder
 from opir_core.interfaces.protocols import Encoder, Sensor, Sink
-from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
-from opir_core.output.spool.regions import REGION_PARTS, packed_regions, unpacked_regions
-from opir_core.simulation.report_order import with_own_estimates
+from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
 #: partitions, and one is quickly read back from disk.
@@ -165,35 +160,25 @@ class MemoryBacklog:
         self._batches.clear()
 
 
-_CONTENT_TYPE = "application/vnd.opir.window+npz"
-_VERSION = "3"
-_DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
-_TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
-_COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}
-_REGION_COLUMNS = ("tracks.impact_regions", "estimates.impact_regions")
-
-_Record = TypeVar("_Record", bound=Columns)
-
-
 class WindowBatcher:
     """Cuts windows into batches of columns, each with the estimates that its detections refer to.
 
     The `encoder` of the sink decides what its events are, detections or tracks.
     """
 
-    def __init__(self, encoder: Encoder) -> None:
-        self._encoder = encoder
+    def __init__(self, encoder: Encoder, origin: Origin) -> None:
+        self._encoder, self._origin = encoder, origin
         self.events = event_counter(encoder)
 
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window as batches of columns."""
         for block in encoder_blocks(window, self._encoder):
             yield Batch(
-                body=_packed(with_own_estimates(block)),
+                body=self._origin.packed(block),
                 keys=("",),
                 key_of=np.zeros(self.events(block), dtype=np.uint16),
-                content_type=_CONTENT_TYPE,
-                schema_version=_VERSION,
+                content_type=CONTENT_TYPE,
+                schema_version=VERSION,
             )
 
 
@@ -202,14 +187,14 @@ class WindowTransport:
 
     trouble: str | None = None
 
-    def __init__(self, sink: Sink) -> None:
-        self._sink = sink
+    def __init__(self, sink: Sink, origin: Origin) -> None:
+        self._sink, self._origin = sink, origin
 
     def send(self, batch: Batch) -> "Future[None]":
         """Write the batch's window and return a future that is done."""
         future: Future[None] = Future()
         try:
-            self._sink.write(_unpacked(batch))
+            self._sink.write(self._origin.unpacked(batch))
         except SinkError as error:
             future.set_exception(error)
         else:
@@ -219,44 +204,3 @@ class WindowTransport:
     def close(self, wait_s: float) -> None:
         """Close the sink."""
         self._sink.close()
-
-
-def _packed(window: Window) -> bytes:
-    columns: dict[str, Any] = {
-        f"{record}.{name}": getattr(getattr(window, record), name)
-        for record, names in _COLUMNS.items()
-        for name in names
-    }
-    for name in _REGION_COLUMNS:
-        columns |= {f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()}
-    archive = BytesIO()
-    np.savez(archive, times=np.array([window.start_s, window.end_s]), looks=np.array(window.looks), **columns)
-    return archive.getvalue()
-
-
-def _unpacked(batch: Batch) -> Window:
-    if (batch.content_type, batch.schema_version) != (_CONTENT_TYPE, _VERSION):
-        raise SinkError(
-            f"its spool holds {batch.content_type} of an output of another kind; give each output a spool of its own"
-        )
-    with np.load(BytesIO(batch.body), allow_pickle=False) as archive:
-        start_s, end_s = archive["times"].tolist()
-        return Window(
-            start_s=start_s,
-            end_s=end_s,
-            looks=int(archive["looks"]),
-            detections=_record(Detections, "detections", archive),
-            truth=DetectionTruth.empty(),
-            tracks=_record(Tracks, "tracks", archive),
-            estimates=_record(Tracks, "estimates", archive),
-        )
-
-
-def _record(record: Callable[..., _Record], name: str, archive: Any) -> _Record:
-    return record(*(_column(f"{name}.{column}", archive) for column in _COLUMNS[name])).freeze()
-
-
-def _column(name: str, archive: Any) -> Any:
-    if name not in _REGION_COLUMNS:
-        return archive[name]
-    return unpacked_regions({part: archive[f"{name}.{part}"] for part in REGION_PARTS})

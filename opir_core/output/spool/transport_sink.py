@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
@@ -20,7 +20,7 @@ from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.optional import ReopenableTransport
-from opir_core.interfaces.protocols import Delivery, Encoder, Sensor, Sink, Transport
+from opir_core.interfaces.protocols import Delivery, Encoder, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.spool.batches import (
     Backlog,
@@ -32,6 +32,7 @@ from opir_core.output.spool.batches import (
     WindowBatcher,
     WindowTransport,
 )
+from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import Salvage, salvaged_at_start
 from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
@@ -278,6 +279,8 @@ class TransportSink:
         return self._closing_since is not None and (not self._backlog.waiting or self._is_stalled())
 
     def _may_send(self) -> bool:
+        if self._sent and _has_failed(self._sent[-1].future):  # what is behind it would overtake it
+            return False
         return self._ahead_bytes < AHEAD_BYTES and self._refused_from is None and not self._is_stalled()
 
     def _is_stalled(self) -> bool:
@@ -322,7 +325,7 @@ class TransportSink:
         done = [sent for sent in self._sent if sent.future.done()]
         if not done:
             return
-        failed = [sent for sent in done if sent.future.cancelled() or sent.future.exception() is not None]
+        failed = [sent for sent in done if _has_failed(sent.future)]
         try:
             self._acknowledge([sent.number for sent in done if sent not in failed])
         except FullError:  # no room to note it: it is noted later, or the batch is sent again
@@ -378,16 +381,20 @@ class TransportSink:
             self._room.notify_all()
 
 
+def _has_failed(future: Future[None]) -> bool:
+    return future.done() and (future.cancelled() or future.exception() is not None)
+
+
 def transport_sink(
-    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], sensors: Sequence[Sensor]
+    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
 ) -> TransportSink:
     """Return the sink of an output with a transport or a spool; if the spool cannot be opened, `made` is closed."""
     transport: Transport
     batcher: Batcher
     if isinstance(made, Transport):
-        transport, batcher = made, EncodedBatcher(make_encoder(), sensors)
+        transport, batcher = made, EncodedBatcher(make_encoder(), origin.sensors)
     else:
-        transport, batcher = WindowTransport(made), WindowBatcher(make_encoder())
+        transport, batcher = WindowTransport(made, origin), WindowBatcher(make_encoder(), origin)
     try:
         backlog, policy, damage = _backlog(choice.spool)
     except BaseException:

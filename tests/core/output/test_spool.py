@@ -13,6 +13,7 @@ from forked_processes import killed_at_random
 from spool_transports import (
     ENCODER,
     MIB,
+    ORIGIN,
     QUICK,
     SENSORS,
     Appending,
@@ -27,12 +28,16 @@ from waiting import until
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Delivery, Transport
 from opir_core.interfaces.records import Batch, Tracks
+from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.pump import pump
 from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
+from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
+from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 
 
@@ -220,13 +225,19 @@ def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
-    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK)
+    first = TransportSink(
+        "stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+    )
     for each in windows:
         first.write(each)
     assert first.close() == Delivery(delivered=0, spooled=6)
     kept = MemorySink(lambda: ENCODER)
     second = TransportSink(
-        "stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
+        "stub",
+        WindowTransport(kept, ORIGIN),
+        Journal(str(tmp_path / "spool"), MIB),
+        WindowBatcher(ENCODER, ORIGIN),
+        QUICK,
     )
     assert second.close() == Delivery(delivered=6, recovered=6)
     assert kept.lines() == b"".join(map(ENCODER.encode, windows))
@@ -234,17 +245,80 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     assert not any(len(each.truth) for each in kept.windows)
 
 
+def test_nothing_overtakes_a_batch_that_was_refused_at_once(tmp_path: Path) -> None:
+    class Refusing(Holding):
+        def send(self, batch: Batch) -> Any:
+            self.mood = "fail" if self.sent == 2 else "take"
+            self.sent += 1
+            if self.mood == "take":
+                self.taken += [json.loads(line)["detection_id"] for line in batch.messages()]
+            return super().send(batch)
+
+        sent = 0
+
+    left = spooled(tmp_path / "spool", Holding("hold"))
+    windows = [window(3, 3 * number) for number in range(8)]
+    for each in windows:
+        left.write(each)
+    assert left.close().spooled == 24
+    carrier = Refusing()
+    carrier.taken = list[str]()
+    sink = spooled(tmp_path / "spool", carrier, Policy(stall_s=5.0, retry_s=0.01))
+    until(lambda: sink.parked is None and len(carrier.taken) >= 24)
+    assert sink.close() == Delivery(delivered=24, recovered=24)
+    assert carrier.taken == ids_of(*windows)
+
+
+def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_run_of_another_epoch(
+    tmp_path: Path,
+) -> None:
+    known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
+    left = stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1, sensor=[0, 1, 3, 4])
+    spool = str(tmp_path / "spool")
+    first = TransportSink("stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK)
+    first.write(left)
+    first.close()
+    sensors = (*SENSORS[::-1], stub_sensor("new"))
+    origin = Origin(86_400_000_000, sensors)
+    encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=origin.epoch_us))
+    kept = MemorySink(lambda: encoder)
+    second = TransportSink(
+        "stub", WindowTransport(kept, origin), Journal(spool, MIB), WindowBatcher(encoder, origin), QUICK
+    )
+    assert second.close() == Delivery(delivered=4, recovered=4)
+    assert kept.lines() == ENCODER.encode(left)
+
+
+def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_path: Path) -> None:
+    spool = str(tmp_path / "spool")
+    first = TransportSink("stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK)
+    first.write(window(5))
+    first.close()
+    origin = Origin(0, SENSORS[:2])
+    transport = WindowTransport(MemorySink(lambda: ENCODER), origin)
+    second = TransportSink("stub", transport, Journal(spool, MIB), WindowBatcher(ENCODER, origin), QUICK)
+    told = second.close()
+    assert (told.delivered, told.spooled, told.recovered) == (0, 5, 5)
+    assert "holds events of S-2, which the scene does not have" in str(told)
+
+
 def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     shared, hole = stub_regions(9.0, 167.7, 200.0), stub_regions(-5.0, -179.9)
     ring, inner = hole[2].polygons[0][0], hole[0].polygons[0][0]
     several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
     known = stub_estimates(4, impact_regions=[shared, (), several, shared])
-    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK)
+    first = TransportSink(
+        "stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+    )
     first.write(evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known))
     assert first.close() == Delivery(delivered=0, spooled=4)
     kept = MemorySink(lambda: ENCODER)
     second = TransportSink(
-        "stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
+        "stub",
+        WindowTransport(kept, ORIGIN),
+        Journal(str(tmp_path / "spool"), MIB),
+        WindowBatcher(ENCODER, ORIGIN),
+        QUICK,
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
     for tracks in (kept.windows[0].tracks, kept.windows[0].estimates):

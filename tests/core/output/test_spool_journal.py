@@ -8,6 +8,7 @@ import pytest
 from spool_transports import (
     ENCODER,
     MIB,
+    ORIGIN,
     QUICK,
     SENSORS,
     Holding,
@@ -102,7 +103,11 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
     first.close()
     kept = MemorySink(lambda: ENCODER)
     second = TransportSink(
-        "memory", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
+        "memory",
+        WindowTransport(kept, ORIGIN),
+        Journal(str(tmp_path / "spool"), MIB),
+        WindowBatcher(ENCODER, ORIGIN),
+        QUICK,
     )
     told = second.close()
     assert told.spooled == 5
