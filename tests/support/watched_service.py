@@ -15,6 +15,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -249,7 +250,8 @@ class WatchedService:
         self.thaw()
         self.broker.heal()
         if self.number is not None:
-            os.kill(self.number, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # ended by itself, which the error on its way tells
+                os.kill(self.number, signal.SIGKILL)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def examine(self) -> None:
