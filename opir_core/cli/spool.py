@@ -41,6 +41,8 @@ def _text(path: str, state: SpoolState) -> str:
         return head
     if not state.is_readable:
         return f"{head}; the file is damaged where nothing can be read without it"
+    if not state.damaged:
+        return f"{head}; the file is damaged elsewhere, so it cannot be written to: salvage it"
     numbers = ", ".join(map(str, state.damaged[:10])) + (", ..." if len(state.damaged) > 10 else "")
     return f"{head}; {len(state.damaged)} batches are damaged ({numbers}), with at least {state.lost_events} events"
 

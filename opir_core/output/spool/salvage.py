@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from opir_core.errors import SinkError, reason_of
 from opir_core.interfaces.records import Batch
@@ -34,7 +34,7 @@ class SpoolState:
     """The batches of a spool that are whole, their events, and the numbers of those that are damaged.
 
     `lost_events` are of the damaged batches, as far as their number can still be read. `is_readable` is false if the
-    file itself is damaged where SQLite needs it.
+    file itself is damaged where SQLite needs it to read, `is_sound` where it needs it to write.
     """
 
     batches: int
@@ -42,11 +42,12 @@ class SpoolState:
     damaged: tuple[int, ...] = ()
     lost_events: int = 0
     is_readable: bool = True
+    is_sound: bool = True
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing is damaged."""
-        return self.is_readable and not self.damaged
+        return self.is_readable and self.is_sound and not self.damaged
 
 
 @frozen
@@ -68,7 +69,7 @@ def spool_state(path: str | Path) -> SpoolState:
     """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be read, or is none."""
     place = _existing(Path(path))
     with closing(_opened(place)) as database:
-        state = _counted(list(_batches(database, place, keep=False)))
+        state = evolve(_counted(list(_batches(database, place, keep=False))), is_sound=_is_sound(database, place))
     if not state.is_whole:
         _require_readable(place)
     return state
@@ -165,6 +166,15 @@ def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterato
         if row is not None:
             batch = batch_of(row)
             yield number, (batch if keep else True) if batch else False, len(batch) if batch else _told(row)
+
+
+def _is_sound(database: sqlite3.Connection, path: Path) -> bool:
+    """Return whether SQLite finds the file's pages in order: damage of free pages hinders only writing."""
+    try:
+        return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
+    except sqlite3.DatabaseError as error:
+        _require_damage(path, error)
+        return False
 
 
 def _range(database: sqlite3.Connection) -> tuple[int, int]:

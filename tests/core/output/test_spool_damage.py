@@ -77,6 +77,30 @@ def test_one_flipped_byte_costs_one_batch_and_no_more(spool: Path, caplog: pytes
     assert (again.delivered, again.recovered, again.complaint, ids) == (0, 0, None, [])
 
 
+def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_path: Path) -> None:
+    path = tmp_path / "spool"
+    journal = Journal(str(path), 64 * MIB)
+    for number in range(BATCHES):
+        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
+    journal.acknowledge(range(1, 11))
+    journal.close()
+    content = bytearray(path.read_bytes())
+    # Bytes 36 to 39 count the free pages, 32 to 35 name the first: https://www.sqlite.org/fileformat.html
+    assert int.from_bytes(content[36:40], "big") > 1
+    content[32:36] = b"\x7f\xff\xff\xff"
+    path.write_bytes(content)
+    assert main(["spool", "check", str(path)]) == 5
+    assert spool_state(path).damaged == ()
+    salvaged = salvaged_at_start(path)
+    assert salvaged is not None
+    assert (salvaged.state.batches, salvaged.state.is_sound) == (BATCHES - 10, False)
+    journal = Journal(str(path), 64 * MIB)
+    for number in range(BATCHES):
+        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
+    journal.close()
+    assert spool_state(path).events == (2 * BATCHES - 10) * ROWS
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
     content, dice = bytearray(spool.read_bytes()), random.Random(seed)
