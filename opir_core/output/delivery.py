@@ -14,7 +14,6 @@ from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
 from opir_core.output.checked_parts import checked_encoder, checked_sink, is_of_core
 from opir_core.output.events.encoder_input import detection_count, track_count
-from opir_core.output.events.rendering import renderer_name
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
 from opir_core.output.transaction import OutputFiles
@@ -104,7 +103,11 @@ def _outcome(
     plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool]
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
-    manifest = {**run_manifest(plan, tally.counts()), "renderer": renderer_name()}
+    manifest = run_manifest(plan, tally.counts())
+    if files.parts:  # a run without files has no text, and needs no renderer
+        from opir_core.output.events.rendering import renderer_name
+
+        manifest["renderer"] = renderer_name()
     if any(is_staged[sink.name] for sink in report.failures):
         incomplete = tuple(files.parts)
         files.keep()
