@@ -103,7 +103,7 @@ def _outcome(
     plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool]
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
-    manifest = run_manifest(plan, tally.counts())
+    manifest = dict(run_manifest(plan, tally.counts()))
     if files.parts:  # a run without files has no text, and needs no renderer
         from opir_core.output.events.rendering import renderer_name
 
