@@ -25,7 +25,7 @@ from unittest.mock import patch
 OPEN, WRITE, SYNC, TRUNCATE, RENAME, REMOVE, READ = "open", "write", "fsync", "truncate", "rename", "unlink", "read"
 #: What a disk is asked that takes bytes.
 WRITING = (OPEN, WRITE, SYNC, TRUNCATE, RENAME, REMOVE)
-#: Half of the bytes are taken, and no error is told: the caller writes the rest. If it lasts, what follows is EIO.
+#: Half of the bytes are taken, and no error is raised: the caller writes the rest. If it lasts, what follows is EIO.
 SHORT = -1
 #: Every answer of a disk that is full, over its quota or a limit, failing, or mounted anew to be read only.
 ERRORS = (errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)

@@ -1,4 +1,4 @@
-"""`opir` as a process to be killed, as in `serve_process.py`, whose disk fails when it is told to.
+"""`opir` as a process to be killed, as in `serve_process.py`, whose disk fails on request.
 
 The process reads commands from a pipe with a name: `fail NUMBER ERROR LASTS KIND,...` and `heal`.
 """
