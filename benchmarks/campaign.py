@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 import kafka_broker
 from failing_disk import ERRORS, READ, SHORT, SYNC, WRITE, WRITING, FailingDisk
+from figures import keep
 from forked_processes import is_alive
 from serve_process import Nursery, nursery
 from spool_transports import ENCODER, MIB, SENSORS, Holding, ids_of, window
@@ -369,6 +370,9 @@ def main() -> int:
     arguments = parser.parse_args()
     rows, failures = campaign(arguments.minutes, arguments.seed, arguments.only, arguments.first)
     print(table(rows), *failures, sep="\n")
+    for name, row in rows.items():
+        keep(f"{name}: survived", row.survived / max(row.tried, 1))
+        keep(f"{name}: missing", row.missing, "events")
     if arguments.write:
         write(arguments.write, rows, arguments.minutes, arguments.seed)
     return 1 if failures else 0

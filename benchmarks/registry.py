@@ -135,6 +135,7 @@ BENCHMARKS = (
         "What survives kills, failing disks and brokers, and damage?",
         "campaign.py",
         words("--minutes 0.05 --only spool"),
+        writes=False,
         needs=("opir_http", "opir_kafka", "confluent_kafka"),
     ),
     Benchmark(
@@ -224,7 +225,7 @@ BENCHMARKS = (
         "tracking",
         "Trackers: run time against error over the bound",
         "work_precision/tracking.py",
-        words("--runs 1 --peer-runs 1 --seconds 20 --raid-seconds 1 --raid-seeds 1 --scene-runs 0"),
+        words("--runs 1 --peer-runs 1 --seconds 20 --raid-seconds 2 --raid-seeds 1 --scene-runs 0"),
         needs=("opir_trackers", "opir_studies"),
         peers=TRACKERS,
     ),
@@ -248,7 +249,7 @@ BENCHMARKS = (
         "raid_tracking",
         "A hundred launches in ten seconds with false alarms: are all tracked, and how fast?",
         "raid_tracking.py",
-        words("--runs 1 --duration 10"),
+        words("--runs 1 --duration 25"),
         needs=("opir_trackers",),
     ),
     Benchmark(

@@ -13,7 +13,8 @@ from repository import ROOT
 MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 
 #: Imports by those who install an extra, or run tests: the module that asks for each says so itself.
-ASKED_FOR = {"sgp4", "pytest"}
+#: `opir_render` is used where it is installed.
+ASKED_FOR = {"sgp4", "pytest", "opir_render"}
 
 
 def imported(folder: Path) -> set[str]:

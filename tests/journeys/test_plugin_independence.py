@@ -19,7 +19,9 @@ from opir_core.scene.reading import scene_from_mapping
 from opir_core.simulation.run import plan_windows, simulate
 from opir_core.testing.bench import encoder_of, planned
 
-PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))
+PLUGINS = sorted(
+    path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml") if "entry-points" in path.read_text("utf-8")
+)
 
 #: Scenes by name, and the plugins that each needs.
 SCENES = {

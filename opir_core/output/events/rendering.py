@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray, WordArray
+from opir_core.errors import SinkError
 from opir_core.interfaces.records import Detections
 from opir_core.output.events.text import (
     number_texts,
@@ -165,14 +166,21 @@ def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes
 
 @cache
 def fastest() -> Renderer:
-    """Return the compiled renderer if it is installed, else the reference."""
+    """Return the compiled renderer if it is installed, else the reference.
+
+    Raises:
+        SinkError: `OPIR_RENDERER` names another renderer, or the compiled one, which is not installed.
+    """
     choice = os.environ.get(CHOICE, "")
+    if choice not in ("", "reference", "compiled"):
+        raise SinkError(f"{CHOICE}={choice}: choose reference or compiled, or leave it unset for the fastest")
     if choice != "reference":
         try:
             from opir_render import render
-        except ImportError:
+        except ImportError as error:
             if choice:
-                raise
+                message = f"{CHOICE}=compiled: {error}; install opir-render where a C compiler is, or leave it unset"
+                raise SinkError(message) from error
         else:
             return render
     return reference

@@ -1,6 +1,7 @@
 """Lines from typed columns: the compiled renderer makes the bytes of the reference, whose numbers read back."""
 
 import json
+import sys
 from collections.abc import Callable
 from uuid import UUID
 
@@ -103,3 +104,13 @@ def test_the_environment_chooses_the_renderer(monkeypatch: pytest.MonkeyPatch) -
     assert fastest.__wrapped__() is reference
     monkeypatch.setenv("OPIR_RENDERER", "compiled")
     assert fastest.__wrapped__() is compiled()
+
+
+def test_a_renderer_that_is_not_there_is_refused_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPIR_RENDERER", "fast")
+    with pytest.raises(SinkError, match="OPIR_RENDERER=fast: choose reference or compiled"):
+        fastest.__wrapped__()
+    monkeypatch.setenv("OPIR_RENDERER", "compiled")
+    monkeypatch.setitem(sys.modules, "opir_render", None)
+    with pytest.raises(SinkError, match="install opir-render"):
+        fastest.__wrapped__()
