@@ -35,6 +35,18 @@ def process(folder: Path, *words: str, **environment: str) -> subprocess.Complet
     )
 
 
+def test_the_command_has_one_thread_for_linear_algebra_unless_the_user_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(os, "environ", {**os.environ, "OMP_NUM_THREADS": "4"})
+    os.environ.pop("OPENBLAS_NUM_THREADS", None)
+    monkeypatch.setattr(sys, "argv", ["opir", "plugins"])
+    assert main() == 0
+    capsys.readouterr()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert os.environ["OMP_NUM_THREADS"] == "4"
+
+
 @pytest.fixture
 def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Opir:
     """Return a function that runs the command in this process."""

@@ -24,6 +24,11 @@ def doubled_or_always_killed(number: int) -> int:
     return 2 * number
 
 
+def threads(_task: object) -> str:
+    """Return how many threads linear algebra has here."""
+    return os.environ.get("OPENBLAS_NUM_THREADS", "")
+
+
 def own_number(_task: int) -> int:
     return os.getpid()
 

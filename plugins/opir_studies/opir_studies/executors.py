@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait as wait_for_objects
 from threading import Thread
@@ -21,6 +22,9 @@ from opir_core.errors import OpirError
 from opir_core.interfaces.results import ExecutorContext
 from opir_core.plugin import NoConfig
 from opir_studies.configs import ProcessesConfig
+
+#: What tells libraries of linear algebra how many threads they have.
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 #: A task is given up after so many deaths of its worker while no other task was running.
 DEATHS_ALONE = 3
@@ -135,7 +139,8 @@ class ProcessesExecutor:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=start_worker)
         try:
-            running[self._pool.submit(function, tasks[queue[0]])] = queue[0]
+            with one_thread_each():
+                running[self._pool.submit(function, tasks[queue[0]])] = queue[0]
         except BrokenProcessPool:
             return False
         queue.popleft()
@@ -165,6 +170,21 @@ def _put_back(index: int, left: _Progress, *, is_alone: bool) -> None:
     else:
         left.deaths_alone[index] = 0
         left.suspects.append(index)
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Have workers that are started now use one thread each for linear algebra, unless the environment says otherwise.
+
+    Each worker has a core; more threads than cores wait for each other.
+    """
+    missing = [name for name in THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(missing, "1"))
+    try:
+        yield
+    finally:
+        for name in missing:
+            del os.environ[name]
 
 
 def start_worker() -> None:

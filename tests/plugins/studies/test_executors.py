@@ -5,7 +5,7 @@ from itertools import islice
 
 import pytest
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
-from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, own_number
+from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, own_number, threads
 
 from opir_core.testing import ExecutorContract
 
@@ -29,6 +29,17 @@ def executor():
 def test_work_is_done_elsewhere(executor):
     assert os.getpid() not in dict(executor.results(own_number, range(3))).values()
     assert dict(SerialExecutor().results(own_number, [1])) == {0: os.getpid()}
+
+
+def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch):
+    for given, found in ((None, "1"), ("3", "3")):
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+        if given:
+            monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+        executor = ProcessesExecutor(1)
+        assert dict(executor.results(threads, [0])) == {0: found}
+        executor.close()
+        assert os.environ.get("OPENBLAS_NUM_THREADS") == given
 
 
 def test_a_killed_worker_costs_no_result(executor, tmp_path):

@@ -150,9 +150,10 @@ def matched(
         return Matches(*(np.empty(0, dtype=np.int64),) * 2, np.empty(0), 1.0)
     early = (instants.time_s[here] - when_s) / sigma_s
     log = log_prior[here] - 0.5 * early * early
+    fits = [_Fit(part, instants.features[here, :used]) for part in parts]
     width = 1.0
     while True:
-        logs = np.concatenate([_fit(part, instants.features[here, :used], width) + log for part in parts])
+        logs = np.concatenate([fit.log_likelihood(width) + log for fit in fits])
         share = np.exp(logs - logs.max())
         share /= share.sum()
         each = np.bincount(np.tile(instants.boost[here], len(parts)), share)
@@ -164,14 +165,27 @@ def matched(
     return Matches(part, row + first, share[kept] / share[kept].sum(), width)
 
 
-def _fit(part: Part, features: FloatArray, width: float) -> FloatArray:
-    """Return the log likelihood (m,) of features (m, used) for a part."""
-    used = features.shape[1]
-    known = part.changes[:, :used].T @ part.changes[:, :used]
-    side = np.linalg.cholesky(known + width * width * np.diag(kernel_variance(part.features, used)))
-    white = (features - part.features[:used]) @ np.linalg.inv(side).T
-    log: FloatArray = part.log_weight - np.log(np.diag(side)).sum() - 0.5 * np.einsum("ij,ij->i", white, white)
-    return log
+class _Fit:
+    """How well a part fits features (m, used), for any width of the kernel.
+
+    Features are turned and scaled so that the part's own covariance and the kernel's are both diagonal (Golub and Van
+    Loan, Matrix Computations, 4th ed., 8.7): the kernel's to one, the part's to `_own` (used,).
+    """
+
+    def __init__(self, part: Part, features: FloatArray) -> None:
+        used = features.shape[1]
+        sigma = np.sqrt(kernel_variance(part.features, used))
+        changes = part.changes[:, :used] / sigma
+        self._own, axes = np.linalg.eigh(changes.T @ changes)
+        self._own = np.maximum(self._own, 0.0)
+        self._square = np.square((features - part.features[:used]) @ (axes / sigma[:, None]))
+        self._log = part.log_weight - float(np.log(sigma).sum())
+
+    def log_likelihood(self, width: float) -> FloatArray:
+        """Return the log likelihood (m,)."""
+        variance = self._own + width * width
+        log: FloatArray = self._log - 0.5 * float(np.log(variance).sum()) - self._square @ (0.5 / variance)
+        return log
 
 
 def drawn_states(

@@ -68,8 +68,11 @@ def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
 
 def _density(place: FloatArray, unit: FloatArray, widths: FloatArray, weight: FloatArray) -> FloatArray:
     """Return densities (m,) at places (m, 2) of kernels about points (n, 2) with widths (n,)."""
-    apart = [_kernel(place[:, None, axis] - unit[:, axis], widths) for axis in (0, 1)]
-    density: FloatArray = (apart[0] * apart[1]) @ weight
+    x, y = (place[:, None, axis] - unit[:, axis] for axis in (0, 1))
+    squares = np.square(x, out=x)
+    squares += np.square(y, out=y)
+    squares *= -0.5 / np.square(widths)
+    density: FloatArray = np.exp(squares, out=squares) @ (weight / np.square(widths))
     return density
 
 
