@@ -1,6 +1,6 @@
 """The trackers on one scene: what `opir compare` prints, as a CSV file, a plot and a page.
 
-python benchmarks/tracker_comparison.py [--runs 5] [--write docs/explanation]
+python benchmarks/tracker_comparison.py [--runs 5] [--duration 300] [--write docs/explanation]
 python benchmarks/tracker_comparison.py --from-csv docs/explanation/comparing-trackers.csv
 """
 
@@ -52,9 +52,9 @@ COUNTS = {"targets": "targets", "launches_reported": "launches_reported", "impac
 CONFIDENCE, BAND = "95 % confidence", "99 % band"
 
 
-def compared(runs: int) -> Any:
+def compared(runs: int, duration_s: float) -> Any:
     """Return the figures of `opir compare --json`."""
-    words = ["compare", SCENE, "--set", SENSORS, "--runs", str(runs), "--json"]
+    words = ["compare", SCENE, "--set", SENSORS, "--set", f"duration_s={duration_s:g}", "--runs", str(runs), "--json"]
     for tracker in TRACKERS:
         words += ["--tracker", tracker]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -129,13 +129,14 @@ def main() -> None:
     """Run the comparison and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--duration", type=float, default=300.0, help="seconds of the scene")
     parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
     parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
     chosen = parser.parse_args()
     if chosen.from_csv:
         write_page(chosen.from_csv)
         return
-    rows = list(rows_of(compared(chosen.runs)))
+    rows = list(rows_of(compared(chosen.runs, chosen.duration)))
     for row in rows:
         print(",".join(row.values()))
     if chosen.write:

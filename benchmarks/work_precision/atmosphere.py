@@ -1,10 +1,10 @@
 """Atmospheric transmittance: run time and error of several interpolations of LOWTRAN's table.
 
-    python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--write docs/benchmarks]
+    python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--every 1] [--write FOLDER]
 
-All climates, bands and spectra of the shipped table. Errors are differences of transmittance: at the table's own
-points, at each inner height and zenith angle omitted in turn, and from LOWTRAN7 itself at random places between the
-points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
+All climates, bands and spectra of the shipped table, or every so many of them. Errors are differences of transmittance:
+at the table's own points, at each inner height and zenith angle omitted in turn, and from LOWTRAN7 itself at random
+places between the points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
 `docs/design/lowtran_table.py`). Times are processor time of one core, medians. `--write` puts the page and, where
 matplotlib is installed, a plot into a folder.
 """
@@ -150,9 +150,9 @@ def error_at(model: Model, nodes: NodeTable, rows: slice, columns: slice) -> flo
     return float(np.abs(found - nodes.transmittance[rows, columns].ravel()).max())
 
 
-def worst_out(way: Way, kind: str) -> float:
+def worst_out(way: Way, chosen: list[NodeTable], kind: str) -> float:
     """Return the largest error at points left out of their tables."""
-    return max(float(errors.error.max()) for nodes in tables() for errors in left_out(way, nodes, kind))
+    return max(float(errors.error.max()) for nodes in chosen for errors in left_out(way, nodes, kind))
 
 
 @cache
@@ -165,10 +165,10 @@ def own_values(file: str) -> dict[tuple[str, str], list[dict[str, str]]]:
     return found
 
 
-def own_error(way: Way, file: str) -> float:
-    """Return the largest difference from LOWTRAN7 between the table's points."""
+def own_error(way: Way, file: str, every: int) -> float:
+    """Return the largest difference from LOWTRAN7 between the table's points, for every so many climates."""
     worst = 0.0
-    for sky, rows in own_values(file).items():
+    for sky, rows in list(own_values(file).items())[::every]:
         height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
         for name, nodes in node_tables(*sky, "flat").items():
             found = way(nodes)(height * 1e3, np.cos(np.radians(zenith)))
@@ -193,18 +193,19 @@ def from_curves(name: str, count: int) -> float:
     return max(float(np.abs(gridded(shape)(nodes)(*where) - gridded(fine)(nodes)(*where)).max()) for nodes in hardest)
 
 
-def measured(name: str, count: int, repeat: int) -> Row:
+def measured(name: str, options: argparse.Namespace) -> Row:
     """Return the table's line of one way."""
     way, kilobytes = WAYS[name]
-    nodes, every = tables()[0], slice(None)
+    nodes, chosen, every = tables()[0], tables()[:: options.every], slice(None)
+    count, repeat = options.looks, options.repeat
     model, where = way(nodes), looks(count)
     return Row(
         way=name,
-        at_points=max(error_at(way(table), table, every, every) for table in tables()),
-        angle_out=worst_out(way, "an angle") if way is not secant_law else float("nan"),
-        height_out=worst_out(way, "a height"),
-        between=own_error(way, ABOVE),
-        below=own_error(way, BELOW) if name.startswith("grid") else float("nan"),
+        at_points=max(error_at(way(table), table, every, every) for table in chosen),
+        angle_out=worst_out(way, chosen, "an angle") if way is not secant_law else float("nan"),
+        height_out=worst_out(way, chosen, "a height"),
+        between=own_error(way, ABOVE, options.every),
+        below=own_error(way, BELOW, options.every) if name.startswith("grid") else float("nan"),
         from_curves=from_curves(name, 20_000),
         nanoseconds=1e9 * median_s(lambda: model(*where), repeat) / count,
         build_ms=1e3 * median_s(lambda: way(nodes), repeat),
@@ -272,20 +273,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--looks", type=int, default=1_000_000)
     parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--every", type=int, default=1, help="every so many of the tables")
     parser.add_argument("--write", type=Path)
     options = parser.parse_args()
-    rows = [measured(name, options.looks, options.repeat) for name in WAYS]
+    rows = [measured(name, options) for name in WAYS]
     text = table(rows, above_the_air(options.looks, options.repeat))
     print(text)
     if options.write:
         page = PAGE.format(
             table=text,
             answer=answer(rows),
-            tables=len(tables()),
+            tables=len(tables()[:: options.every]),
             looks=options.looks,
             multiply_ns=multiply_ns(),
             places=sum(len(rows) for rows in own_values(ABOVE).values()),
-            regions=by_region(gridded(GRID_SHAPE), tables()),
+            regions=by_region(gridded(GRID_SHAPE), tables()[:: options.every]),
             below=sum(len(rows) for rows in own_values(BELOW).values()),
         )
         (options.write / "atmosphere.md").write_text(page, encoding="utf-8")

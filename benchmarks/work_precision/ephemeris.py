@@ -1,7 +1,7 @@
 """Ephemerides of flights: build time, memory, evaluation time and error against the tolerance.
 
-    python benchmarks/work_precision/ephemeris.py [--targets 1000] [--repeat 7] [--write docs/benchmarks]
-        [--from-csv docs/benchmarks]
+    python benchmarks/work_precision/ephemeris.py [--targets 1000] [--points 1000000] [--repeat 7]
+        [--write docs/benchmarks] [--from-csv docs/benchmarks]
 
 Flights of all five classes, from ignition to burnout and on to impact. Errors are the largest over a million random
 points, against the boost's own series and two-body propagation. Positions are evaluated for targets x 1000 times in one
@@ -28,7 +28,6 @@ from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
 SHOWN_M = (1.0, 0.01, 1e-4)
 TIMES = 1000
-ERROR_POINTS = 1_000_000
 
 PAGE = """# Ephemerides: accuracy against run time
 
@@ -84,12 +83,12 @@ def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
 
 
-def largest_error_m(ephemeris: Ephemeris, flight: Aim) -> float:
+def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
     """Return the largest error over random points, half of them crowded towards the start."""
     rng = np.random.default_rng(2)
     worst = 0.0
     for _ in range(10):
-        target, share = rng.integers(0, len(ephemeris), ERROR_POINTS // 10), rng.random(ERROR_POINTS // 10)
+        target, share = rng.integers(0, len(ephemeris), points // 10), rng.random(points // 10)
         share = np.where(rng.random(len(share)) < 0.5, share, share**4)
         times = ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target]
         error = np.linalg.norm(ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1)
@@ -113,9 +112,11 @@ def vars_of(holder: object) -> list[object]:
     return [getattr(holder, name) for name in type(holder).__slots__ if name != "__weakref__"]
 
 
-def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, tolerance_m: float, repeat: int) -> Row:
+def measured(
+    span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, tolerance_m: float, options: argparse.Namespace
+) -> Row:
     """Return the table's line for one span and tolerance."""
-    ephemeris = build(flight, tolerance_m)
+    ephemeris, repeat = build(flight, tolerance_m), options.repeat
     count, rng = len(ephemeris), np.random.default_rng(3)
     target = np.repeat(np.arange(count), TIMES)
     share = np.tile(np.linspace(0.0, 1.0, TIMES), count)
@@ -128,7 +129,7 @@ def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, t
     return Row(
         span,
         tolerance_m,
-        largest_error_m(ephemeris, flight),
+        largest_error_m(ephemeris, flight, options.points),
         len(ephemeris.segments) / count,
         kilobytes(ephemeris) / count,
         1e6 * median_s(lambda: build(flight, tolerance_m), min(repeat, 3)) / count,
@@ -193,6 +194,7 @@ def main() -> None:
     """Measure and print; write where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--targets", type=int, default=1000)
+    parser.add_argument("--points", type=int, default=1_000_000, help="random points of the errors")
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--write", type=Path)
     parser.add_argument("--from-csv", type=Path)
@@ -203,9 +205,7 @@ def main() -> None:
     flight = flights(options.targets)
     spans = {"boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance), "flight": flight_ephemeris}
     rows = [
-        measured(span, build, flight, tolerance, options.repeat)
-        for span, build in spans.items()
-        for tolerance in TOLERANCES_M
+        measured(span, build, flight, tolerance, options) for span, build in spans.items() for tolerance in TOLERANCES_M
     ]
     print(table(rows))
     if options.write:

@@ -1,24 +1,26 @@
 """Two-body propagation: time per state and largest error by class of arc, beside the libraries that are installed.
 
-    python benchmarks/work_precision/kepler.py [--states 100000] [--checked 60] [--repeat 9] [--write]
+    python benchmarks/work_precision/kepler.py [--states 100000] [--checked 60] [--repeat 9] [--write FOLDER]
+        [--libraries opir heyoka pykep boinor]
 
 Every library gets the same states, in a process of its own, one thread; medians of the CPU time of interleaved runs.
 Errors are against mpmath with 50 digits; the floor is the effect of rounding the inputs to the nearest double
 (condition number × 1.1e-16 × distance). Peers are optional: heyoka, pykep, boinor with numba. `--write` puts the
-tables into docs/benchmarks/kepler.md.
+tables into FOLDER/kepler.md.
 """
 
 import argparse
 import os
 import platform
 import statistics
+from collections.abc import Collection
 from pathlib import Path
 
 import mpmath
 import numpy as np
 from kepler_arcs import CLASSES, States
 from kepler_exact import distance, references
-from kepler_peers import Library, installed_libraries
+from kepler_peers import NAMES, Library, installed_libraries
 
 
 def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) -> str:
@@ -51,9 +53,9 @@ def table(rows: list[list[str]]) -> str:
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
 
 
-def measured(states: int, checked: int, repeat: int) -> str:
+def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) -> str:
     """Return the page."""
-    libraries = installed_libraries()
+    libraries = installed_libraries(chosen)
     names = [kind.__name__.replace("_", " ") for kind in CLASSES]
     speed, error = [["ns per state", *names]], [["largest error, m", *names]]
     times, errors, floors = {}, {}, []
@@ -107,10 +109,11 @@ def main() -> None:
     parser.add_argument("--states", type=int, default=100_000)
     parser.add_argument("--checked", type=int, default=60)
     parser.add_argument("--repeat", type=int, default=9)
+    parser.add_argument("--libraries", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/kepler.md")
     given = parser.parse_args()
     mpmath.mp.dps = 60
-    page = measured(given.states, given.checked, given.repeat)
+    page = measured(given.states, given.checked, given.repeat, given.libraries)
     print(page)
     if given.write:
         (given.write / "kepler.md").write_text(page, encoding="utf-8")

@@ -2,11 +2,12 @@
 
 import multiprocessing
 import os
+import re
 import sys
 import time
 import types
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from importlib.metadata import version
 from multiprocessing.connection import Connection
 from typing import Any
@@ -114,6 +115,14 @@ LIBRARIES: dict[str, tuple[str, Callable[[], Propagator]]] = {
 }
 
 
+def name_of(label: str) -> str:
+    """Return the name of a library, without what is called in it."""
+    return re.split("[ ,]", label)[0]
+
+
+NAMES = tuple(dict.fromkeys(name_of(label) for label in LIBRARIES))
+
+
 def serve(label: str, pipe: Connection) -> None:
     """Answer states with end positions and the time taken, in a process of its own: heyoka and pykep bear no other."""
     warnings.simplefilter("ignore")
@@ -164,10 +173,12 @@ class Library:
         self.answer()
 
 
-def installed_libraries() -> dict[str, Library]:
-    """Return opir's propagator and those of the peers that can be imported, by name and version."""
+def installed_libraries(chosen: Collection[str]) -> dict[str, Library]:
+    """Return the chosen propagators, of those that can be imported, by name and version."""
     found = {}
     for label in LIBRARIES:
+        if name_of(label) not in chosen:
+            continue
         library = Library(label)
         if library.problem:
             print(f"{label}: left out ({library.problem})", file=sys.stderr)

@@ -1,14 +1,14 @@
 """Interpolated probabilities of detection: run time against error, beside every look evaluated and beside a constant.
 
-    python benchmarks/work_precision/probability.py [--every 20] [--looks 20000] [--repeat 3] [--write docs/benchmarks]
-        [--from-csv docs/benchmarks]
+    python benchmarks/work_precision/probability.py [--every 20] [--looks 20000] [--repeat 3] [--thin 1]
+        [--tolerances 1e-2 1e-3 1e-4 1e-6 1e-8] [--chains NAME ...] [--write FOLDER] [--from-csv FOLDER]
 
 The launches of examples/raid_100.yaml, all three constellations. The table of tolerances has some of the launches;
 errors are those of random looks against the exact ones. Detections are those of one seed: with the same random numbers
-a look changes only where its number lies between both probabilities. The table of chains has all hundred launches, at
-the default tolerance, and medians; times are processor time of one core: of the engine, of `simulate`, and of the whole
-process `opir run`. `--write` puts the page, its data as CSV files and, where matplotlib is installed, a plot into a
-folder; `--from-csv` draws page and plot again from the CSV files in a folder.
+a look changes only where its number lies between both probabilities. The table of chains has all hundred launches
+(`--thin`: every so many of them) at the default tolerance, and medians; times are processor time of one core: of the
+engine, of `simulate`, and of the whole process `opir run`. `--write` puts the page, its data as CSV files and, where
+matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV files in a folder.
 """
 
 import argparse
@@ -18,7 +18,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ CHAINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "calibrated, empty space": ({"calibrate": "paper"}, {}),
     "calibrated, atmosphere and Earth": ({"calibrate": "paper"}, AIR),
 }
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8]
 
 #: Runs of the engine, and of `simulate`, to each whole process: they are short, and machines are noisy.
 _COLUMNS, _RUNS = 5, 3
@@ -114,9 +115,16 @@ class Row(NamedTuple):
     nanoseconds: float
 
 
+@cache
+def example() -> dict[str, Any]:
+    """Return the example, as plain values."""
+    found: dict[str, Any] = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    return found
+
+
 def raid(every: int, detection: Any, sky: dict[str, Any], path: Path | None = None) -> dict[str, Any]:
     """Return the scene with every so many of its launches, as plain values."""
-    scene = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    scene = example()
     outputs = [] if path is None else [{"jsonl": {"path": str(path)}}]
     return {**scene, "targets": scene["targets"][::every], "detection": detection, "outputs": outputs, **sky}
 
@@ -156,7 +164,7 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     rows = np.sort(np.random.default_rng(1).choice(len(looks.pair), min(options.looks, len(looks.pair)), replace=False))
     true, known = exact_probability(exact, looks, rows), found(exact)
     lines = []
-    for tolerance in TOLERANCES:
+    for tolerance in options.tolerances:
         plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)
         knots = Engine(plan)._interpolant
         assert knots is not None
@@ -184,12 +192,18 @@ def median_s(action: Callable[[], object], repeat: int) -> float:
     return statistics.median(times[repeat > 1 :])
 
 
-def chain_times(repeat: int) -> tuple[list[Chain], int]:
-    """Return the run times of all hundred launches by chain, and the number of looks."""
-    chains = {"constant": ("constant", {}), **{k: ({"model": "snr", **s}, sky) for k, (s, sky) in CHAINS.items()}}
-    plans = {name: planned(1, *parts) for name, parts in chains.items()}
-    scenes = {name: opir.scene_from_mapping(raid(1, *parts)) for name, parts in chains.items()}
-    files = {name: raid(1, *parts, Path("events.jsonl")) for name, parts in chains.items()}
+def scene_parts(chain: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return `detection` of a chain's scene, and its atmosphere and background."""
+    settings, sky = CHAINS[chain]
+    return {"model": "snr", **settings}, sky
+
+
+def chain_times(repeat: int, every: int, names: Sequence[str]) -> tuple[list[Chain], int]:
+    """Return the run times of every so many of the hundred launches by chain, and the number of looks."""
+    chains = {"constant": ("constant", {}), **{name: scene_parts(name) for name in names}}
+    plans = {name: planned(every, *parts) for name, parts in chains.items()}
+    scenes = {name: opir.scene_from_mapping(raid(every, *parts)) for name, parts in chains.items()}
+    files = {name: raid(every, *parts, Path("events.jsonl")) for name, parts in chains.items()}
     ways: list[tuple[int, Callable[[str], float]]] = [
         (_COLUMNS * repeat, lambda name: median_s(lambda: drained(plans[name]), 1)),
         (_RUNS * repeat, lambda name: median_s(lambda: opir.simulate(scenes[name]), 1)),
@@ -261,7 +275,7 @@ def write_plot(rows: list[Row], constant_ns: float, path: Path) -> None:
     from matplotlib import pyplot as plt
 
     figure, axis = plt.subplots(figsize=(7, 4), constrained_layout=True)
-    for chain in CHAINS:
+    for chain in dict.fromkeys(row.chain for row in rows):
         own = [r for r in rows if r.chain == chain and r.tolerance]
         line = axis.plot([r.nanoseconds for r in own], [r.most for r in own], "o-", label=chain)[0]
         exact_ns = next(r.nanoseconds for r in rows if r.chain == chain and not r.tolerance)
@@ -283,17 +297,20 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=20)
     parser.add_argument("--looks", type=int, default=20_000)
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--thin", type=int, default=1, help="every so many of the launches for whole runs")
+    parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES)
+    parser.add_argument("--chains", nargs="+", choices=tuple(CHAINS), default=tuple(CHAINS))
     parser.add_argument("--write", type=Path)
     parser.add_argument("--from-csv", type=Path)
     options = parser.parse_args()
     if options.from_csv:
         redraw(options.from_csv)
         return
-    found, looks = chain_times(options.repeat)
+    found, looks = chain_times(options.repeat, options.thin, options.chains)
     print(chains_table(found), verdict(found), sep="\n\n")
     constant = planned(options.every, "constant", {})
     constant_ns = 1e9 * median_s(lambda: drained(constant), options.repeat) / int(constant.pairs.looks.sum())
-    rows = [row for chain in CHAINS for row in measured(chain, options)]
+    rows = [row for chain in options.chains for row in measured(chain, options)]
     print(headline(rows))
     if options.write:
         facts = {

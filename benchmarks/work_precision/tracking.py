@@ -216,6 +216,7 @@ def chosen_runs() -> argparse.Namespace:
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--peer-runs", type=int, default=4)
     parser.add_argument("--seconds", type=int, default=300)
+    parser.add_argument("--raid-targets", type=int, default=100)
     parser.add_argument("--raid-seconds", type=int, default=20)
     parser.add_argument("--raid-seeds", type=int, default=6)
     parser.add_argument("--scene-runs", type=int, default=5)
@@ -239,7 +240,7 @@ def main() -> None:
 
     def raids(half_width_m: float) -> list[Problem]:
         seeds = range(chosen.seed, chosen.seed + chosen.raid_seeds)
-        return [made(100, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER) for seed in seeds]
+        return [made(chosen.raid_targets, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER) for seed in seeds]
 
     scenes = {"spread": raid_lines_of(raids(1e6), False), "raid": raid_lines_of(raids(5e4), True)}
     rows += raid_rows(scenes, chosen.raid_seconds)
