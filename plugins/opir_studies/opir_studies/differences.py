@@ -37,6 +37,9 @@ MEASURES: Mapping[str, str] = {
     "impact_area": "relative error of the areas of the last 95 % impact regions, root mean square over launches",
 }
 
+#: Those of estimates: a scene without a tracker has none.
+OF_TRACKS = {"position_km", "launch_km", "impact_km", "region_contains", "impact_area"}
+
 #: Those that are averaged as root mean squares over runs; the others are the largest, or the mean (`counts`, `type`).
 _ROOT_MEAN_SQUARES = {"position_km", "launch_km", "impact_km", "impact_area"}
 _MEANS = {"counts", "type", "region_contains"}
@@ -62,6 +65,22 @@ class RunAnswers:
     impact: FloatArray
     area_km2: FloatArray
     contained: FloatArray
+
+
+def unanswered(answers: RunAnswers) -> set[str]:
+    """Return the measures of which a run has no answer: their errors are 0 whatever the settings."""
+    known = {
+        "position_km": answers.ticks,
+        "launch_km": answers.launch[np.isfinite(answers.launch)],
+        "impact_km": answers.impact[np.isfinite(answers.impact)],
+        "region_contains": answers.contained[np.isfinite(answers.contained)],
+        "impact_area": answers.area_km2[np.isfinite(answers.area_km2)],
+        "truth_m": answers.truth[np.isfinite(answers.truth)],
+        "latency_s": answers.first_s[np.isfinite(answers.first_s)],
+        "p_d": answers.looks,
+    }
+    needs_detections = {"counts", "line_of_sight_urad", "confidence", "type"} if not len(answers.detections) else set()
+    return needs_detections | {name for name, values in known.items() if not len(values)}
 
 
 def answers_of(run: Run) -> RunAnswers:

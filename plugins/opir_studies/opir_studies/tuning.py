@@ -13,7 +13,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run, run_of_plan
-from opir_studies.differences import MEASURES, RunAnswers, answers_of, differences, over_runs
+from opir_studies.differences import MEASURES, OF_TRACKS, RunAnswers, answers_of, differences, over_runs, unanswered
 from opir_studies.knobs import Knob, Overrides, knobs_of
 
 #: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like it need the rest.
@@ -110,6 +110,10 @@ class Tuner:
             times.append(spent_s)
         return Trial(levels, median(times), over_runs(found))
 
+    def reference(self, seed: int) -> RunAnswers:
+        """Return the answers of the reference run with a seed."""
+        return self._reference(self.knobs(), seed)
+
     def _reference(self, knobs: Sequence[Knob], seed: int) -> RunAnswers:
         if seed not in self._references:
             scene = self.scene(overrides_at(knobs, [0] * len(knobs)))
@@ -139,6 +143,7 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
     knobs, first = tuner.knobs(), tuner.scene().seed
     seeds = [first + number for number in range(tuner.runs)]
     tuner.trial(knobs, [0] * len(knobs), seeds[:1])  # what is imported at the first use is not counted
+    _check_answered(tuner, wanted, first)
     given = tuner.as_given(knobs, seeds)
     within = {name: MARGIN * bound for name, bound in wanted.items()}
     alone = [_loosened(tuner, knobs, number, wanted, seeds) for number in range(len(knobs))]
@@ -192,6 +197,23 @@ def _fresh_seeds(first: int, runs: int) -> Sequence[list[int]]:
     """Yield lists of seeds that nothing was chosen on."""
     start = (first + _OTHER_SEEDS) % (1 << 62)
     return [[*islice(count(start + block * runs), runs)] for block in range(100)]
+
+
+def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seed: int) -> None:
+    """Refuse errors of what the scene does not tell, which no setting changes."""
+    lacking = unanswered(tuner.reference(seed))
+    tracker = f"its tracker is {tuner.scene().tracker.name}; name one that estimates it, e.g. --set tracker=imm, or "
+    problems = [
+        Problem(
+            f"--error {name}",
+            f"even the most exact run has no answer whose error this is ({MEASURES[name]}): "
+            f"{tracker if name in OF_TRACKS else ''}let the scene last longer",
+        )
+        for name in wanted
+        if name in lacking
+    ]
+    if problems:
+        raise SceneError(problems, source=tuner.path)
 
 
 def _check(wanted: Mapping[str, float]) -> None:

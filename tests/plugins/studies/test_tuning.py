@@ -176,6 +176,13 @@ def test_unknown_and_impossible_errors_are_refused(path: Path) -> None:
         tuned(Tuner(str(path)), {})
 
 
+def test_errors_of_what_a_scene_does_not_tell_are_refused(path: Path) -> None:
+    with pytest.raises(SceneError, match=r"--error impact_km: even the most exact run .* tracker is none"):
+        tuned(Tuner(str(path), runs=1, simulate=counted), {"p_d": 0.1, "impact_km": 1.0})
+    with pytest.raises(SceneError, match=r"counts: even .* last longer"):
+        tuned(Tuner(str(path), overrides=["duration_s=1.01"], runs=1, simulate=counted), {"counts": 0.1})
+
+
 @pytest.mark.slow
 def test_the_command_prints_overrides_that_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tune", str(path), "--error", "p_d=1e-2", "--runs", "1", "--json"]) == 0
