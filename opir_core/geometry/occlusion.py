@@ -134,7 +134,7 @@ def grazing_height_m(
     height = select(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
     searched = dip.is_between & (dip.line_height < 0.0)
     if exact_above_m > -np.inf:
-        bound_m = _closest_m(observer_ecef_m, target_ecef_m) - _B
+        bound_m = closest_to_centre_m(observer_ecef_m, target_ecef_m) - _B
         is_deep = searched & (bound_m < exact_above_m)
         height, searched = select(is_deep, bound_m, height), searched & ~is_deep
     return _with_depths(height, observer_ecef_m, target_ecef_m, searched)
@@ -157,7 +157,7 @@ def is_occluded(
     return (dip.is_between & (height < margin)) | np.isnan(dip.end_height)
 
 
-def _closest_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
+def closest_to_centre_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the least distance of segments (..., 3) from the Earth's centre, m.
 
     Their height there is at most this minus the polar radius, for the sphere of that radius lies in the ellipsoid.

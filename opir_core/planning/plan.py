@@ -16,12 +16,12 @@ from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetCon
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
+from opir_core.planning.pair_compiler import compile_pairs
 from opir_core.planning.reported_types import paper_codes, reported_types, with_paper_types
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
-from opir_core.planning.visibility import compile_pairs
 from opir_core.planning.work import Workload
 from opir_core.plugin.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.plugin.host import Host

@@ -190,6 +190,11 @@ class TargetPath:
         moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(target, before)
         return cls(targets, target, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
 
+    def take(self, rows: IntArray) -> "TargetPath":
+        """Return the paths of some pairs."""
+        velocities = self.velocity_in_m_s[rows], self.velocity_out_m_s[rows]
+        return TargetPath(self.targets, self.target[rows], self.end_s[rows], *velocities)
+
     def position_ecef_m(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of the targets of pairs (m,) at any times (m,)."""
         target = self.target[pair]

@@ -22,10 +22,10 @@ from opir_core.interfaces.records import (
     Window,
 )
 from opir_core.orbits.orbit_models import GeostationaryOrbit
+from opir_core.planning.pair_compiler import compile_pairs
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.solar_exclusion import solar_exclusions
 from opir_core.planning.targets import join_targets
-from opir_core.planning.visibility import compile_pairs
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
 from opir_core.random_streams.detection_ids import stream_key, uuid8_words

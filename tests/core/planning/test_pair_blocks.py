@@ -7,10 +7,10 @@ from attrs import define, evolve, field, fields, frozen
 import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.protocols import Orbit, ScanPattern, Sensor
-from opir_core.planning import visibility
+from opir_core.planning import pair_compiler
+from opir_core.planning.pair_compiler import compile_pairs
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sightlines import LIGHT_TIME_ITERATIONS, Pairs, Sightlines
-from opir_core.planning.visibility import compile_pairs
 
 SENSORS, TARGETS = 40, 6
 
@@ -84,7 +84,7 @@ def compiled(plan: Plan, sensors: "list[Sensor] | None" = None) -> tuple[Pairs, 
 @pytest.mark.parametrize("points", [1, 700, 10**9])
 def test_the_plan_does_not_depend_on_the_blocks(plan: Plan, points: int, monkeypatch: pytest.MonkeyPatch) -> None:
     pairs, lines = compiled(plan)
-    monkeypatch.setattr(visibility, "BLOCK_POINTS", points)
+    monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", points)
     same_pairs, same_lines = compiled(plan)
     for record, other in ((pairs, same_pairs), (lines, same_lines)):
         for column in fields(type(record)):
@@ -93,11 +93,12 @@ def test_the_plan_does_not_depend_on_the_blocks(plan: Plan, points: int, monkeyp
 
 
 def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The orbit: at ignition and end of each step of the light time, and on the grid; the scan pattern: once."""
-    monkeypatch.setattr(visibility, "BLOCK_POINTS", 10**9)
+    """The orbit: at ignition and end of each step of the light time, twice on the coarse grid, and on the fine grid for
+    pairs that the Earth does not hide; the scan pattern: once."""
+    monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", 10**9)
     counted, sensors = _counting(plan)
     compiled(plan, sensors)
-    assert {len(each.orbit) for each in counted} == {LIGHT_TIME_ITERATIONS + 1}
+    assert {len(each.orbit) for each in counted} == {3, LIGHT_TIME_ITERATIONS + 3}
     assert {tuple(each.scan) for each in counted} == {(TARGETS,)}
 
 
@@ -109,15 +110,15 @@ def test_a_sensor_at_rest_is_asked_for_its_position_once(plan: Plan) -> None:
 
 def test_no_block_has_more_rows_than_its_limit_and_one_pair(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     limit, longest = 700, int((plan.targets.burnout_s - plan.targets.ignition_s).max()) + 3
-    monkeypatch.setattr(visibility, "BLOCK_POINTS", limit)
+    monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", limit)
     rows: list[int] = []
-    margins_of = visibility.Margins.of
+    margins_of = pair_compiler.Margins.of
 
     def counting(half: FloatArray, least: FloatArray, sensor_m: FloatArray, target_m: FloatArray) -> object:
         rows.append(len(target_m))
         return margins_of(half, least, sensor_m, target_m)
 
-    monkeypatch.setattr(visibility.Margins, "of", counting)
+    monkeypatch.setattr(pair_compiler.Margins, "of", counting)
     compiled(plan)
     assert max(rows) <= limit + longest
     assert len(rows) > 10
