@@ -24,6 +24,12 @@ from opir_core.random_streams.philox import (
     uniforms_of,
 )
 
+#: Words of all pairs that are kept for later windows, for each purpose: 16 MB. Reading a stream costs as much as 1 000
+#: words of it, so that a window of some ten looks of each pair is read ahead; twice as many save a tenth more.
+_KEPT_WORDS = 1 << 21
+#: Most words of one pair that are kept.
+_MOST_KEPT = 256
+
 
 class PairStreams:
     """The streams of all pairs of a run, keyed when first read.
@@ -40,6 +46,7 @@ class PairStreams:
         self._scan_names = names if scan_names is None else scan_names
         self._reader = Reader()
         self._keys: dict[str, dict[int, int]] = {}
+        self._kept: dict[str, _KeptWords] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
     def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> WordArray:
@@ -52,14 +59,29 @@ class PairStreams:
         self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
     ) -> None:
         """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting at the row `at`."""
-        keys, words = self._keys.setdefault(purpose, {}), into.shape[1]
-        flat = into.reshape(-1)
-        columns = (pairs, first_scan * words, scans * words, at * words)
-        for pair, first, count, start in zip(*(column.tolist() for column in columns), strict=True):
+        flat, words = into.reshape(-1), into.shape[1]
+        if purpose not in self._kept:
+            self._kept[purpose] = _KeptWords(len(self._names))
+        kept = self._kept[purpose]
+        columns = pairs, first_scan * words, scans * words, at * words
+        is_short = columns[2] <= kept.longest
+        short, long = ([column[rows] for column in columns] for rows in (is_short, ~is_short))
+        lacking = kept.lacking(*short[:3])
+        if len(lacking[0]):
+            self._read(kept.words.reshape(-1), purpose, *lacking)
+        kept.copy(flat, *short)
+        self._read(flat, purpose, *long)
+
+    def _read(
+        self, into: WordArray, purpose: str, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray
+    ) -> None:
+        """Read `count` words of each pair, from word `first` of its stream on, to the place `at`."""
+        keys = self._keys.setdefault(purpose, {})
+        for pair, start, words, place in zip(*(column.tolist() for column in (pairs, first, count, at)), strict=True):
             key = keys.get(pair)
             if key is None:
                 key = keys[pair] = stream_key(self._seed, *self._scan_names[pair], purpose)
-            flat[start : start + count] = self._reader.words(key, first, count)
+            into[place : place + words] = self._reader.words(key, start, words)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
         """Return (pairs, words) numbers in [0, 1), one row for all scans of a pair."""
@@ -80,6 +102,39 @@ class PairStreams:
         for keys in self._keys.values():
             for pair in pairs.tolist():
                 keys.pop(pair, None)
+
+
+class _KeptWords:
+    """The next words of each pair's stream of one purpose: streams are read for several windows at once.
+
+    `words` has one row per pair; `longest` is the largest number of words that is read so.
+    """
+
+    def __init__(self, pairs: int) -> None:
+        self._width = min(_MOST_KEPT, _KEPT_WORDS // max(pairs, 1))
+        self.longest = self._width // 2
+        self.words = np.empty((pairs, self._width), dtype=np.uint64)
+        self._first = np.full(pairs, -self._width, dtype=np.int64)
+
+    def lacking(
+        self, pairs: IntArray, first: IntArray, count: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Return pairs, first words, numbers of words and places in `words` of what must be read before `copy`."""
+        ahead = first - self._first[pairs]
+        rows = np.flatnonzero((ahead < 0) | (ahead + count > self._width))
+        pairs, first = pairs[rows], first[rows]
+        self._first[pairs] = first
+        return pairs, first, np.full(len(rows), self._width), pairs * self._width
+
+    def copy(self, into: WordArray, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray) -> None:
+        """Copy `count` words of each pair, from word `first` of its stream on, to the place `at`."""
+        place = np.arange(int(count.sum()))
+        start = np.cumsum(count) - count
+        source = place + np.repeat(pairs * self._width + first - self._first[pairs] - start, count)
+        if len(place) == len(into):
+            self.words.reshape(-1).take(source, out=into, mode="clip")
+        else:
+            into[place + np.repeat(at - start, count)] = self.words.reshape(-1).take(source)
 
 
 class WindowNumbers:

@@ -64,6 +64,29 @@ def test_all_pairs_and_purposes_of_a_run_share_one_generator(monkeypatch: pytest
     assert len(made) == 1
 
 
+@pytest.mark.parametrize("pairs", [3, 20_000])
+@pytest.mark.parametrize("words", [1, 2])
+def test_windows_that_read_ahead_jump_back_or_are_long_read_what_a_generator_reads(pairs: int, words: int) -> None:
+    streams = PairStreams(1, [("S", f"T-{number}") for number in range(pairs)])
+    windows = [(0, 7), (7, 30), (37, 30), (30, 9), (60, 500), (560, 1), (561, 100), (661, 30), (2**40, 30)]
+    for first, scans in windows:
+        some = np.array([0, 2])
+        read = streams.words("detection", words, some, np.array([first, first + 5]), np.array([scans, scans // 2 + 1]))
+        parts = (0, first, scans), (2, first + 5, scans // 2 + 1)
+        keys = [stream_key(1, "S", f"T-{pair}", "detection") for pair, _, _ in parts]
+        made = [Stream(key, words).words(start, count) for key, (_, start, count) in zip(keys, parts, strict=True)]
+        assert np.array_equal(read, np.concatenate(made))
+
+
+def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs, calls, words = np.arange(50), [], Reader.words
+    monkeypatch.setattr(Reader, "words", lambda *place: calls.append(place) or words(*place))
+    streams = PairStreams(1, [("S", f"T-{number}") for number in pairs])
+    for first in range(0, 200, 20):
+        WindowNumbers(streams, pairs, np.full(50, first), np.full(50, 20)).words("detection")
+    assert len(calls) == 50
+
+
 def test_names_are_told_apart() -> None:
     keys = {stream_key(1, "ab", "c"), stream_key(1, "a", "bc"), stream_key(1, "abc"), stream_key(11, "ab", "c")}
     assert len(keys) == 4

@@ -79,10 +79,12 @@ def encodings(schema: Any) -> dict[str, list[str]]:
     """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers that all differ.
 
     A dictionary of measured numbers, or of ids, is as large as these; the bytes of numbers compress if equal places are
-    together.
+    together. The least and the greatest of the random ids of a row group, which would exclude no group, are not sought.
     """
-    repeated = [each.name for each in schema if not _is_measured(each) and each.name != "detection_id"]
-    return {"use_dictionary": repeated, "use_byte_stream_split": [each.name for each in schema if _is_measured(each)]}
+    own = [each.name for each in schema if each.name != "detection_id"]
+    measured = [each.name for each in schema if _is_measured(each)]
+    repeated = [name for name in own if name not in measured]
+    return {"use_dictionary": repeated, "use_byte_stream_split": measured, "write_statistics": own}
 
 
 def _is_measured(column: Any) -> bool:
