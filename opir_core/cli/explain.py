@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
+from opir_core.cli.scene_arguments import add_scene_arguments, check_of, plan_of, scene_of
 from opir_core.cli.terminal import grouped, table
 from opir_core.planning.plan import Plan
 from opir_core.plugin.host import Host
@@ -22,11 +22,13 @@ def validate_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def validate(arguments: argparse.Namespace) -> int:
-    """Read and plan the scene; errors are raised."""
-    plan = _plan(arguments)
-    for warning in plan_warnings(plan):
+    """Read and check the scene; errors are raised."""
+    host = Host.discover()
+    checked = check_of(arguments, scene_of(arguments, host), host)
+    for warning in plan_warnings(checked):
         warn(warning)
-    sys.stdout.write(f"{arguments.scene}: valid ({len(plan.sensors)} sensors, {len(plan.targets.ids)} targets)\n")
+    size = f"{len(checked.sensors)} sensors, {len(checked.targets.ids)} targets"
+    sys.stdout.write(f"{arguments.scene}: valid ({size})\n")
     return 0
 
 

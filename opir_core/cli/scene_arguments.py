@@ -2,8 +2,8 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 from opir_core.cli.terminal import grouped, told_if_slow
 from opir_core.errors import SceneError
@@ -13,6 +13,9 @@ from opir_core.scene.scene import Scene
 
 if TYPE_CHECKING:
     from opir_core.planning.plan import Plan
+    from opir_core.simulation.plan_warnings import CheckedScene
+
+Made = TypeVar("Made")
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,13 +55,25 @@ def scene_of(
 
 
 def plan_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Plan":
-    """Return the scene's plan; errors in trajectories are reported with the scene's file."""
+    """Return the scene's plan."""
     from opir_core.planning.plan import compile_plan
 
+    return _made(arguments, scene, "planning", lambda: compile_plan(scene, host))
+
+
+def check_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "CheckedScene":
+    """Return the scene's check; errors are those of `plan_of`."""
+    from opir_core.simulation.scene_check import check_scene
+
+    return _made(arguments, scene, "checking", lambda: check_scene(scene, host))
+
+
+def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callable[[], Made]) -> Made:
+    """Return what is made of a scene; errors have the scene's file."""
     size = f"{grouped(len(scene.sensors))} sensors and {grouped(len(scene.targets))} targets"
     try:
-        with told_if_slow(f"planning {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
-            return compile_plan(scene, host)
+        with told_if_slow(f"{doing} {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
+            return make()
     except SceneError as error:
         raise SceneError(error.problems, source=arguments.scene) from error
 

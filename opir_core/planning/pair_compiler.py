@@ -35,6 +35,9 @@ BLOCK_POINTS = 32_768
 
 _NS = 1_000_000_000
 
+#: More than the light time changes while a target is observed, s: by 3e-5 of the time at 10 km/s.
+_LIGHT_TIME_CHANGE_S = 1.0
+
 
 def compile_pairs(
     sensors: Sequence[Sensor],
@@ -50,12 +53,16 @@ def compile_pairs(
     `uniforms` are the sensors' random numbers in [0, 1) for scan patterns with a random start, `exclusions` their solar
     exclusions, or nothing if none of them has any.
     """
-    compiler = _Compiler(sensors, targets, uniforms, light_time, end_ns, exclusions)
-    parts = [compiler.block(*block) for block in compiler.blocks()]
-    return Pairs.concatenate([part[0] for part in parts]), Sightlines.joined([part[1] for part in parts])
+    compiler = PairCompiler(sensors, targets, uniforms, light_time, end_ns, exclusions)
+    pairs, lines = list[Pairs](), list[Sightlines]()
+    for block in compiler.blocks():
+        of_block, lines_of_block = compiler.block(*block)
+        pairs.append(of_block)
+        lines.append(lines_of_block)
+    return Pairs.concatenate(pairs), Sightlines.joined(lines)
 
 
-class _Compiler:
+class PairCompiler:
     """Compiles blocks of pairs; the settings of the sensors are columns."""
 
     def __init__(
@@ -76,6 +83,27 @@ class _Compiler:
         self._half_angle_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
         self._least_rad = np.array([sensor.minimum_elevation_rad for sensor in sensors])
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
+
+    def most_looks(self) -> FloatArray:
+        """Return upper bounds (sensors,) of the looks; scan patterns are asked for the phases of all pairs."""
+        most = np.zeros(len(self._sensors))
+        for sensor, target in self.blocks():
+            until_s = self._until_s(sensor, target)
+            _, sensor_ecef_m, target_ecef_m = self._ends(sensor, target, until_s)
+            self._phase_ns(sensor, sensor_ecef_m[::2], target_ecef_m[::2])
+            observed_s = until_s - self._targets.ignition_s[target] + _LIGHT_TIME_CHANGE_S
+            span_ns = np.minimum(observed_s * _NS, self._end_ns)
+            np.add.at(most, sensor, span_ns / self._period_ns[sensor] + 1.0)
+        return most
+
+    def pairs(self, is_chosen: BoolArray) -> Pairs:
+        """Return pairs, sorted by sensor, then target, of those that are chosen (sensors, targets); no lines of sight
+        are kept."""
+        parts = []
+        for sensor, target in self.blocks():
+            rows = np.flatnonzero(is_chosen[sensor, target])
+            parts.append(self.block(sensor[rows], target[rows])[0])
+        return Pairs.concatenate(parts)
 
     def blocks(self) -> Iterator[tuple[IndexArray, IndexArray]]:
         """Yield the sensors and targets (n,) of each block: all pairs, sorted by sensor, then target."""

@@ -127,36 +127,48 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
 
 
 def _compiled(scene: Scene, host: Host) -> Plan:
+    parts = plan_parts(scene, host)
+    sensors, targets = parts["sensors"], parts["targets"]
+    exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
+    pairs, sightlines = compile_pairs(
+        sensors,
+        targets,
+        scan_starts(scene.seed, sensors),
+        light_time=scene.light_time,
+        end_ns=parts["end_ns"],
+        exclusions=exclusions,
+    )
+    return Plan(**parts, pairs=pairs, sightlines=sightlines, exclusions=exclusions)
+
+
+def plan_parts(scene: Scene, host: Host) -> dict[str, Any]:
+    """Return what is built of a scene, by the names of a plan: all but pairs, lines of sight and solar exclusions."""
     sensors: tuple[Sensor, ...] = tuple(
         _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
     )
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
-    end_ns = round(scene.duration_s * _NS)
-    streams = (Stream(stream_key(scene.seed, sensor.id, "scan-phase")) for sensor in sensors)
-    starts = [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
-    exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
-    pairs, sightlines = compile_pairs(
-        sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns, exclusions=exclusions
-    )
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
-    return Plan(
-        scene=scene,
-        host=host,
-        sensors=sensors,
-        targets=targets,
-        pairs=pairs,
-        sightlines=sightlines,
+    return {
+        "scene": scene,
+        "host": host,
+        "sensors": sensors,
+        "targets": targets,
         **_models(scene, host, sensors, targets, sources),
-        make_tracker=make_tracker,
-        bias=drawn_bias(scene.seed, sensors),
-        end_ns=end_ns,
-        sources=sources,
-        reported_types=reported_types(scene, host),
-        exclusions=exclusions,
-    )
+        "make_tracker": make_tracker,
+        "bias": drawn_bias(scene.seed, sensors),
+        "end_ns": round(scene.duration_s * _NS),
+        "sources": sources,
+        "reported_types": reported_types(scene, host),
+    }
+
+
+def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
+    """Return the random numbers in [0, 1) of sensors' scan patterns with a random start."""
+    streams = (Stream(stream_key(seed, sensor.id, "scan-phase")) for sensor in sensors)
+    return [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:

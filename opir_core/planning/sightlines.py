@@ -1,7 +1,7 @@
 """Lines of sight: pairs of sensor and target with their looks, light times and visibility on a grid of scene time."""
 
-from collections.abc import Sequence
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -77,15 +77,20 @@ class Sightlines:
         return Sightlines(offset - first_step, self.travel_s[chosen], self.elevation_sine[chosen], self.sight[chosen])
 
     @classmethod
-    def joined(cls, parts: "Sequence[Sightlines]") -> "Sightlines":
-        """Return the lines of sight of all parts, in order."""
+    def joined(cls, parts: "list[Sightlines]") -> "Sightlines":
+        """Return the lines of sight of all parts, in order; the list is emptied, so that no column is twice in memory
+        but the one that is joined."""
         starts = np.cumsum([0, *(len(part.travel_s) for part in parts)])[:-1]
-        first_points = [part.first_point + start for part, start in zip(parts, starts, strict=True)]
+        columns: dict[str, list[NDArray[Any]]] = {
+            "first_point": [part.first_point + start for part, start in zip(parts, starts, strict=True)],
+            "travel_s": [part.travel_s for part in parts],
+            "elevation_sine": [part.elevation_sine for part in parts],
+            "sight": [part.sight for part in parts],
+        }
+        parts.clear()
+        empty = {"first_point": np.empty(0, np.int64), "sight": np.empty(0, np.uint8)}
         return cls(
-            first_point=np.concatenate([*first_points, np.empty(0, dtype=np.int64)]),
-            travel_s=np.concatenate([*(part.travel_s for part in parts), np.empty(0)]),
-            elevation_sine=np.concatenate([*(part.elevation_sine for part in parts), np.empty(0)]),
-            sight=np.concatenate([*(part.sight for part in parts), np.empty(0, dtype=np.uint8)]),
+            **{name: np.concatenate([*columns.pop(name), empty.get(name, np.empty(0))]) for name in list(columns)}
         )
 
 

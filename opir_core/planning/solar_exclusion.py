@@ -10,6 +10,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.sun import is_sunlit, sun_ecef_m
 from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.protocols import Sensor
@@ -17,6 +19,9 @@ from opir_core.orbits.sun_events import outage_times_s
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
 _ALLOWANCE_S, _TOLERANCE_S = 1.0, 0.1
+
+#: More than the Sun moves in a second as seen from a point at rest in ECEF.
+_SUN_RATE_RAD_S = 1.01 * EARTH_ROTATION_RAD_S
 
 
 @frozen(eq=False)
@@ -56,4 +61,23 @@ class SolarExclusion:
 
 def solar_exclusions(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> tuple[SolarExclusion | None, ...]:
     """Return the solar exclusion of each sensor in a scene, or None where it prevents no look."""
-    return tuple(SolarExclusion.of(sensor, epoch_us, end_s) for sensor in sensors)
+    is_free = _surely_free(sensors, epoch_us, end_s).tolist()
+    both = zip(sensors, is_free, strict=True)
+    return tuple(None if free else SolarExclusion.of(sensor, epoch_us, end_s) for sensor, free in both)
+
+
+def _surely_free(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> BoolArray:
+    """Return which sensors surely lose no look to the Sun: those without an exclusion angle, and those at rest in ECEF
+    from whose fields the Sun is farther in the middle of a scene than it moves in half of it."""
+    free = np.array([sensor.solar_exclusion_rad <= 0.0 for sensor in sensors], dtype=np.bool_)
+    rows = [row for row in np.flatnonzero(~free).tolist() if sensors[row].orbit.is_stationary]
+    if not rows:
+        return free
+    middle_s = np.array([0.5 * end_s])
+    chosen = [sensors[row] for row in rows]
+    position_m = np.concatenate([sensor.orbit.position_ecef_m(middle_s) for sensor in chosen])
+    sun_m = np.repeat(sun_ecef_m(middle_s, epoch_us), len(rows), axis=0)
+    reach_rad = np.array([sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad for sensor in chosen])
+    moved_rad = _SUN_RATE_RAD_S * (0.5 * end_s + _ALLOWANCE_S)
+    free[rows] = nadir_angle_rad(position_m, sun_m) > reach_rad + moved_rad
+    return free

@@ -62,6 +62,16 @@ class Workload:
         """Raise `SceneError` if the work of the whole scene is above the limits."""
         self._require(self.of_run(), "run", "the scene has")
 
+    def accepts(self, looks: float) -> bool:
+        """Return whether a run with so many looks is within the limits."""
+        work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
+        limits = self.limits
+        return (
+            work.looks <= limits.looks_per_run
+            and work.events <= limits.events_per_run
+            and work.bytes <= limits.bytes_per_run
+        )
+
     def require_cycle(self, cycle_ns: int) -> None:
         """Raise `SceneError` if the work of a cycle, `cycle_ns` of scene time, is above the limits."""
         self._require(self.of_cycle(cycle_ns), "cycle", f"a cycle of {cycle_ns / _NS:g} s of scene time has")

@@ -6,10 +6,15 @@ On the scan instants of sensors with aligned phases latencies show the phase.
 from collections.abc import Sequence
 
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import Plan
+from opir_core.planning.sightlines import Pairs
+from opir_core.planning.targets import Targets
 from opir_core.scene.plausibility import REMEDY, implausible_values
+from opir_core.scene.scene import Scene
 from opir_core.sensors.scan_patterns import AlignedScan
 
 #: How far an event may be from a scan instant, in scan periods.
@@ -22,24 +27,35 @@ _LISTED = 3
 _LISTED_VALUES = 8
 
 
-def plan_warnings(plan: Plan) -> list[str]:
+@frozen(eq=False, kw_only=True)
+class CheckedScene:
+    """What is built of a valid scene, and the pairs that warnings may be about."""
+
+    scene: Scene
+    sensors: tuple[Sensor, ...]
+    targets: Targets
+    pairs: Pairs
+    end_ns: int
+
+
+def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
     """Return the warnings: scan instants that coincide with events of targets, and implausible values."""
     return [*alignment_warnings(plan), *_implausible(plan)]
 
 
-def _implausible(plan: Plan) -> list[str]:
+def _implausible(plan: Plan | CheckedScene) -> list[str]:
     found = [] if plan.scene.allow_implausible else implausible_values(plan.scene)
     more = [f"and {len(found) - _LISTED_VALUES} more implausible values"] if len(found) > _LISTED_VALUES else []
     return [*(f"{problem}; {REMEDY}" for problem in found[:_LISTED_VALUES]), *more]
 
 
-def alignment_warnings(plan: Plan) -> list[str]:
+def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:
     """Return a warning, if launches ignite or burn out on scan instants of sensors that see them; else nothing.
 
     Only sensors with looks at whole periods of scene time count; other scan phases meet an event by chance alone.
     """
     pairs, targets = plan.pairs, plan.targets
-    is_aligned = np.array([isinstance(sensor.scan, AlignedScan) for sensor in plan.sensors], dtype=np.bool_)
+    is_aligned = _is_aligned(plan.sensors)
     is_launch = pairs.target < len(plan.scene.targets)
     looking = pairs.take(np.flatnonzero(is_aligned[pairs.sensor] & is_launch & (pairs.looks > 0)))
     met = np.zeros(len(looking), dtype=np.bool_)
@@ -59,7 +75,23 @@ def alignment_warnings(plan: Plan) -> list[str]:
     return [warning]
 
 
-def _on_scan_instant(time_s: FloatArray, period_ns: IntArray, end_ns: int) -> BoolArray:
+def aligned_pairs(sensors: Sequence[Sensor], targets: Targets, launches: int, end_ns: int) -> BoolArray:
+    """Return which pairs (sensors, targets) may be warned about, were they to have looks: those of the first
+    `launches` targets that ignite or burn out on scan instants."""
+    met = np.zeros((len(sensors), len(targets.ids)), dtype=np.bool_)
+    is_aligned, period_ns = _is_aligned(sensors), np.array([sensor.scan.period_ns for sensor in sensors], np.int64)
+    for period in np.unique(period_ns[is_aligned]):
+        events = (targets.ignition_s[:launches], targets.burnout_s[:launches])
+        of_period = np.any([_on_scan_instant(time_s, period, end_ns) for time_s in events], axis=0)
+        met[is_aligned & (period_ns == period), :launches] = of_period
+    return met
+
+
+def _is_aligned(sensors: Sequence[Sensor]) -> BoolArray:
+    return np.array([isinstance(sensor.scan, AlignedScan) for sensor in sensors], dtype=np.bool_)
+
+
+def _on_scan_instant(time_s: FloatArray, period_ns: IntArray | int, end_ns: int) -> BoolArray:
     """Return which events (n,) of a run are at whole periods, within the tolerance."""
     periods = time_s * 1e9 / period_ns
     on_instant: BoolArray = (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)

@@ -172,20 +172,18 @@ def test_without_an_exclusion_angle_the_sun_is_never_asked_for():
 
 
 def test_where_the_sun_stays_away_looks_do_not_ask_for_it():
-    """A quarter of a turn from midnight: planning samples the Sun once, and that is all."""
+    """A quarter of a turn from midnight: planning asks for the Sun once, and that is all."""
     with Count() as count:
         made = plan(slot_deg=90.0, made=targets(west_deg=30.0, east_deg=150.0))
-        planned = count.events.call_count
         assert len(detections(made)) > 1000
-    assert planned <= 3
-    assert count.events.call_count == planned
-    assert count.looks.call_count == 0
+    assert count.events.call_count == 0
+    assert count.looks.call_count == 1
     assert made.exclusions == (None,)
 
 
 def test_planning_samples_the_sun_twice_a_minute():
     with mock.patch.object(opir_core.orbits.sun_events, "intervals_below", side_effect=intervals_below) as found:
-        plan(slot_deg=90.0)
+        plan(slot_deg=180.0)
     assert [call.kwargs["step_s"] for call in found.call_args_list] == [30.0]
 
 
