@@ -88,7 +88,6 @@ def knobs(plain: Mapping[str, Any]) -> list[Knob]:
         Knob("leave out the air", ((), ("atmosphere=clear",))),
         Knob("leave out the background", ((), ("background=none",))),
         Knob("leave out the focal plane", ((), ("sensors[*].focal_plane=null",))),
-        Knob("association", (("tracker.association=joint",), ("tracker.association=nearest",))),
         Knob("tracker", ((), ("tracker=kepler-arc",), ("tracker=none",))),
     ]
 

@@ -21,7 +21,6 @@ ERRORS: Mapping[str, tuple[str, str]] = {
     "tracker cadence and slice": ("position_km", "tracked position, km"),
     "reassignments": ("position_km", "tracked position, km"),
     "impact regions": ("impact_area", "area of regions, relative"),
-    "association": ("position_km", "tracked position, km"),
     "tracker": ("from_truth_km", "impact from truth, km"),
 }
 COLOURS = {"one": BLUE, "salvo": ORANGE, "raid": GREEN}

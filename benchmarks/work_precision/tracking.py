@@ -179,18 +179,15 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
     """Yield name, ms a frame and GOSPA a target for each way to associate."""
     frames = 20 * case.seconds
     yield "known", np.nan, mean_gospa_m(case, followed_known(case))
-    tracked(case, association="joint")  # what is imported at the first use is not counted
-    ways: list[dict[str, float | str]] = [
-        {"association": "nearest", "slice_s": 1.0, "settling": 0},
-        {"association": "nearest", "slice_s": 1.0, "settling": 2},
-        {"association": "nearest", "slice_s": 2.0, "settling": 5, "cadence_s": 2.0},
-        {"association": "joint", "slice_s": 0.05, "settling": 0},
-        {"association": "joint", "slice_s": 0.1, "settling": 1},
-        {"association": "joint", "slice_s": 1.0, "settling": 2},
+    tracked(case)  # what is imported at the first use is not counted
+    ways: list[dict[str, float]] = [
+        {"slice_s": 1.0, "settling": 0},
+        {"slice_s": 1.0, "settling": 2},
+        {"slice_s": 2.0, "settling": 5, "cadence_s": 2.0},
     ]
     for way in ways:
         told, taken = tracked(case, **way)
-        name = f"imm, {way['association']}, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
+        name = f"imm, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
         yield name, 1e3 * taken / frames, mean_gospa_m(case, told)
     if not first or not is_installed("Stone Soup"):
         return

@@ -60,7 +60,7 @@ def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tracker", [{}, {"association": "joint", "slice_s": 0.2}])
+@pytest.mark.parametrize("tracker", [{}, {"slice_s": 0.2}])
 def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) -> None:
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", **tracker}}))
     assert len(np.unique(run.tracks.track)) == 2
@@ -115,8 +115,10 @@ def test_more_scans_than_are_kept_are_told_with_their_place(model: str) -> None:
 
 
 def test_bad_settings_are_told_with_their_place() -> None:
-    with pytest.raises(opir.SceneError, match=r"tracker\.association"):
-        opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "association": "joined"}})
+    with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
+    with pytest.raises(opir.SceneError, match=r"tracker\.association: unknown key"):
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "association": "joint"}})
 
 
 @pytest.mark.slow

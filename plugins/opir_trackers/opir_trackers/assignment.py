@@ -1,17 +1,17 @@
-"""One-to-one assignment on a sparse graph of gated pairs: nearest neighbour, and joint association probabilities.
+"""One-to-one assignment on a sparse graph of gated pairs: the cheapest, and the probabilities of all.
 
 The graph splits into independent connected components. The nearest-neighbour assignment takes a minimum in components
 of one row or column, tries all permutations in small ones, many components at once, and uses
 `scipy.optimize.linear_sum_assignment` for the rest. The cost grows with the number of gated pairs.
 
-Joint association (JPDA) sums over all one-to-one hypotheses; the weight of a hypothesis is the product of the
+Association probabilities are sums over all one-to-one hypotheses; the weight of a hypothesis is the product of the
 likelihood ratios of its pairs. Clusters are summed exactly by a forward and a backward pass over their rows, whose
 states are the sets of columns used so far (efficient hypothesis management: Maskell, Briers and Wright, "Fast mutual
 exclusion", 2004; Horridge and Maskell, "Real-time tracking of hundreds of targets with efficient exact JPDAF
-implementation", Fusion 2006). Clusters wider than `EXACT_WIDTH` are first approximated by loopy belief propagation
+implementation", Fusion 2006). Clusters wider than `_EXACT_WIDTH` are first approximated by loopy belief propagation
 (Williams and Lau, "Approximate evaluation of marginal association probabilities with belief propagation", IEEE Trans.
 AES 50(4), 2014); without their improbable pairs they are summed exactly where they have become narrow enough.
-docs/design/joint_association_error.py measures the error of both.
+docs/design/association_probability_error.py measures the error of both.
 """
 
 from collections.abc import Iterator
@@ -173,10 +173,7 @@ def _best_permutations(pair: IntArray, gain: FloatArray) -> IntArray:
 
 
 #: Clusters with at most this many rows or columns are summed exactly: 2**8 states.
-EXACT_WIDTH = 8
-
-#: Up to this many clusters of one width are summed as matrices, one by one.
-_FEW_CLUSTERS = 16
+_EXACT_WIDTH = 8
 
 #: Pairs of wide clusters less probable than this by belief propagation keep that probability.
 _NEGLIGIBLE = 1e-3
@@ -186,7 +183,7 @@ _CONVERGED = 1e-4
 _SWEEPS = 50
 
 
-def marginals(row: IntArray, column: IntArray, ratio: FloatArray, exact_width: int = EXACT_WIDTH) -> FloatArray:
+def marginals(row: IntArray, column: IntArray, ratio: FloatArray) -> FloatArray:
     """Return the association probability (n,) of each pair.
 
     `row`, `column` (n,) are the nodes of the gated pairs, each pair once; `ratio` (n,) is the likelihood ratio of the
@@ -196,16 +193,16 @@ def marginals(row: IntArray, column: IntArray, ratio: FloatArray, exact_width: i
     beta = ratio / (1.0 + ratio)
     crowd = np.flatnonzero(~unambiguous(row, column))
     if len(crowd):
-        wide = crowd[_narrow_marginals(row, column, ratio, crowd, beta, exact_width)]
+        wide = crowd[_narrow_marginals(row, column, ratio, crowd, beta)]
         if len(wide):
             beta[wide] = belief_propagation(row[wide], column[wide], ratio[wide])
             believed = wide[beta[wide] > _NEGLIGIBLE]
-            _narrow_marginals(row, column, ratio, believed, beta, exact_width)
+            _narrow_marginals(row, column, ratio, believed, beta)
     return beta
 
 
 def _narrow_marginals(
-    row: IntArray, column: IntArray, ratio: FloatArray, pairs: IntArray, beta: FloatArray, exact_width: int
+    row: IntArray, column: IntArray, ratio: FloatArray, pairs: IntArray, beta: FloatArray
 ) -> BoolArray:
     """Write exact probabilities of `pairs` in narrow clusters to `beta`; return which (m,) are in wide ones."""
     group, count = components(row[pairs], column[pairs])
@@ -215,7 +212,7 @@ def _narrow_marginals(
     line = np.where(flat[group], column_place, row_place)
     place = np.where(flat[group], row_place, column_place)
     width, height = np.minimum(rows, columns), np.maximum(rows, columns)
-    for size in distinct(width[width <= exact_width]).tolist():
+    for size in distinct(width[width <= _EXACT_WIDTH]).tolist():
         clusters = np.flatnonzero(width == size)
         rank = np.full(count, -1, dtype=np.int64)
         rank[clusters] = np.arange(len(clusters))
@@ -224,68 +221,19 @@ def _narrow_marginals(
         weight = np.zeros((len(clusters), int(height[clusters].max()), size))
         weight[cluster] = ratio[pairs[mine]]
         beta[pairs[mine]] = exact_marginals(weight)[cluster]
-    unsettled: BoolArray = (width > exact_width)[group]
+    unsettled: BoolArray = (width > _EXACT_WIDTH)[group]
     return unsettled
 
 
 def exact_marginals(weight: FloatArray) -> FloatArray:
     """Return the association probabilities (k, r, c) of clusters of likelihood ratios (k, r, c), 0 for no pair.
 
-    Time and memory grow with c 2**c. Rows after a cluster's last pair cost nothing.
+    Time and memory grow with c 2**c.
     """
     count, height, width = weight.shape
     if width == 1:
         lone_column: FloatArray = weight / (1.0 + weight.sum(axis=1, keepdims=True))
         return lone_column
-    if count <= _FEW_CLUSTERS:
-        return _few_marginals(weight)
-    rows = np.max(np.where(weight.any(axis=2), np.arange(1, height + 1), 0), axis=1)
-    order = np.argsort(-rows, kind="stable")
-    live = np.count_nonzero(rows[:, None] > np.arange(height), axis=0).tolist()
-    ordered = np.ascontiguousarray(weight[order].transpose(1, 2, 0))
-    alone = 1.0 / np.maximum(ordered.max(axis=1), 1.0)
-    share = ordered * alone[:, None]
-    more, less = _neighbours(width)
-    beta = np.zeros_like(share)
-    after = np.zeros((2**width + 1, count))
-    after[:-1] = 1.0
-    before = _forward(alone, share, live, less)
-    for row in range(height - 1, -1, -1):
-        some = live[row]
-        part, then = share[row, :, :some], after[:, :some]
-        first, used = before[row][:-1, :some], then.take(more, axis=0)
-        fresh = alone[row, :some] * then[:-1]
-        chance = np.multiply(part, np.add.reduce(first[:, None] * used, axis=0), out=beta[row, :, :some])
-        chance /= np.add.reduce(first * fresh, axis=0) + np.add.reduce(chance, axis=0)
-        fresh += np.add.reduce(part * used, axis=1)
-        np.divide(fresh, np.maximum.reduce(fresh, axis=0), out=then[:-1])
-    out = np.empty_like(weight)
-    out[order] = beta.transpose(2, 0, 1)
-    return out
-
-
-def _forward(alone: FloatArray, share: FloatArray, live: list[int], less: IntArray) -> list[FloatArray]:
-    """Return for each row the weights (2**c + 1, k) of all hypotheses of the rows before it, by the columns used.
-
-    `alone` (r, k) and `share` (r, c, k) weight a row that is unassigned, or assigned to each column; the first `live`
-    clusters have the row.
-    """
-    width, count = share.shape[1:]
-    state = np.zeros((2**width + 1, count))
-    state[0] = 1.0
-    before = [state]
-    for row, some in enumerate(live[:-1]):
-        state = before[row][:, :some]
-        fresh = alone[row, :some] * state
-        fresh[:-1] += np.add.reduce(share[row, :, :some] * state.take(less, axis=0), axis=1)
-        fresh /= np.maximum.reduce(fresh, axis=0)
-        before.append(fresh)
-    return before
-
-
-def _few_marginals(weight: FloatArray) -> FloatArray:
-    """Return `exact_marginals` for so few clusters that matrix products are faster."""
-    count, height, width = weight.shape
     alone = 1.0 / np.maximum(weight.max(axis=2), 1.0)
     share = weight * alone[:, :, None]
     more, less = _neighbours(width)

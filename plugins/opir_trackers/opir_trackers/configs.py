@@ -4,7 +4,6 @@ from attrs import frozen
 
 from opir_core.scene.fields import nested, number, text
 
-ASSOCIATIONS = ("nearest", "joint")
 MOTIONS = ("boost-coast", "boost", "coast")
 BOOST_MODELS = ("thrust", "jerk")
 
@@ -97,11 +96,6 @@ class ImmConfig:
     cadence_s: float = number(
         default=1.0, unit="s", minimum=0.01, maximum=60.0, help="time between two estimates of a track"
     )
-    association: str = text(
-        default="nearest",
-        choices=ASSOCIATIONS,
-        help="nearest: likeliest one-to-one assignment of each scan (GNN); joint: all, by probability (JPDA)",
-    )
     slice_s: float = number(
         default=1.0,
         unit="s",
@@ -186,11 +180,6 @@ class KeplerArcConfig:
     cadence_s: float = number(
         default=1.0, unit="s", minimum=0.1, maximum=60.0, help="time between two estimates of a track"
     )
-    association: str = text(
-        default="nearest",
-        choices=ASSOCIATIONS,
-        help="data association of `imm`; the arc uses the likeliest assignment",
-    )
     needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
     memory_s: float | None = number(
@@ -233,7 +222,6 @@ class KeplerArcConfig:
         """Return the settings of `imm`, whose tracks the arcs are fitted to."""
         return ImmConfig(
             cadence_s=self.cadence_s,
-            association=self.association,
             needed_scans=self.needed_scans,
             recent_scans=self.recent_scans,
         )

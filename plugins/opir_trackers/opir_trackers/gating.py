@@ -52,8 +52,8 @@ _FIRST_RANGE_M = 3.6e7
 class GatedPairs(Columns):
     """Gated pairs of a track and a line of sight, in the tangent plane of the predicted direction.
 
-    `measured` (n, 2), rad, is the innovation, `innovation_covariance` (n, 2, 2) its covariance S, `distance` (n,) the
-    squared Mahalanobis distance and `log_volume` (n,) log det S. Vectors are inertial, m.
+    `measured` (n, 2), rad, is the innovation, `distance` (n,) its squared Mahalanobis distance and `log_volume` (n,)
+    the logarithm of the determinant of its covariance. Vectors are inertial, m.
     """
 
     track: IntArray
@@ -62,7 +62,6 @@ class GatedPairs(Columns):
     origin_m: FloatArray
     axes: FloatArray
     measured: FloatArray
-    innovation_covariance: FloatArray
     distance: FloatArray
     log_volume: FloatArray
     sigma_rad: FloatArray
@@ -224,7 +223,7 @@ def gated(
     x, y = measured[:, 0], measured[:, 1]
     distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
     geometry = whole.time_s, whole.origin_m, whole.axes
-    pairs = GatedPairs(track, line, *geometry, measured, covariance, distance, log_volume, sigma)
+    pairs = GatedPairs(track, line, *geometry, measured, distance, log_volume, sigma)
     inside = distance <= gate * gate
     return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
 

@@ -98,20 +98,6 @@ def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_ha
     assert told == ([1, 1, 1], 0)
 
 
-@pytest.mark.slow
-def test_one_sensors_rays_are_associated_jointly_where_that_is_asked_for() -> None:
-    looks = ["sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]", "duration_s=70", "seed=8"]
-    told = []
-    for association in ("nearest", "joint"):
-        asked = f"tracker={{model: imm, association: {association}}}"
-        plan = compile_plan(load_scene(SCENE, overrides=[*looks, asked]))
-        told.append(run_of_plan(plan).tracks)
-    assert told[0].track.tolist() == told[1].track.tolist()
-    assert len(np.unique(told[0].track)) == 3
-    assert not np.array_equal(told[0].state, told[1].state)
-    assert np.abs(told[0].state[:, :3] - told[1].state[:, :3]).max() < 5e3
-
-
 GRID = [
     # cadence_s, period_ms, sensors, bias_urad, chance of detection
     (0.2, 1000, 1, 0, 0.8),

@@ -12,7 +12,6 @@ from opir_trackers.association import (
     Association,
     AssociationModel,
     ambiguous_tracks,
-    associate_joint,
     associate_nearest,
     connected_tracks,
     hard_association,
@@ -134,7 +133,7 @@ class AssociateAndUpdate:
         """
         ahead = self.with_bias_covariance(estimates, end_s, table.reports)
         pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
-        association = self._associated(pairs, lines)
+        association = self.nearest_association(pairs, lines)
         after = self.filter.updated(estimates, end_s, association.measurements, span)
         ambiguous = (
             self._unsettled(estimates, after, pairs, lines, with_history)
@@ -144,7 +143,7 @@ class AssociateAndUpdate:
         first = AssociationResult(after, association.owner, association.assigned, pairs)
         result = self._reassociated(first, estimates, ahead, lines, span, pairs, ambiguous) if len(ambiguous) else first
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
-        suspects = suspect_tracks(result.assigned, share) if self.config.association == "nearest" else _NONE
+        suspects = suspect_tracks(result.assigned, share)
         if len(suspects) and association.is_ambiguous:
             suspects = np.setdiff1d(suspects, ambiguous_tracks(pairs, lines), assume_unique=True)
         if not len(suspects):
@@ -211,7 +210,7 @@ class AssociateAndUpdate:
         for turn in range(self.config.settling):
             path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
             closer = gated(path, lines, track, line, _SETTLING_GATE, self.light_time)
-            anew = self._associated(closer, lines)
+            anew = self.nearest_association(closer, lines)
             if turn == 0:
                 anew = self._without_ghosts(before, end_s, closer, lines, anew)
             if np.array_equal(anew.owner, mine):
@@ -253,11 +252,6 @@ class AssociateAndUpdate:
         )
         self.pair_cache[:] = [(predicted_measurements, span, lines, pairs)]
         return pairs
-
-    def _associated(self, pairs: GatedPairs, lines: LinesOfSight) -> Association:
-        if self.config.association == "joint":
-            return associate_joint(pairs, lines, self.model)
-        return self.nearest_association(pairs, lines)
 
     def nearest_association(self, pairs: GatedPairs, lines: LinesOfSight) -> Association:
         """Return the likeliest assignment of each scan; the last result is cached."""

@@ -25,10 +25,10 @@ GATE = 4.5
 def pairs_of(track, distance):
     """Return pairs of tracks (n,) with rays at squared distances (n,)."""
     count = len(track)
-    none, square = np.zeros(count), np.zeros((count, 2, 2))
+    none = np.zeros(count)
     return GatedPairs(
         np.array(track), np.arange(count), none, np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 2)),
-        square, np.array(distance, dtype=np.float64), none, none,
+        np.array(distance, dtype=np.float64), none, none,
     )  # fmt: skip
 
 

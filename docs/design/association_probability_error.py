@@ -1,6 +1,6 @@
 """Loopy belief propagation against exact association probabilities, on clusters of every density.
 
-    python docs/design/joint_association_error.py [--clusters 300]
+    python docs/design/association_probability_error.py [--clusters 300]
 
 Clusters of 8 tracks and 8 rays, likelihood ratios log-normal about 1, 10 and 1000, each track linked to a share of the
 rays. Printed: the largest and the mean absolute error of a probability, and the time of both, all clusters
