@@ -18,6 +18,7 @@ enum { NUMBER_LENGTH = 48, ID_LENGTH = 36, TIME_LENGTH = 27, MOST_DECIMALS = 22 
 typedef struct {
     int kind, decimals, is_held;
     double scale;
+    uint64_t one, least; /* the steps of 1, or more than any number has, and of 1e-5 */
     Py_ssize_t texts, longest;
     const char **text;
     Py_ssize_t *length;
@@ -42,36 +43,53 @@ static char *write_digits(char *at, uint64_t number, int digits) {
     return at + digits;
 }
 
+static uint64_t power_of_ten(int exponent) {
+    uint64_t power = 1;
+    for (; exponent > 0; exponent--) power *= 10;
+    return power;
+}
+
+static int digits_of(uint64_t number) {
+    int digits = 0;
+    for (; number; number /= 10) digits++;
+    return digits;
+}
+
+/* Rounds to even, as `nearbyint` without the call: exact below 2^51, and beyond not below 1e15. */
+static double nearest(double value) { return (value + 0x1.8p52) - 0x1.8p52; }
+
+/* A number of steps below 1e-5, as digits with an exponent. */
+static char *write_small(char *at, uint64_t number, int decimals) {
+    for (; number % 10 == 0; decimals--) number /= 10;
+    char text[24] = "";
+    int digits = digits_of(number), exponent = decimals + 1 - digits;
+    write_digits(text, number, digits);
+    *at++ = text[0];
+    if (digits > 1) {
+        *at++ = '.';
+        at = (char *)memcpy(at, text + 1, (size_t)digits - 1) + digits - 1;
+    }
+    *at++ = 'e';
+    *at++ = '-';
+    return write_digits(at, (uint64_t)exponent, exponent >= 10 ? 2 : 1);
+}
+
 /* Writes |value| * 10^decimals, rounded to even, as the shortest decimal that reads back as the same double: below 1e15
    these are the digits without trailing zeros. Returns NULL from 1e15 on. */
-static char *write_decimal(char *at, double value, int decimals, double scale) {
+static char *write_decimal(char *at, double value, const Column *column) {
     if (!isfinite(value)) return (char *)memcpy(at, "null", 4) + 4;
-    double steps = nearbyint(value * scale);
+    double steps = nearest(value * column->scale);
     if (!(fabs(steps) < 1e15)) return NULL;
-    uint64_t number = (uint64_t)fabs(steps), left;
+    uint64_t number = (uint64_t)fabs(steps), whole = number / column->one;
     if (number == 0) return (char *)memcpy(at, "0.0", 3) + 3;
     if (steps < 0) *at++ = '-';
-    int places = decimals, digits = 0;
-    for (; places > 0 && number % 10 == 0; places--) number /= 10;
-    for (left = number; left; left /= 10) digits++;
-    int exponent = digits - 1 - places;
-    if (exponent < -5) {
-        char text[24] = "";
-        write_digits(text, number, digits);
-        *at++ = text[0];
-        if (digits > 1) {
-            *at++ = '.';
-            at = (char *)memcpy(at, text + 1, (size_t)digits - 1) + digits - 1;
-        }
-        *at++ = 'e';
-        *at++ = '-';
-        return write_digits(at, (uint64_t)-exponent, exponent <= -10 ? 2 : 1);
-    }
-    uint64_t power = 1;
-    for (int place = 0; place < places; place++) power *= 10;
-    at = write_digits(at, number / power, digits > places ? digits - places : 1);
+    if (number < column->least) return write_small(at, number, column->decimals);
+    at = write_digits(at, whole, whole < 10 ? 1 : digits_of(whole));
     *at++ = '.';
-    return write_digits(at, places ? number % power : 0, places ? places : 1);
+    char *first = at;
+    at = write_digits(at, number - whole * column->one, column->decimals ? column->decimals : 1);
+    while (at - first > 1 && at[-1] == '0') at--;
+    return at;
 }
 
 static char *write_id(char *at, const uint64_t *words) {
@@ -80,6 +98,12 @@ static char *write_id(char *at, const uint64_t *words) {
         at = (char *)memcpy(at, HEX_PAIR + 2 * (words[place / 8] >> (56 - 8 * (place % 8)) & 255), 2) + 2;
     }
     return at;
+}
+
+static char *write_pair(char *at, int64_t number, char after) {
+    memcpy(at, PAIR + 2 * number, 2);
+    at[2] = after;
+    return at + 3;
 }
 
 /* Year, month and day of days since 1970-01-01: H. Hinnant, "chrono-compatible low-level date algorithms", 2014. */
@@ -95,20 +119,17 @@ static char *write_time(char *at, int64_t unix_us) {
     int64_t day = of_year - (153 * month + 2) / 5 + 1;
     month = month < 10 ? month + 3 : month - 9;
     year += era * 400 + (month <= 2);
-    at = write_digits(at, (uint64_t)year, 4); *at++ = '-';
-    at = write_digits(at, (uint64_t)month, 2); *at++ = '-';
-    at = write_digits(at, (uint64_t)day, 2); *at++ = 'T';
-    at = write_digits(at, (uint64_t)(second / 3600), 2); *at++ = ':';
-    at = write_digits(at, (uint64_t)(second / 60 % 60), 2); *at++ = ':';
-    at = write_digits(at, (uint64_t)(second % 60), 2); *at++ = '.';
-    at = write_digits(at, (uint64_t)rest, 6); *at++ = 'Z';
-    return at;
+    at = write_pair(write_pair(at, year / 100 % 100, 0) - 1, year % 100, '-');
+    at = write_pair(write_pair(at, month, '-'), day, 'T');
+    at = write_pair(write_pair(at, second / 3600, ':'), second / 60 % 60, ':');
+    at = write_pair(write_pair(at, second % 60, '.'), rest / 10000, 0) - 1;
+    return write_pair(write_pair(at, rest / 100 % 100, 0) - 1, rest % 100, 'Z');
 }
 
 static char *write_value(char *at, const Column *column, Py_ssize_t line) {
     Py_ssize_t text = line;
     switch (column->kind) {
-    case DECIMAL: return write_decimal(at, ((const double *)column->buffer.buf)[line], column->decimals, column->scale);
+    case DECIMAL: return write_decimal(at, ((const double *)column->buffer.buf)[line], column);
     case IDS: return write_id(at, (const uint64_t *)column->buffer.buf + 2 * line);
     case TIMES: return write_time(at, ((const int64_t *)column->buffer.buf)[line]);
     case CONSTANT: text = 0; break;
@@ -172,6 +193,8 @@ static int set_column(Column *column, PyObject *given, Py_ssize_t count) {
     if (decimals < 0 || decimals > MOST_DECIMALS) { PyErr_SetString(PyExc_ValueError, "0 to 22 decimals"); return -1; }
     column->decimals = (int)decimals;
     column->scale = pow(10.0, (double)decimals);
+    column->one = power_of_ten(decimals < 19 ? (int)decimals : 19);
+    column->least = decimals > 5 ? power_of_ten((int)decimals - 5) : 0;
     return set_buffer(column, values, 8 * count);
 }
 
