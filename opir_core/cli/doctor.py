@@ -23,6 +23,7 @@ from attrs import asdict, frozen
 from opir_core._version import __version__
 from opir_core.cli.terminal import table
 from opir_core.errors import OpirError, reason_of
+from opir_core.output.losses import WITHOUT_SPOOL
 from opir_core.plugin.error_messages import PACKAGES
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
@@ -201,6 +202,7 @@ def _output(choice: Choice) -> Iterator[Finding]:
     if path and path != "-":
         yield from folder(Path(path).parent, area)
     if choice.spool is None:
+        yield Finding(f"{area} spool", OK, WITHOUT_SPOOL)
         return
     spool = Path(choice.spool.path)
     yield from folder(spool.parent, f"{area} spool")

@@ -26,10 +26,12 @@ from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPositio
 from opir_core.live.status import Counts, LiveStatus
 from opir_core.live.watchdog import Progress, RunningCall, progress_of
 from opir_core.output.delivery import counter_of, opened_sink
+from opir_core.output.losses import WITHOUT_SPOOL
 from opir_core.output.sink_thread import SinkThread
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import warn
 from opir_core.scene.reading import scene_mapping
 from opir_core.scene.scene import WAIT, Scene
 from opir_core.simulation.engine import Engine
@@ -114,6 +116,9 @@ class LiveRun:
             for sink in sinks:
                 sink.close(time.monotonic() + 1.0)
             raise
+        for sink in sinks:
+            if sink.has_waiting_in_memory:
+                warn(f"{sink.path} ({sink.name}): {WITHOUT_SPOOL}")
         self._sinks, self._state = tuple(sinks), "running"
         if self._lap_plans is not None:
             self._lap_plans.prepare(1)

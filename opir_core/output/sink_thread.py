@@ -18,10 +18,8 @@ from opir_core.interfaces.optional import BufferingSink, DeadlineSink, Monitored
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
+from opir_core.output.losses import QUEUED_WINDOWS
 from opir_core.plugin.error_messages import described_error
-
-#: Maximum number of windows in the queue of a sink without a spool.
-QUEUED_WINDOWS = 200
 
 #: The counts of a `Delivery`.
 COUNTS = ("delivered", "spooled", "dropped", "withheld", "recovered")
@@ -38,7 +36,8 @@ class SinkStatus:
     """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
 
     `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is the
-    largest number of events by which the sink's own figures did not add up; the counts here do.
+    largest number of events by which the sink's own figures did not add up; the counts here do. `has_spool` is whether
+    a file keeps what waits for the destination; otherwise it is lost with the process.
     """
 
     path: str
@@ -54,6 +53,7 @@ class SinkStatus:
     waits: int
     busy_s: float
     unbalanced: int
+    has_spool: bool
     error: str | None
 
 
@@ -239,6 +239,11 @@ class SinkThread(OpenSink):
         """Why the destination refuses the events that the sink keeps for it, or None."""
         return self._sink.parked if isinstance(self._sink, ParkingSink) else None
 
+    @property
+    def has_waiting_in_memory(self) -> bool:
+        """Whether the sink sends later what it has been given, and keeps it in memory meanwhile."""
+        return isinstance(self._sink, BufferingSink) and not self._sink.outlives_the_process
+
     def retry(self) -> bool:
         """Let a parked sink try again at once; return whether it was parked."""
         return isinstance(self._sink, ParkingSink) and self._sink.retry()
@@ -256,6 +261,7 @@ class SinkThread(OpenSink):
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             busy_s=self.busy_s,
             unbalanced=self.unbalanced,
+            has_spool=self.is_spooled,
             error=self.error or self.parked,
         )
 

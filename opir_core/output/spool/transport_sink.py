@@ -22,6 +22,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.optional import ReopenableTransport
 from opir_core.interfaces.protocols import Delivery, Encoder, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
+from opir_core.output.losses import MEMORY_BYTES
 from opir_core.output.spool.batches import (
     Backlog,
     Batcher,
@@ -39,8 +40,6 @@ from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
 
 #: Maximum bytes of messages that are sent and not yet acknowledged.
 AHEAD_BYTES = 8 << 20
-#: Maximum bytes of messages in memory, for an output without a spool.
-MEMORY_BYTES = 64 << 20
 #: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.
 SPOOLED_STALL_S = 3.0
 #: Longest sleep of the sending thread, s; only retries on a full disk depend on it.

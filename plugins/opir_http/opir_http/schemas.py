@@ -230,7 +230,7 @@ def _sensor() -> Schema:
 
 def _sink() -> Schema:
     counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
-    numbers = dict.fromkeys((*counts, "unbalanced"), COUNT) | {"busy_s": NUMBER}
+    numbers = dict.fromkeys((*counts, "unbalanced"), COUNT) | {"busy_s": NUMBER, "has_spool": {"type": "boolean"}}
     state = {"type": "string", "enum": ["open", "parked", "failed", "closed"]}
     return closed({"path": TEXT, "name": TEXT, "state": state, **numbers, "error": or_null(TEXT)})
 

@@ -276,3 +276,19 @@ def test_an_output_that_is_refused_is_told_by_health_and_tries_again_when_told_t
         missing = running.ask("POST", "/outputs/kafka/retry")
         assert missing.status == 404
         assert "give the path of one of these: outputs[0]" in missing.json["detail"]
+
+
+def test_what_an_output_without_a_spool_can_lose_is_said_at_the_start(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("opir_kafka")
+    kafka = {"bootstrap_servers": "127.0.0.1:9", "topic": "t"}
+    kept = {"path": str(tmp_path / "spool")}
+    outputs = [{"kafka": kafka}, {"kafka": {**kafka, "spool": kept}}, {"jsonl": {"path": str(tmp_path / "lines")}}]
+    with serving(tmp_path, "--speed", "20", "--set", f"outputs={json.dumps(outputs)}") as running:
+        told = running.ask("GET", "/status").json
+    assert [sink["has_spool"] for sink in told["sinks"]] == [False, True, False]
+    conforms(told, "Status")
+    (said,) = [record.getMessage() for record in caplog.records if "no spool" in record.getMessage()]
+    assert said.startswith("outputs[0] (kafka): no spool: what waits")
+    assert "at most 64 MiB" in said
