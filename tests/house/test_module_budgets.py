@@ -92,3 +92,11 @@ def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: st
     loaded = modules_of(command("run", scene, "--sink", sink, "--quiet"), tmp_path)
     assert "msgspec" not in loaded
     assert "opir_core.output.events.forge" not in loaded
+
+
+def test_events_and_truth_of_a_run_become_parquet_without_pandas(tmp_path: Path) -> None:
+    outputs = "outputs=[{parquet: {path: events.parquet}}]"
+    words = ("run", str(EXAMPLES / "first_light.yaml"), "--set", outputs, "--truth", "truth.parquet", "--quiet")
+    loaded = modules_of(command(*words), tmp_path)
+    assert "pyarrow" in loaded
+    assert not {"pandas", "polars"} & loaded

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 _NS_PER_US = 1_000
 _NS_PER_S = 1_000_000_000
@@ -35,7 +35,26 @@ def table_of(columns: Iterable[TableColumn], metadata: dict[str, str]) -> Any:
 
 def numbers(values: Any) -> Any:
     """Return numbers (n,) as an array, null where they are nan."""
-    return pa.array(np.ascontiguousarray(values), from_pandas=True)
+    column = np.ascontiguousarray(values)
+    return _array(column, np.isnan(column) if column.dtype.kind == "f" else None)
+
+
+def _array(column: Any, unknown: BoolArray | None, kind: Any = None) -> Any:
+    """Return an array of the memory of numbers (n,), null where they are `unknown` (n,).
+
+    `pa.array` would import pandas, where it is installed, to see whether the numbers are its own.
+    """
+    nulls = 0 if unknown is None else int(np.count_nonzero(unknown))
+    known = None if not nulls or unknown is None else pa.py_buffer(np.packbits(~unknown, bitorder="little"))
+    kind = pa.from_numpy_dtype(column.dtype) if kind is None else kind
+    return pa.Array.from_buffers(kind, len(column), [known, pa.py_buffer(column)], nulls)
+
+
+def _words(words: Sequence[str]) -> Any:
+    """Return words as an array of texts."""
+    encoded = [word.encode() for word in words]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
 
 
 def plain_numbers(values: Sequence[float | None]) -> Any:
@@ -50,15 +69,14 @@ def counts(values: Sequence[int | None]) -> Any:
 
 def numbers_known(values: IntArray) -> Any:
     """Return whole numbers (n,), null where they are negative."""
-    column = np.asarray(values, dtype=np.int64)
-    return pa.array(column, mask=column < 0)
+    column = np.ascontiguousarray(values, dtype=np.int64)
+    return _array(column, column < 0)
 
 
 def names(codes: Any, words: Sequence[str]) -> Any:
     """Return the words of codes (n,) as a dictionary array, null where a code is negative."""
-    column = np.asarray(codes, dtype=np.int32)
-    indices = pa.array(column, mask=column < 0)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(list(words), type=pa.string()))
+    column = np.ascontiguousarray(codes, dtype=np.int32)
+    return pa.DictionaryArray.from_arrays(_array(column, column < 0), _words(words))
 
 
 def texts(values: Sequence[str | None]) -> Any:
@@ -79,7 +97,7 @@ def instants(time_ns: IntArray, epoch_us: int) -> Any:
     column = np.asarray(time_ns, dtype=np.int64)
     unknown = column == np.iinfo(np.int64).min
     stamps = np.where(unknown, 0, column) + epoch_us * _NS_PER_US
-    return pa.array(stamps, mask=unknown).cast(pa.timestamp("ns", tz="UTC"))
+    return _array(stamps, unknown, pa.timestamp("ns", tz="UTC"))
 
 
 def nanoseconds(time_s: FloatArray) -> IntArray:
