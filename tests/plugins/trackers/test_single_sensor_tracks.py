@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.imm.track_management import are_below_ground, have_come_down
+from opir_trackers.imm.track_management import are_below_ground, are_uncertain, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
@@ -40,6 +40,18 @@ def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> N
     assert are_below_ground(position).all()
     assert have_come_down(position, covariance, np.array([False, False, True])).tolist() == [True, False, True]
     assert not have_come_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
+
+
+@pytest.mark.parametrize("variances", [(1.0, 1.0, 1.0), (0.6, 0.3, 2.1), (2.1, 0.6, 0.3), (0.3, 2.1, 0.6)])
+def test_a_seen_track_comes_down_three_sigmas_of_its_position_below_the_lowest_height(
+    variances: tuple[float, ...],
+) -> None:
+    """Of 10 km in all three axes together: 50 km below the ground, 20 km of which every track may be."""
+    position = np.array([[6.378137e6 - depth_m, 0.0, 0.0] for depth_m in (49e3, 51e3)])
+    covariance = np.tile(np.diag([*(1e8 / 3.0 * np.array(variances)), 1.0, 1.0, 1.0]), (2, 1, 1))
+    assert have_come_down(position, covariance, np.zeros(2, dtype=bool)).tolist() == [False, True]
+    assert are_uncertain(covariance, 9.9e3).all()
+    assert not are_uncertain(covariance, 10.1e3).any()
 
 
 @pytest.mark.slow
