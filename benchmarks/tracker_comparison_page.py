@@ -53,9 +53,9 @@ opir compare {scene} --set "{sensors}" \\
 * **kepler-arc with `memory_s: 5`** fits the last seconds and is not the paper's tracker. It does not diverge, but lags
   an accelerating target by about the acceleration times the memory. Its covariance does not include that lag.
 * **imm** has the specific force in its state and does not lag. It assumes a boost about along the velocity
-  that grows slowly, for every class. So it may be below the bound *with the thrust unknown*, which allows any force;
-  with `boost_model: jerk` it reaches that bound. Its impact regions include what the target may still burn, which lines
-  of sight do not measure: so they are large in the burn, and shrink at burnout.
+  that grows slowly, for every class. So it may be below the bound *with the thrust unknown*, which allows any force.
+  Its impact regions include what the target may still burn, which lines of sight do not measure: so they are large in
+  the burn, and shrink at burnout.
 
 [Score tracks](../how-to/score-tracks.md) defines the figures. To run the comparison again, or to redraw this page:
 

@@ -63,7 +63,6 @@ TRACKERS = {
     "imm, 0.2 s": {"model": "imm", "cadence_s": 0.2},
     "imm, 1 s": {"model": "imm"},
     "imm, 5 s": {"model": "imm", "cadence_s": 5.0, "slice_s": 5.0},
-    "imm, jerk, 1 s": {"model": "imm", "boost_model": "jerk"},
     "Stone Soup EKF, acceleration, 1 s": {"model": "stonesoup"},
     "Stone Soup EKF, jerk, 1 s": {"model": "stonesoup", "motion": "jerk", "noise": 0.3},
     "Stone Soup UKF, jerk, 1 s": {"model": "stonesoup", "filter": "ukf", "motion": "jerk", "noise": 0.3},

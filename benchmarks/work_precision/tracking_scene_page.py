@@ -42,7 +42,7 @@ runs: *known* with the thrust known, *unknown* with specific force and jerk in t
 * kepler-arc and imm share one data association; Stone Soup's trackers have their own.
   FilterPy's filter gets the true association.
 * kepler-arc assumes a Keplerian arc, which a thrusting target does not fly. imm assumes a boost
-  about along the velocity; with `jerk`, any force.
+  about along the velocity.
 
 [tracking_scene.csv](tracking_scene.csv) has all figures.
 

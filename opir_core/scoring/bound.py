@@ -21,8 +21,8 @@ from opir_core.geometry import ecef_to_eci
 #: Prior standard deviations before the first look, m and m/s, which keep the information invertible.
 PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)
 
-#: Process-noise density of the jerk where the thrust is unknown, m/s³/√s (that of the boost model
-#: `jerk` of the tracker `imm`; notional), and the prior standard deviations of specific force and jerk, m/s² and m/s³.
+#: Process-noise density of the jerk where the thrust is unknown, m/s³/√s (notional), and the prior standard deviations
+#: of specific force and jerk, m/s² and m/s³.
 JERK_NOISE_M_S3 = 0.3
 FREE_PRIOR_SIGMA = (*PRIOR_SIGMA, 1e2, 1e2, 1e2, 1e1, 1e1, 1e1)
 

@@ -117,14 +117,14 @@ def test_more_scans_than_are_kept_are_told_with_their_place(model: str) -> None:
 def test_bad_settings_are_told_with_their_place() -> None:
     with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
-    with pytest.raises(opir.SceneError, match=r"tracker\.association: unknown key"):
-        opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "association": "joint"}})
+    for gone, value in (("association", "joint"), ("boost_model", "jerk"), ("jerk_noise_m_s3", 0.3)):
+        with pytest.raises(opir.SceneError, match=rf"tracker\.{gone}: unknown key"):
+            opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", gone: value}})
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("boost_model", ["thrust", "jerk"])
-def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_model: str) -> None:
+def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down() -> None:
     """Nothing is seen after the burn, and little acts on a free flight: where it comes down is as sure as it was."""
     scanner = {"model": "generic-scanner"}
     slots = {"A": -135.0, "B": -90.0}
@@ -134,7 +134,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
         "duration_s": 400,
         "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
         "targets": [target],
-        "tracker": {"model": "imm", "boost_model": boost_model},
+        "tracker": "imm",
     }
     plan = compile_plan(opir.scene_from_mapping({**SCENE, **changes}))
     tracks = run_of_plan(plan).tracks

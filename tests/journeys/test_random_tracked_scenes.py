@@ -57,7 +57,7 @@ def targets(draw: st.DrawFn) -> list[dict[str, Any]]:
 TRACKERS: list[Any] = [
     "kepler-arc",
     "imm",
-    {"model": "imm", "boost_model": "jerk", "cadence_s": 3.0},
+    {"model": "imm", "cadence_s": 3.0},
     {"model": "imm", "needed_scans": 2, "late_s": 5.0},
 ]
 

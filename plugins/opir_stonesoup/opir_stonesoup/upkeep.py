@@ -6,13 +6,7 @@ from typing import Any
 
 import numpy as np
 from opir_trackers.initiation import TrackCandidates
-from opir_trackers.track_priors import (
-    FIRST_FORCE_M_S2,
-    FIRST_FORCE_SIGMA_M_S2,
-    FIRST_JERK_SIGMA_M_S3,
-    prior_axes,
-    prior_sigmas,
-)
+from opir_trackers.track_priors import FIRST_FORCE_M_S2, prior_axes, prior_sigmas
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 from ordered_set import OrderedSet
 from stonesoup.base import Property
@@ -25,6 +19,9 @@ from stonesoup.types.update import Update
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
+
+#: Prior standard deviations of specific force, m/s², and of the jerk, m/s³, per axis; notional.
+_FORCE_SIGMA_M_S2, _JERK_SIGMA_M_S3 = 20.0, 0.5
 
 
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
@@ -88,7 +85,7 @@ def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray,
     mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))
     mean[:3] = place_ecef_m
     covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes
-    for block, sigma in ((1, speed[0]), (2, FIRST_FORCE_SIGMA_M_S2), (3, FIRST_JERK_SIGMA_M_S3)):
+    for block, sigma in ((1, speed[0]), (2, _FORCE_SIGMA_M_S2), (3, _JERK_SIGMA_M_S3)):
         rows = np.arange(3 * block, min(3 * block + 3, ndim_state))
         covariance[rows, rows] = float(sigma) ** 2
     if ndim_state > 6:

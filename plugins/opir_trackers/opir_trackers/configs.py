@@ -5,7 +5,6 @@ from attrs import frozen
 from opir_core.scene.fields import nested, number, text
 
 MOTIONS = ("boost-coast", "boost", "coast")
-BOOST_MODELS = ("thrust", "jerk")
 
 
 def _needed_scans() -> int | None:
@@ -30,7 +29,7 @@ def _check_scans(needed: int | None, recent: int) -> None:
 
 @frozen(kw_only=True)
 class ThrustConfig:
-    """Priors and process noise of the boost model `thrust`."""
+    """Priors and process noise of a boost."""
 
     tilt_deg: float = number(
         default=3.0,
@@ -119,18 +118,9 @@ class ImmConfig:
     motion: str = text(
         default="boost-coast", choices=MOTIONS, help="motion modes: boost, coast (free flight), or both (IMM)"
     )
-    boost_model: str = text(
-        default="thrust",
-        choices=BOOST_MODELS,
-        help="thrust: slowly growing force along the velocity but for a tilt; jerk: any force of nearly constant jerk",
-    )
-    thrust: ThrustConfig = nested(default=ThrustConfig(), help="priors and process noise of the boost model thrust")
-    jerk_noise_m_s3: float = number(
-        default=0.3,
-        unit="m/s³/√s",
-        minimum=0.0,
-        maximum=1000.0,
-        help="process-noise density of the boost model jerk",
+    thrust: ThrustConfig = nested(
+        default=ThrustConfig(),
+        help="priors and process noise of a boost: slowly growing force along the velocity but for a tilt",
     )
     coast_noise_m_s: float = number(
         default=0.01, unit="m/s/√s", minimum=0.0, maximum=100.0, help="process-noise density of the coast mode"
@@ -163,11 +153,6 @@ class ImmConfig:
         maximum=1e9,
         help="a track with a larger position sigma is deleted once missed detections no longer explain its silence",
     )
-
-    @property
-    def jerk_noise_back_m_s3(self) -> float:
-        """Return the process-noise density of the jerk on a path followed back to its launch."""
-        return self.jerk_noise_m_s3 if self.boost_model == "jerk" else self.thrust.jerk_noise_m_s3
 
     def __attrs_post_init__(self) -> None:
         _check_scans(self.needed_scans, self.recent_scans)

@@ -5,7 +5,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.lines_of_sight import earth_rotated
-from opir_core.estimation.motion import BOOST, COAST, Motion
+from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.contexts import TrackerContext
@@ -18,12 +18,8 @@ from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, TrackCandidates
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
-#: Prior specific force of a boost, upwards, and its standard deviation per axis with the boost model `jerk`, m/s².
+#: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
-FIRST_FORCE_SIGMA_M_S2 = 20.0
-
-#: Prior standard deviation of the jerk, m/s³.
-FIRST_JERK_SIGMA_M_S3 = 0.5
 
 #: Prior probability that a new target is burning.
 _BURN_PROBABILITY = 0.98
@@ -42,13 +38,13 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     return ImmFilter(
-        boost=_boost_of(config, free),
+        boost=_boost_of(config.thrust, free),
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
-        stage=None if config.boost_model == "jerk" else stage_of(config.thrust),
+        stage=stage_of(config.thrust),
     )
 
 
@@ -67,10 +63,7 @@ def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     return AtmosphericDescent(fall, drag)
 
 
-def _boost_of(config: ImmConfig, forces: Forces) -> Dynamics:
-    if config.boost_model == "jerk":
-        return Motion(BOOST, config.jerk_noise_m_s3, forces)
-    thrust = config.thrust
+def _boost_of(thrust: ThrustConfig, forces: Forces) -> Dynamics:
     tilt_rad = float(np.radians(thrust.tilt_deg))
     return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
@@ -84,7 +77,7 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     position = earth_rotated(candidates.position_ecef_m, now)
     velocity = EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(count)], axis=1)
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
-    rate, sigmas = _first_rates(config)
+    rate, sigmas = _first_rates(config.thrust)
     place, speed = prior_sigmas(candidates)
     deviation = np.concatenate([np.repeat(speed[:, None], 3, axis=1), np.tile(sigmas, (count, 1))], axis=1)
     mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
@@ -123,11 +116,8 @@ def prior_axes(candidates: TrackCandidates) -> FloatArray:
     return axes
 
 
-def _first_rates(config: ImmConfig) -> tuple[FloatArray, FloatArray]:
+def _first_rates(thrust: ThrustConfig) -> tuple[FloatArray, FloatArray]:
     """Return the prior mean of the state after the specific force, and the standard deviations of both."""
-    thrust = config.thrust
-    if config.boost_model == "jerk":
-        return np.zeros(3), np.repeat([FIRST_FORCE_SIGMA_M_S2, FIRST_JERK_SIGMA_M_S3], 3)
     deviation = np.append(np.repeat(thrust.force_sigma_m_s2, 3), thrust.growth_sigma_per_s)
     return np.array([thrust.growth_per_s]), deviation
 

@@ -123,15 +123,13 @@ class Histories:
         )
 
 
-def smooth_boost_s(jerk_noise_m_s3: float, look_m: float, period_s: float) -> float:
+def smooth_boost_s(look_m: float, period_s: float) -> float:
     """Return the time, s, over which a boost's path is smooth enough for its first look to constrain its last.
 
     Until then the process noise of the jerk, q √3 t^3.5 / √252, is below the error of looks of `look_m` each, one every
     `period_s`, averaged over the whole time.
     """
-    if jerk_noise_m_s3 == 0.0:
-        return float("inf")
-    return float((look_m * np.sqrt(84.0 * period_s) / jerk_noise_m_s3) ** 0.25)
+    return float((look_m * np.sqrt(84.0 * period_s) / JERK_NOISE_M_S3) ** 0.25)
 
 
 def mean_measurements(
@@ -242,6 +240,10 @@ _AGAIN = 0.5 * float(np.log(2.0))
 
 #: Largest ambiguity of tracks with decided lines.
 _SHARP = 0.5
+
+#: Process-noise density of the jerk of a boost whose thrust is unknown, m/s³/√s: the smooth time goes with its fourth
+#: root, so twice as much shortens it by a sixth.
+JERK_NOISE_M_S3 = 0.3
 
 #: Histories are closed after this time, s.
 LONGEST_S = 60.0

@@ -112,9 +112,7 @@ class ImmTracking:
             biases=biases,
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
-            boost_history_s=min(
-                smooth_boost_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S
-            ),
+            boost_history_s=min(smooth_boost_s(look_m, float(period_s.min(initial=1.0))), LONGEST_S),
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
             silence_limit_s=track_management.longest_silence_s(context.sensors, config.recent_scans),
         )
@@ -234,7 +232,7 @@ class ImmTracking:
         table, estimates = now.table.part(young), now.estimates.part(young)
         predicted, noise = (
             self.association.predicted_measurements(estimates, now.time_s),
-            self.config.jerk_noise_back_m_s3,
+            self.config.thrust.jerk_noise_m_s3,
         )
         unbiased = not self.biases.any
         biased = (
