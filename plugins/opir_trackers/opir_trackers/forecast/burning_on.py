@@ -1,5 +1,7 @@
 """Particles flown on through the burns that remain to them, and down to the ground."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
 
@@ -86,7 +88,23 @@ class _Thrust:
             burns.programs.take(rows),
         )
 
-    def force(self, state: FloatArray, time_s: FloatArray, tilt: FloatArray) -> FloatArray:
+    def at(self, time_s: FloatArray, tilt: FloatArray, aside: FloatArray) -> "_Push":
+        """Return what of the thrust no state changes; `aside` (p,) is the tangent of the tilt sidewards."""
+        lead = np.tan(self.programs.leads(self.since + time_s) + tilt[:, 0])
+        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), _LEAST_MASS)
+        return _Push(size, lead, aside, 1.0 + lead * lead + aside * aside)
+
+
+@frozen(eq=False)
+class _Push:
+    """The size of the thrust (p,), and its tangents downwards and sidewards from the velocity."""
+
+    size: FloatArray
+    lead: FloatArray
+    aside: FloatArray
+    square: FloatArray
+
+    def force(self, state: FloatArray) -> FloatArray:
         """Return the specific force (p, 3)."""
         place, velocity = state[:, :3], air_velocity(state)
         square = np.einsum("ij,ij->i", velocity, velocity) + 1e-6
@@ -94,15 +112,12 @@ class _Thrust:
         across = np.sqrt(np.einsum("ij,ij->i", side, side)) + 1e-3
         # v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
         down = velocity * np.einsum("ij,ij->i", velocity, place)[:, None] - place * square[:, None]
-        lead = np.tan(self.programs.leads(self.since + time_s) + tilt[:, 0])
-        aside = np.tan(tilt[:, 1])
-        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), _LEAST_MASS)
-        size = size / np.sqrt(square * (1.0 + lead * lead + aside * aside))
+        size = self.size / np.sqrt(square * self.square)
         speed = np.sqrt(square)
         force: FloatArray = (
             size[:, None] * velocity
-            + (size * lead / across)[:, None] * down
-            + (size * aside * speed / across)[:, None] * side
+            + (size * self.lead / across)[:, None] * down
+            + (size * self.aside * speed / across)[:, None] * side
         )
         return force
 
@@ -118,18 +133,23 @@ def _step(
 ) -> FloatArray:
     """Return states after a step of the classical method of Runge and Kutta; without a tilt, in the dark."""
 
-    def rates(there: FloatArray, when: FloatArray) -> FloatArray:
+    def rates(there: FloatArray, push: _Push | None) -> FloatArray:
         place = there[:, :3]
         square = np.sum(place * place, axis=1)
         pull = place * (-EARTH_MU_M3_S2 / (square * np.sqrt(square)))[:, None]
-        if tilt is not None:
-            pull = pull + thrust.force(there, when, tilt)
+        if push is not None:
+            pull = pull + push.force(there)
         return np.concatenate([there[:, 3:], pull], axis=1)
 
-    step, half = step_s[:, None], 0.5 * step_s
-    first = rates(state, time_s)
-    second = rates(state + 0.5 * step * first, time_s + half)
-    third = rates(state + 0.5 * step * second, time_s + half)
-    fourth = rates(state + step * third, time_s + step_s)
+    step, times = step_s[:, None], (time_s, time_s + 0.5 * step_s, time_s + step_s)
+    pushes: Sequence[_Push | None] = (None, None, None)
+    if tilt is not None:
+        aside = np.tan(tilt[:, 1])
+        pushes = [thrust.at(when, tilt, aside) for when in times]
+    start, middle, end = pushes
+    first = rates(state, start)
+    second = rates(state + 0.5 * step * first, middle)
+    third = rates(state + 0.5 * step * second, middle)
+    fourth = rates(state + step * third, end)
     after: FloatArray = state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
     return after

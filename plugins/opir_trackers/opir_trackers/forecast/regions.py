@@ -22,6 +22,8 @@ from opir_core.interfaces.records import TRACK_CONTAINMENTS
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 64, 3.0
 
+_SHARES = np.linspace(0.0, 1.0, CELLS // 2)
+
 #: Least and largest ratio of a kernel's width to that of the first density.
 _LOCAL = 0.1, 2.0
 
@@ -38,13 +40,14 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     scale = np.sqrt(variance)
     unit = away @ axes / scale
     width = float(np.sum(weight * weight) ** (1.0 / 6.0))
-    pilot = _density(unit, unit, np.full(len(unit), width), weight)
+    squares = _squared_distances(unit)
+    pilot = _density(squares, np.full(len(unit), width), weight)
     mean_log = weight @ np.log(pilot)
     widths = width * np.clip(np.sqrt(np.exp(mean_log) / pilot), *_LOCAL)
     x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
     along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
     density = (along * weight) @ across.T
-    at = _density(unit, unit, widths, weight)
+    at = _density(squares, widths, weight)
     order = np.argsort(-at, kind="stable")
     held = np.cumsum(weight[order])
     levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
@@ -62,17 +65,31 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
 def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
     """Return grid lines, half of them at equal steps and half at quantiles of the points, where detail is."""
     even = np.linspace((unit - BEYOND * widths).min(), (unit + BEYOND * widths).max(), CELLS // 2)
-    lines = np.concatenate([even, np.quantile(unit, np.linspace(0.0, 1.0, CELLS // 2))])
-    return np.unique(lines)
+    return np.unique(np.concatenate([even, _quantiles(unit)]))
 
 
-def _density(place: FloatArray, unit: FloatArray, widths: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return densities (m,) at places (m, 2) of kernels about points (n, 2) with widths (n,)."""
-    x, y = (place[:, None, axis] - unit[:, axis] for axis in (0, 1))
-    squares = np.square(x, out=x)
-    squares += np.square(y, out=y)
-    squares *= -0.5 / np.square(widths)
-    density: FloatArray = np.exp(squares, out=squares) @ (weight / np.square(widths))
+def _quantiles(unit: FloatArray) -> FloatArray:
+    """Return quantiles in equal steps, those of `np.quantile` in a fifth of the time."""
+    ordered, place = np.sort(unit), _SHARES * (len(unit) - 1)
+    before = place.astype(np.int64)
+    low, high, share = ordered[before], ordered[np.minimum(before + 1, len(unit) - 1)], place - before
+    step = high - low
+    return np.where(share < 0.5, low + step * share, high - step * (1.0 - share))
+
+
+def _squared_distances(place: FloatArray) -> FloatArray:
+    """Return the squared distances (n, n) of points (n, 2)."""
+    (squares, more) = (place[:, None, axis] - place[:, axis] for axis in (0, 1))
+    squares *= squares
+    more *= more
+    squares += more
+    return squares
+
+
+def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return densities (m,) at places with squared distances (m, n) from kernels with widths (n,)."""
+    exponents = squares * (-0.5 / np.square(widths))
+    density: FloatArray = np.exp(exponents, out=exponents) @ (weight / np.square(widths))
     return density
 
 
