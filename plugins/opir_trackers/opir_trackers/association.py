@@ -8,12 +8,9 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation.lines_of_sight import AngleMeasurements, LinesOfSight
 from opir_trackers.assignment import cheapest_assignment, components, distinct, ranks, unambiguous
-from opir_trackers.gating import GatedPairs
+from opir_trackers.gating import FEW_PAIRS, GatedPairs
 
 _UNIT = np.eye(2)
-
-#: Up to this many pairs are searched one by one for ambiguities.
-_FEW_PAIRS = 128
 
 
 class Association(NamedTuple):
@@ -85,9 +82,9 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
 def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
     """Return whether a quick test shows that no line has two candidate tracks and no track two lines of a scan."""
     line, count = pairs.line.tolist(), len(lines.scan)
-    if len(line) > _FEW_PAIRS or len(set(line)) < len(line):
+    if len(line) > FEW_PAIRS or len(set(line)) < len(line):
         return False
-    if count <= _FEW_PAIRS and len(set(zip(lines.sensor.tolist(), lines.scan.tolist(), strict=True))) == count:
+    if count <= FEW_PAIRS and len(set(zip(lines.sensor.tolist(), lines.scan.tolist(), strict=True))) == count:
         return True
     sensor, scan = lines.sensor.take(pairs.line).tolist(), lines.scan.take(pairs.line).tolist()
     return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == len(line)

@@ -4,6 +4,9 @@ from attrs import frozen
 
 from opir_core.scene.fields import nested, number, text
 
+#: Default gate, standard deviations: two axes exceed it with a probability of 4 · 10⁻⁵.
+GATE_SIGMAS = 4.5
+
 MOTIONS = ("boost-coast", "boost", "coast")
 
 
@@ -105,7 +108,7 @@ class ImmConfig:
     settling: int = number(
         default=2, minimum=0, maximum=20, help="maximum number of reassignments of a slice by the updated estimates"
     )
-    gate_sigma: float = number(default=4.5, minimum=1.0, maximum=20.0, help="gate, in standard deviations")
+    gate_sigma: float = number(default=GATE_SIGMAS, minimum=1.0, maximum=20.0, help="gate, in standard deviations")
     false_alarms_per_sr: float = number(
         default=100.0,
         unit="1/sr",

@@ -24,6 +24,7 @@ from opir_core.estimation.lines_of_sight import (
 )
 from opir_core.interfaces.columns import Columns
 from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.triangulation import FAR_M
 
 #: Bits of each of the three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
@@ -41,11 +42,8 @@ _EMISSION_MARGIN_S = 0.01
 #: Upper bound on the velocity of Earth-fixed points at the heights of targets, m/s.
 _GROUND_M_S = 600.0
 
-#: Up to this many pairs are all candidates.
-_FEW_PAIRS = 128
-
-#: First guess of the range for the light time, m.
-_FIRST_RANGE_M = 3.6e7
+#: Up to this many pairs are all candidates, and are searched one by one for ambiguities.
+FEW_PAIRS = 128
 
 
 @frozen(eq=False)
@@ -76,9 +74,9 @@ def candidates(
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines of pairs that may pass the gate, a superset of the gated pairs."""
     count, number = len(predicted.root), len(lines.time_s)
-    if count == 1 and number <= _FEW_PAIRS:
+    if count == 1 and number <= FEW_PAIRS:
         return np.zeros(number, dtype=np.int64), np.arange(number)
-    if count * number <= _FEW_PAIRS:
+    if count * number <= FEW_PAIRS:
         return divmod(np.arange(count * len(lines)), max(len(lines), 1))
     sensor, which = np.unique(lines.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
@@ -115,7 +113,7 @@ def _directions(
     predicted: PredictedMeasurements, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return ECEF unit vectors (n, 3) to tracks at looks (n,), and ranges (n,)."""
-    range_m = np.full(len(time_s), _FIRST_RANGE_M)
+    range_m = np.full(len(time_s), FAR_M)
     for _ in range(2):
         left = emission_s(time_s, range_m, light_time)
         apart = earth_rotated(predicted.positions(track, left), -left) - origin
@@ -201,7 +199,7 @@ def gated(
     range_m, measured = whole.range_m, local[:, :2] / local[:, 2:]
     sigma = lines.sigma_rad.take(line)
     ahead = local[:, 2] > 0.0
-    if len(track) > _FEW_PAIRS:
+    if len(track) > FEW_PAIRS:
         # Most candidates are farther off than any covariance could excuse, and need none.
         span = predicted.time_s - float(whole.time_s.min(initial=predicted.time_s))
         widest = np.square(predicted.position_bound_m(span)[track] / range_m) + np.square(sigma)
@@ -246,14 +244,14 @@ def _pair_geometry(
     predicted: PredictedMeasurements, lines: LinesOfSight, track: IntArray, line: IntArray, light_time: bool
 ) -> _PairGeometry:
     """Return the geometry of pairs (n,), with light time."""
-    guess = emission_s(lines.time_s, _FIRST_RANGE_M, light_time)
+    guess = emission_s(lines.time_s, FAR_M, light_time)
     both, time_s = (
         both_earth_rotated(lines.origin_ecef_m, lines.direction_ecef, guess).take(line, axis=1),
         guess.take(line),
     )
     if light_time:
         there = predicted.positions(track, time_s) - both[0]
-        later = (_FIRST_RANGE_M - np.sqrt(dot(there, there))) / SPEED_OF_LIGHT_M_S
+        later = (FAR_M - np.sqrt(dot(there, there))) / SPEED_OF_LIGHT_M_S
         rotate_slightly(both, later)
         time_s += later
     origin, direction = both

@@ -21,11 +21,13 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.interfaces.columns import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks
+from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.triangulation import (
     FAR_M,
     FIRST_HEIGHT_M,
     GRAZING_SINE,
     HIGHEST_M,
+    LOWEST_M,
     Fixes,
     are_low_orbits,
     geostationary_directions,
@@ -35,14 +37,12 @@ from opir_trackers.triangulation import (
     triangulated,
 )
 
-#: Two lines in one direction differ by more than this many standard deviations with a probability of 10⁻⁴.
+#: Two lines in one direction differ by more than this many standard deviations with a probability of 10⁻⁴;
+#: clusters are searched in bins of this width.
 _WIDE_SIGMAS = 6.0
 
-#: Gate for a line and the mean of a part, standard deviations: the default gate of tracks.
-_GATE = 4.5
-
 #: Standard deviation of the speed of targets first seen by several sensors, as in the track priors, m/s.
-_SPEED_SIGMA_M_S = 300.0
+SPEED_SIGMA_M_S = 300.0
 
 #: Tolerance below the ground of an intersection, m, in addition to its own error.
 _DEEP_M = 500.0
@@ -82,7 +82,7 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
     mean, looks, seen_s = np.zeros((len(scan), 3)), np.zeros(len(scan)), np.zeros(len(scan))
     for one in np.unique(scan).tolist():
         rows = np.flatnonzero(scan == one)
-        moved = _SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
+        moved = SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
         blur = np.sqrt(1.0 / looks[:total] + np.square(moved / sigma_rad[rows].min()))
         row, old = _assigned(direction[rows], sigma_rad[rows], mean[:total], blur, np.zeros(len(rows), dtype=np.int64))
         mine = np.full(len(rows), -1)
@@ -110,11 +110,11 @@ def _assigned(
 
     if not len(mean):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    reach = _GATE * sigma_rad.max() * np.hypot(1.0, blur.max())
+    reach = GATE_SIGMAS * sigma_rad.max() * np.hypot(1.0, blur.max())
     near = cKDTree(direction).sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
     line, part = near["i"].astype(np.int64), near["j"].astype(np.int64)
     distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
-    used = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + part, distance - _GATE * _GATE))
+    used = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2))
     return line[used], part[used]
 
 
@@ -136,14 +136,11 @@ def deviance(fix: Fixes, spread_m: FloatArray) -> FloatArray:
 #: Half the speed across the line of sight that a cluster allows for over its scans, m/s.
 _CLUSTER_SPEED_M_S = 1000.0
 
-#: Bin width of clusters, standard deviations, and the least width for which three bin numbers fit in 64 bits.
-_WIDTH_SIGMAS, _NARROWEST_RAD = 6.0, 2.0**-17 + 2.0**-30
+#: Least bin width of clusters, for which three bin numbers fit in 64 bits.
+_NARROWEST_RAD = 2.0**-17 + 2.0**-30
 
 #: Gate of the sum of squared residuals of two mean lines, one degree of freedom (99.99 %).
 _INTERSECTION_GATE = 15.1
-
-#: Lowest height of an intersection, m.
-_LOWEST_M = -20e3
 
 #: Clusters of two sensors are compared if their lines meet the ground within this distance, m: more where they graze
 #: it, by this height, m, and this many standard deviations of a mean line.
@@ -246,7 +243,7 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     direction, sigma_rad = geostationary_directions(lines, which)
     widest = np.zeros(len(sensor))
     np.maximum.at(widest, which, sigma_rad)
-    width = _WIDTH_SIGMAS * widest + _CLUSTER_SPEED_M_S * span / FAR_M
+    width = _WIDE_SIGMAS * widest + _CLUSTER_SPEED_M_S * span / FAR_M
     cluster = _connected(which, direction, width)
     clusters = _means(lines, cluster)
     if clusters.scans.sum() == len(cluster):
@@ -349,7 +346,7 @@ def _intersections(clusters: Clusters) -> list[tuple[int, int]]:
         _sigma_with_motion(clusters)[cluster],
     )
     height = ecef_to_geodetic(fix.position_m).height_m
-    lawful = np.flatnonzero((fix.misfit < _INTERSECTION_GATE) & (height > _LOWEST_M) & (height < HIGHEST_M))
+    lawful = np.flatnonzero((fix.misfit < _INTERSECTION_GATE) & (height > LOWEST_M) & (height < HIGHEST_M))
     cost = fix.misfit[lawful]
     if np.count_nonzero(clusters.is_part):
         spread = _sigma_with_motion(clusters) * ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)

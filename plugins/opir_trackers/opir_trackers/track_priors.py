@@ -15,7 +15,7 @@ from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
-from opir_trackers.initiation import HIGHER_M, TrackCandidates
+from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².
@@ -107,7 +107,7 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
-    return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
+    return place, np.where(alone, 400.0, SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

@@ -21,8 +21,8 @@ FAR_M = 3.6e7
 #: Sensors below this distance from the Earth's centre, m, move noticeably past a target.
 _LOW_M = 3e7 + EARTH_EQUATORIAL_RADIUS_M
 
-#: Mean height of a target at its first detection by a single sensor, and the highest intersection, m.
-FIRST_HEIGHT_M, HIGHEST_M = 3e3, 500e3
+#: Mean height of a target at its first detection by a single sensor, and the lowest and highest of a target, m.
+FIRST_HEIGHT_M, LOWEST_M, HIGHEST_M = 3e3, -20e3, 500e3
 
 #: Lower bound on the sine of a line's elevation: along the horizon a line rises by 5 km in 250 km.
 GRAZING_SINE = 0.02

@@ -23,7 +23,7 @@ from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
-from opir_trackers.imm.ghosts import RANGE_M, Slice, without_ghosts
+from opir_trackers.imm.ghosts import Slice, without_ghosts
 from opir_trackers.imm.measurement_weights import (
     FEW,
     OutlierFractions,
@@ -34,6 +34,7 @@ from opir_trackers.imm.measurement_weights import (
 )
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.sensors import Biases
+from opir_trackers.triangulation import FAR_M
 
 #: Gate of the repeated association, standard deviations: wider than the first.
 _SETTLING_GATE = 6.0
@@ -185,7 +186,7 @@ class AssociateAndUpdate:
         """Return the ambiguous tracks in clusters in which one, not in `young`, moved enough to change assignments."""
         rivals = ambiguous_tracks(pairs, lines)
         shift = after.take(rivals).likelier_position_m - estimates.take(rivals).likelier_position_m
-        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * lines.sigma_rad.max(initial=0.0) * RANGE_M
+        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * lines.sigma_rad.max(initial=0.0) * FAR_M
         restless = np.setdiff1d(rivals[far], young, assume_unique=True)
         return rivals[connected_tracks(pairs, restless)[rivals]]
 

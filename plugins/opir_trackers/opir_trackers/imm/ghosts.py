@@ -15,24 +15,23 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import AngleMeasurements, LinesOfSight
 from opir_trackers.assignment import cheapest_assignment
 from opir_trackers.association import AssociationModel, scan_groups
+from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, gated
+from opir_trackers.triangulation import FAR_M
 
 #: Rivals share at least this fraction of the lines of a sensor that one of them holds.
 _LEAST_SHARED = 0.25
 
-#: Tracks more accurate than this share of one look's error, at geostationary range, m, are not ghosts.
-_FIRM, RANGE_M = 0.5, 3.6e7
+#: Tracks more accurate than this share of one look's error, at geostationary range, are not ghosts.
+_FIRM = 0.5
 
 #: A swap must increase the log likelihood by this much, so that noise causes no swaps back and forth.
 _LEAST_GAIN = 1.0
 
 #: A swap that decreases the log likelihood by more than this before reassignment is dropped.
 _HOPELESS = 10.0
-
-#: Gate of the reassignment, standard deviations.
-_GATE = 4.5
 
 
 @frozen(eq=False)
@@ -67,7 +66,7 @@ def without_ghosts(known: Slice, pairs: GatedPairs, used: BoolArray) -> BoolArra
     """
     lines = known.lines
     loose = known.filter.predicted_measurements(known.estimates, known.time_s).position_bound_m(0.0)
-    loose = loose > _FIRM * lines.sigma_rad.max(initial=0.0) * RANGE_M
+    loose = loose > _FIRM * lines.sigma_rad.max(initial=0.0) * FAR_M
     if not loose.any():
         return used
     trial = _rivals(pairs, used, lines)
@@ -119,7 +118,7 @@ def _reassigned(
         known.lines,
         which,
         pairs.line[row],
-        _GATE,
+        GATE_SIGMAS,
         known.light_time,
     )
     column = near.track // 2 * (len(known.lines) + 1) + near.line

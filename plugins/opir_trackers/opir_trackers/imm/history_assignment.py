@@ -18,6 +18,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import AngleMeasurements, dot, matvec
 from opir_trackers.assignment import cheapest_assignment, distinct, marginals, ranks, unambiguous
+from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.histories import Histories, rows_of, updated_with_likelihood, with_biases
@@ -138,10 +139,7 @@ def _swap_probabilities(rivals: _SwapTrials, seen: FloatArray) -> tuple[FloatArr
     return weight, np.bincount(rivals.trial, np.log(total)).astype(np.float64)
 
 
-#: Gate of a history's last measurement about the track by the other sensors, standard deviations.
-_GATE = 4.5
-
-#: A history may also exceed the squared distance of the track's own by this: a track may begin far off.
+#: A history's last measurement may also exceed the track's own squared distance by this: tracks may begin far off.
 _FARTHER = 10.0
 
 #: Search radius of histories, standard deviations.
@@ -342,7 +340,7 @@ def _gated_histories(
     distance = np.sum(residual * np.linalg.solve(spread, residual[:, :, None])[:, :, 0], axis=1)
     own = np.zeros(len(last))
     own[rows] = distance[: len(rows)]
-    inside = (distance < np.maximum(_GATE**2, own[track] + _FARTHER)) | (track == source)
+    inside = (distance < np.maximum(GATE_SIGMAS**2, own[track] + _FARTHER)) | (track == source)
     return track[inside], source[inside]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, dot
@@ -17,6 +18,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_trackers.association import scan_numbers
 from opir_trackers.imm.measurement_weights import FRACTIONS
+from opir_trackers.triangulation import LOWEST_M
 
 #: Tracks within this distance, m, or within their covariances, are compared as possible duplicates.
 _NEAR_M = 20e3
@@ -117,15 +119,17 @@ def _never_seen_together(near: IntArray, number: IntArray, sightings: SharedDete
 
 
 #: A track is lost once the probability of that many consecutive misses is below this, for the type with the lowest
-#: detection probability. Stated probabilities are clipped; the last is for sensors that state none.
+#: detection probability.
 _LOST_CHANCE = 1e-4
-_LEAST_STATED, _MOST_STATED, _UNSTATED = 0.05, 0.98, 0.8
+
+#: Stated detection probabilities are clipped to these; the last is for sensors that state none.
+_LEAST_STATED, _MOST_STATED, UNSTATED = 0.05, 0.98, 0.8
 
 #: Upper bound on target speeds, m/s, nearly twice the escape velocity.
 _FASTEST_M_S = 20e3
 
-#: A track below this height, m, has come down; one that is still detected, if below by this many standard deviations.
-_LOWEST_M, _SURE_SIGMAS = -20e3, 3.0
+#: A track below the lowest height has come down; one that is still detected, if below by this many standard deviations.
+_SURE_SIGMAS = 3.0
 
 
 @frozen(eq=False)
@@ -205,10 +209,15 @@ class TrackTable(Columns):
         return TrackTable(self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports, *launches)
 
 
+def clipped(stated: ArrayLike) -> FloatArray:
+    """Return stated detection probabilities (n,), neither certain nor hopeless."""
+    return np.clip(np.asarray(stated, dtype=np.float64), _LEAST_STATED, _MOST_STATED)
+
+
 def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
     """Return the longest time (sensors,) without detection that is probable for a track in view."""
-    seldom = [min(sensor.detection_probability.values(), default=_UNSTATED) for sensor in sensors]
-    chance = np.clip(np.array(seldom, dtype=np.float64), _LEAST_STATED, _MOST_STATED)
+    seldom = [min(sensor.detection_probability.values(), default=UNSTATED) for sensor in sensors]
+    chance = clipped(seldom)
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
     return np.asarray(np.maximum(scans, np.log(_LOST_CHANCE) / np.log1p(-chance)) * period_s)
 
@@ -232,7 +241,7 @@ def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:
 
 def are_below_ground(position: FloatArray) -> BoolArray:
     """Return which positions (n, 3) may be below the lowest height."""
-    low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
+    low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + LOWEST_M) ** 2
     return low
 
 
@@ -248,6 +257,6 @@ def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArr
     Along a single line of sight the estimate of a flying target may lie below the ground.
     """
     sigma = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2])
-    lowest = _LOWEST_M - np.where(unseen, 0.0, _SURE_SIGMAS * sigma)
+    lowest = LOWEST_M - np.where(unseen, 0.0, _SURE_SIGMAS * sigma)
     down: BoolArray = ecef_to_geodetic(position).height_m < lowest
     return down

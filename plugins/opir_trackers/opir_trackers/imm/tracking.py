@@ -23,7 +23,6 @@ from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate, AssociationResult
-from opir_trackers.imm.ghosts import RANGE_M
 from opir_trackers.imm.histories import (
     LONGEST_S,
     Histories,
@@ -40,6 +39,7 @@ from opir_trackers.imm.track_management import SharedDetections, TrackTable, dup
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
 from opir_trackers.sensors import Biases
 from opir_trackers.track_priors import filter_of, prior_estimates
+from opir_trackers.triangulation import FAR_M
 
 
 @frozen(eq=False)
@@ -98,10 +98,13 @@ class ImmTracking:
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
         """Return the tracking of a scene's sensors."""
-        chance = [np.mean(list(sensor.detection_probability.values()) or [0.8]) for sensor in context.sensors]
-        model = AssociationModel(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)
+        chance = [
+            np.mean(list(sensor.detection_probability.values()) or [track_management.UNSTATED])
+            for sensor in context.sensors
+        ]
+        model = AssociationModel(track_management.clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
-        look_m = RANGE_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
+        look_m = FAR_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
         filter_, biases = filter_of(config, context), Biases.of(context.sensors)
         return cls(
             config=config,
