@@ -102,6 +102,13 @@ BENCHMARKS = (
     ),
     Benchmark("startup", "How long does start-up take?", "startup.py", words("--repeat 1"), writes=False),
     Benchmark(
+        "skipping",
+        "What does each optional part cost a scene that names it, and one that does not?",
+        "skipping.py",
+        ("--repeat", "1", "--only", "encoder udl", "Sun"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "encoding",
         "Which encoding to JSON is fastest?",
         "encoding.py",

@@ -30,6 +30,7 @@ from opir_core.detection.receivers import (
 from opir_core.detection.rejection_sampling import accepted_draws
 from opir_core.detection.scan_correlation import scan_correlation
 from opir_core.geometry.vectors import components, length
+from opir_core.interfaces.columns import as_slice_if_consecutive
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import Response
 from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
@@ -40,7 +41,6 @@ from opir_core.interfaces.radiometric_models import (
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment, heights_m
 from opir_core.planning.looks import blocks
-from opir_core.radiometry.long_paths import as_slice_if_consecutive
 
 
 @frozen(eq=False)

@@ -17,6 +17,7 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
+from opir_core.interfaces.columns import as_slice_if_consecutive
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     Background,
@@ -26,7 +27,6 @@ from opir_core.interfaces.radiometric_models import (
     Views,
 )
 from opir_core.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
-from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 from opir_core.radiometry.sea_surface import SeaGlint
 

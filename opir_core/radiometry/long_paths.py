@@ -49,12 +49,6 @@ def _hermite(x: FloatArray, y: FloatArray, slope: FloatArray, at: FloatArray) ->
     return level + width * t * (1.0 - t) * (slope[place] * (1.0 - t) - slope[place + 1] * t)
 
 
-def as_slice_if_consecutive(rows: IntArray) -> "slice | IntArray":
-    """Return increasing row numbers, as a slice where they are consecutive, to avoid copies."""
-    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
-
-
 def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]:
     """Return the cells of a climate and aerosol by column name; empty for an unknown sky.
 

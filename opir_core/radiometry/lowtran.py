@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
+from opir_core.interfaces.columns import as_slice_if_consecutive
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths, Transmittance
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
@@ -30,7 +31,6 @@ from opir_core.radiometry.long_paths import (
     TOP_M,
     LimbTable,
     akima,
-    as_slice_if_consecutive,
     limb_tables,
     sky_columns,
 )

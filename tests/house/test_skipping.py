@@ -1,48 +1,23 @@
-"""A scene pays only for what it names: each optional part is imported by a scene that names it, and by no other.
-
-What is not imported is not called and allocates nothing.
-"""
+"""A scene pays only for what it names: what it does not name is not imported, not called, and allocates nothing."""
 
 import json
-import subprocess
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
-from repository import EXAMPLES
+from repository import ROOT
 
+sys.path.insert(0, str(ROOT))
+from benchmarks.skipping import ADDED, FILLED, PARTS, SAME, Part, Use, used
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import run_of_plan
 
-SCENE = str(EXAMPLES / "first_light.yaml")
-
-#: Optional parts: what names them on the command line, and modules that only they need.
-PARTS = {
-    "radiometry": (("--set", "detection=snr"), ("opir_core.radiometry", "opir_core.detection.snr", "scipy.special")),
-    "false alarms": (("--set", "detection=snr"), ("opir_core.simulation.false_alarms",)),
-    "interpolated P_d": (("--set", "detection=snr"), ("opir_core.simulation.interpolation",)),
-    "atmosphere, clouds": (
-        ("--set", "detection=snr", "--set", "atmosphere=lowtran"),
-        ("opir_core.radiometry.lowtran", "opir_core.radiometry.clouds"),
-    ),
-    "background": (
-        ("--set", "detection=snr", "--set", "background=earth"),
-        ("opir_core.radiometry.earth", "opir_core.radiometry.sea_surface"),
-    ),
-    "tracker": (("--tracker", "imm"), ("opir_trackers", "opir_core.estimation.motion", "opir_core.output.tracks_file")),
-    "forces": (("--set", "forces=[j2]"), ("opir_core.flight.integration", "opir_core.flight.dop853")),
-    "encoder forge-c2": (
-        ("--set", "outputs=[{jsonl: {path: other.jsonl, encoder: forge-c2}}]"),
-        ("opir_core.output.events.forge_c2",),
-    ),
-    "encoder udl": (
-        ("--set", "outputs=[{jsonl: {path: other.jsonl, encoder: udl}}]"),
-        ("opir_core.output.events.udl",),
-    ),
-}
 #: Parts that no word of a scene run by `opir run` names.
 NEVER = (
     "opir_report",
@@ -56,37 +31,53 @@ NEVER = (
 )
 
 
-def modules(folder: Path, *words: str) -> set[str]:
-    """Return the modules that a process has imported after a run."""
-    code = (
-        "import json, sys\nfrom opir_core.cli.main import main\n"
-        f"code = main(['run', {SCENE!r}, '--quiet', *{list(words)!r}])\nassert not code, code\n"
-        "print(json.dumps(sorted(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
-    return set(json.loads(done.stderr.splitlines()[-1]))
+@cache
+def run_of(words: tuple[str, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return the modules, calls and bytes of a run, and its events, without their numbers in the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = used(words, Path(folder))
+        lines = Path(folder, "events.jsonl").read_text(encoding="utf-8").splitlines()
+    return found, [json.loads(line) for line in lines]
 
 
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    return modules(tmp_path_factory.mktemp("plain"))
+def measured(event: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of an event that no tracker fills."""
+    filled = {"track_id", "launch_point", "impact_point", "latitude_deg", "longitude_deg", "altitude_m"}
+    return {key: value for key, value in event.items() if key not in filled}
 
 
-@pytest.mark.parametrize("part", sorted(PARTS))
-def test_what_a_scene_does_not_name_is_not_imported(part: str, plain: set[str]) -> None:
-    assert not plain & set(PARTS[part][1])
-    assert not {name for name in plain if name.split(".")[0] in NEVER}
+@pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
+def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part: Part) -> None:
+    run, _ = run_of(part.beside)
+    found = Use.of(part.modules, run)
+    assert found.calls == 0
+    assert part.shared or found == Use(0, 0, 0)
+    assert not {name for name in run["modules"] if name.split(".")[0] in NEVER}
+
+
+def test_a_plain_scene_needs_no_special_functions() -> None:
+    run, _ = run_of(())
+    assert "scipy" not in run["modules"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", sorted(PARTS))
-def test_what_a_scene_names_is_imported(part: str, plain: set[str], tmp_path: Path) -> None:
-    words, needed = PARTS[part]
-    loaded = modules(tmp_path, *words)
-    assert set(needed) <= loaded
-    others = {name for other, (named, names) in PARTS.items() if named != words for name in names}
-    if part in {"forces", "encoder forge-c2"}:
-        assert not loaded & (others - set(needed))
+@pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
+def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part: Part) -> None:
+    run, events = run_of((*part.beside, *part.words))
+    assert Use.of(part.modules, run).calls > 0
+    before = run_of(part.beside)[1]
+    if part.events == SAME:
+        assert events == before
+    elif part.events == FILLED:
+        assert [measured(event) for event in events] == [measured(event) for event in before]
+        assert any(event["track_id"] for event in events)
+    elif part.events == ADDED:
+        assert [
+            event for event in events if event["detection_id"] in {each["detection_id"] for each in before}
+        ] == before
+        assert len(events) > len(before)
+    else:
+        assert events != before
 
 
 def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why() -> None:
