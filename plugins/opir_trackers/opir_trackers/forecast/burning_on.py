@@ -6,8 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.constants import EARTH_MU_M3_S2
-from opir_trackers.forecast.matching import air_velocity
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms
 
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
@@ -53,14 +52,15 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
     `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and sidewards, in each step.
     """
     now = np.zeros(len(state))
-    state = state[:, :6]
+    # Components are rows here: numbers that are added lie side by side.
+    state = np.ascontiguousarray(state[:, :6].T)
     for stage in range(STAGES):
         length = burns.burn_s[:, stage]
         rows = np.flatnonzero(length > 0.0)
         if not len(rows):
             continue
         part = _Thrust(burns, rows, stage)
-        here, when = state[rows], now[rows]
+        here, when = state[:, rows], now[rows]
         dark = burns.start_s[rows, stage] - when
         if np.count_nonzero(dark > 1e-9):
             here = _step(here, when, dark, part, None)
@@ -70,11 +70,10 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
             here = _step(
                 here, when + start * length[rows], (end - start) * length[rows], part, tilt[stage, number, rows]
             )
-        state = state.copy()
-        state[rows] = here
+        state[:, rows] = here
         now = now.copy()
         now[rows] = when + length[rows]
-    return state, now
+    return np.ascontiguousarray(state.T), now
 
 
 class _Thrust:
@@ -105,51 +104,58 @@ class _Push:
     square: FloatArray
 
     def force(self, state: FloatArray) -> FloatArray:
-        """Return the specific force (p, 3)."""
-        place, velocity = state[:, :3], air_velocity(state)
-        square = np.einsum("ij,ij->i", velocity, velocity) + 1e-6
+        """Return the specific force (3, p)."""
+        place, velocity = state[:3], state[3:].copy()
+        velocity[0] += EARTH_ROTATION_RAD_S * place[1]
+        velocity[1] -= EARTH_ROTATION_RAD_S * place[0]
+        square = _dot(velocity, velocity) + 1e-6
         side = _cross(velocity, place)
-        across = np.sqrt(np.einsum("ij,ij->i", side, side)) + 1e-3
+        across = np.sqrt(_dot(side, side)) + 1e-3
         # v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
-        down = velocity * np.einsum("ij,ij->i", velocity, place)[:, None] - place * square[:, None]
+        down = velocity * _dot(velocity, place) - place * square
         size = self.size / np.sqrt(square * self.square)
         speed = np.sqrt(square)
         force: FloatArray = (
-            size[:, None] * velocity
-            + (size * self.lead / across)[:, None] * down
-            + (size * self.aside * speed / across)[:, None] * side
+            size * velocity + (size * self.lead / across) * down + (size * self.aside * speed / across) * side
         )
         return force
 
 
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return scalar products (p,) of vectors (3, p)."""
+    (x, y, z), (u, v, w) = one, other
+    product: FloatArray = x * u + z * w + y * v
+    return product
+
+
 def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return cross products (p, 3): `np.cross` takes three times as long."""
-    (x, y, z), (u, v, w) = one.T, other.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+    """Return cross products (3, p): `np.cross` takes three times as long."""
+    (x, y, z), (u, v, w) = one, other
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def _step(
     state: FloatArray, time_s: FloatArray, step_s: FloatArray, thrust: _Thrust, tilt: FloatArray | None
 ) -> FloatArray:
-    """Return states after a step of the classical method of Runge and Kutta; without a tilt, in the dark."""
+    """Return states (6, p) after a step of the classical method of Runge and Kutta; without a tilt, in the dark."""
 
     def rates(there: FloatArray, push: _Push | None) -> FloatArray:
-        place = there[:, :3]
-        square = np.sum(place * place, axis=1)
-        pull = place * (-EARTH_MU_M3_S2 / (square * np.sqrt(square)))[:, None]
+        place = there[:3]
+        square = np.sum(place * place, axis=0)
+        pull = place * (-EARTH_MU_M3_S2 / (square * np.sqrt(square)))
         if push is not None:
             pull = pull + push.force(there)
-        return np.concatenate([there[:, 3:], pull], axis=1)
+        return np.concatenate([there[3:], pull])
 
-    step, times = step_s[:, None], (time_s, time_s + 0.5 * step_s, time_s + step_s)
+    times = time_s, time_s + 0.5 * step_s, time_s + step_s
     pushes: Sequence[_Push | None] = (None, None, None)
     if tilt is not None:
         aside = np.tan(tilt[:, 1])
         pushes = [thrust.at(when, tilt, aside) for when in times]
     start, middle, end = pushes
     first = rates(state, start)
-    second = rates(state + 0.5 * step * first, middle)
-    third = rates(state + 0.5 * step * second, middle)
-    fourth = rates(state + step * third, end)
-    after: FloatArray = state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+    second = rates(state + 0.5 * step_s * first, middle)
+    third = rates(state + 0.5 * step_s * second, middle)
+    fourth = rates(state + step_s * third, end)
+    after: FloatArray = state + step_s / 6.0 * (first + 2.0 * (second + third) + fourth)
     return after
