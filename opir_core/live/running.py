@@ -26,8 +26,7 @@ from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPositio
 from opir_core.live.status import Counts, LiveStatus
 from opir_core.live.watchdog import Progress, RunningCall, progress_of
 from opir_core.output.delivery import counter_of, opened_sink
-from opir_core.output.losses import WITHOUT_SPOOL
-from opir_core.output.sink_thread import SinkThread
+from opir_core.output.sink_thread import WITHOUT_SPOOL, SinkThread
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host

@@ -201,7 +201,7 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
         owner = partial(owner_text, plan.host, choice)
         return sink if not is_checked or is_of_core(component) else checked_sink(sink, owner, check_hint(choice.name))
     from opir_core.output.spool.columns import Origin
-    from opir_core.output.spool.transport_sink import transport_sink
+    from opir_core.output.spool.opening import transport_sink
 
     origin = Origin(plan.scene.epoch_us, plan.sensors, plan.reported_types)
     return transport_sink(choice, made, make_encoder, origin)

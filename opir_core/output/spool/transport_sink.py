@@ -12,36 +12,25 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
 
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.optional import ReopenableTransport
-from opir_core.interfaces.protocols import Delivery, Encoder, Sink, Transport
+from opir_core.interfaces.protocols import Delivery, Transport
 from opir_core.interfaces.records import Batch, Window
-from opir_core.output.losses import MEMORY_BYTES
 from opir_core.output.spool.batches import (
     Backlog,
     Batcher,
     DamagedError,
-    EncodedBatcher,
     FullError,
-    MemoryBacklog,
-    WindowBatcher,
-    WindowTransport,
 )
-from opir_core.output.spool.columns import Origin
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import Salvage, salvaged_at_start
-from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
+from opir_core.output.spool.salvage import Salvage
+from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT
 
 #: Maximum bytes of messages that are sent and not yet acknowledged.
 AHEAD_BYTES = 8 << 20
-#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.
-SPOOLED_STALL_S = 3.0
 #: Longest sleep of the sending thread, s; only retries on a full disk depend on it.
 _SLEEP_S = 0.25
 #: Longest time, s, between two removals of acknowledged batches while batches are sent.
@@ -382,29 +371,3 @@ class TransportSink:
 
 def _has_failed(future: Future[None]) -> bool:
     return future.done() and (future.cancelled() or future.exception() is not None)
-
-
-def transport_sink(
-    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
-) -> TransportSink:
-    """Return the sink of an output with a transport or a spool; if the spool cannot be opened, `made` is closed."""
-    transport: Transport
-    batcher: Batcher
-    if isinstance(made, Transport):
-        transport, batcher = made, EncodedBatcher(make_encoder(), origin.sensors)
-    else:
-        transport, batcher = WindowTransport(made, origin), WindowBatcher(make_encoder(), origin)
-    try:
-        backlog, policy, damage = _backlog(choice.spool)
-    except BaseException:
-        transport.close(0.0)
-        raise
-    return TransportSink(choice.name, transport, backlog, batcher, policy, damage)
-
-
-def _backlog(spool: Any) -> tuple[Backlog, Policy, Salvage | None]:
-    if spool is None:
-        return MemoryBacklog(MEMORY_BYTES), Policy(), None
-    damage = salvaged_at_start(spool.path)
-    journal = Journal(spool.path, spool.max_bytes, survives_power_cut=spool.survives_power_cut)
-    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, stall_s=SPOOLED_STALL_S), damage

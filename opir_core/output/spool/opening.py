@@ -1,0 +1,49 @@
+"""The sink of a scene's output with a transport or a spool: its transport, backlog, and policy."""
+
+from collections.abc import Callable
+from typing import Any
+
+from opir_core.interfaces.protocols import Encoder, Sink, Transport
+from opir_core.output.sink_thread import MEMORY_BYTES
+from opir_core.output.spool.batches import (
+    Backlog,
+    Batcher,
+    EncodedBatcher,
+    MemoryBacklog,
+    WindowBatcher,
+    WindowTransport,
+)
+from opir_core.output.spool.columns import Origin
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.salvage import Salvage, salvaged_at_start
+from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.scene.scene import Choice
+
+#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.
+SPOOLED_STALL_S = 3.0
+
+
+def transport_sink(
+    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
+) -> TransportSink:
+    """Return the sink of an output with a transport or a spool; if the spool cannot be opened, `made` is closed."""
+    transport: Transport
+    batcher: Batcher
+    if isinstance(made, Transport):
+        transport, batcher = made, EncodedBatcher(make_encoder(), origin.sensors)
+    else:
+        transport, batcher = WindowTransport(made, origin), WindowBatcher(make_encoder(), origin)
+    try:
+        backlog, policy, damage = _backlog(choice.spool)
+    except BaseException:
+        transport.close(0.0)
+        raise
+    return TransportSink(choice.name, transport, backlog, batcher, policy, damage)
+
+
+def _backlog(spool: Any) -> tuple[Backlog, Policy, Salvage | None]:
+    if spool is None:
+        return MemoryBacklog(MEMORY_BYTES), Policy(), None
+    damage = salvaged_at_start(spool.path)
+    journal = Journal(spool.path, spool.max_bytes, survives_power_cut=spool.survives_power_cut)
+    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, stall_s=SPOOLED_STALL_S), damage
