@@ -197,6 +197,8 @@ def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray
     detections = run.detections.take(np.flatnonzero(run.truth.target == 0))
     detections = detections.take(np.argsort(detections.time_ns, kind="stable"))
     times, count = detections.time_s, len(tick_s)
+    if len(times) < 2:  # out of the sensors' sight
+        return np.full((count, len(BOUNDED)), np.nan)
     every = np.concatenate([times, tick_s])
 
     def values(rows: np.ndarray) -> np.ndarray:
@@ -330,7 +332,6 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=200)
     parser.add_argument("--only", help="lines whose names contain this")
     parser.add_argument("--write", type=Path, help="folder of the CSV")
-    parser.add_argument("--name", default="tracker_honesty", help="name of the CSV")
     options = parser.parse_args()
     lines = [HEAD]
     with tempfile.TemporaryDirectory() as folder:
@@ -340,7 +341,7 @@ def main() -> None:
                 lines += list(table(line, rows))
                 print("\n".join(lines[-len(MARKS) :]), flush=True)
     if options.write:
-        (options.write / f"{options.name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (options.write / "tracker_honesty.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
