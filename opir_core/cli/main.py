@@ -106,14 +106,24 @@ def _empty_parser() -> tuple[argparse.ArgumentParser, Any]:
         prog="opir",
         description="Simulate overhead infrared missile-warning sensors.",
         epilog=EXIT_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_formatter,
     )
     parser.add_argument(DEBUG, action="store_true", help="print the traceback of an internal error")
     parser.add_argument("--version", action="version", version=f"opir {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, (_, summary) in COMMANDS.items():
-        commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        description = f"{summary[0].upper()}{summary[1:]}."
+        commands.add_parser(name, help=summary, description=description, formatter_class=_formatter)
     return parser, commands
+
+
+def _formatter(prog: str) -> argparse.HelpFormatter:
+    """Return a formatter as wide as the terminal: without a width each parser would import `shutil` to ask for it."""
+    try:
+        columns = int(os.environ.get("COLUMNS") or os.get_terminal_size().columns)
+    except (OSError, ValueError):
+        columns = 80
+    return argparse.RawDescriptionHelpFormatter(prog, width=columns - 2)
 
 
 def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:

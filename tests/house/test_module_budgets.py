@@ -11,11 +11,11 @@ from repository import EXAMPLES
 PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
 
 #: How many modules more than bare Python `opir --version` may import.
-VERSION_BUDGET = 40
+VERSION_BUDGET = 30
 
 #: How many modules more than `import numpy` a first run may import, two of them opir-render: files are put in place
 #: together; work, ranges, input files, plugins and columns are checked.
-FIRST_RUN_BUDGET = 283
+FIRST_RUN_BUDGET = 279
 
 HEAVY = ("scipy", "litestar", "aiokafka", "matplotlib", "pyarrow", "rich", "pyproj", "sgp4", "pandas", "numba")
 
