@@ -219,7 +219,8 @@ def measured(parts: Sequence[Part], repeat: int, folder: Path) -> list[dict[str,
 
 PAGE = """# What a scene does not name costs nothing
 
-What does each optional part cost a scene that names it, and what one that does not? {answer}
+What does each optional part cost a scene that names it, and what one that does not?
+{answer}
 
 {table}
 
