@@ -55,7 +55,7 @@ Memory is constant if the medians of the first and the last quarter after the wa
 `python benchmarks/soak.py --write docs/benchmarks`.
 
 What grows at first is bounded: the last 10 000 detections, as text (13.6 MiB with tracks, 5.8 MiB without), modules
-that are imported when a track first needs them (3 MiB), and what the page shows of a track (about 40 KiB each, of
+that are imported when a track first needs them (3 MiB), and what the page shows of a track (about 20 KiB each, of
 at most 1000). Traced by `tracemalloc`, a service with one spooled file and without a tracker held 46.9 MiB at lap 5
 and 46.8 MiB at lap 77 of a scene of 60 s, with as many objects. With the tracker it held 87.3 MiB with 27 tracks
 and 86.0 MiB with 39, a lap later; a longer run with it was not traced, nor one with Kafka.

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from http_service import serving
 from opir_http.openapi import document
-from opir_http.tracks import TrackDocuments
+from opir_http.tracks import TRAIL, TrackDocuments
 
 from opir_core.testing.doubles import stub_estimates, stub_regions
 
@@ -91,6 +91,22 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_m
     assert [impact[name] for name in ("ellipse", "ellipse_50", "ellipse_90")] == [None] * 3
     assert {region["geometry"]["type"] for region in track["impact_regions"]} == {"MultiPolygon"}
     validate({"tracks": [track]})
+
+
+def test_earlier_positions_are_those_that_were_told_and_thinned_where_they_are_old() -> None:
+    documents, told = TrackDocuments(0), []
+    for second in range(1, 301):
+        place = np.array([6.5e6, 1e3 * second, 0.0, 0.0, 0.0, 0.0])
+        (track,) = documents.take(stub_estimates(1, tick_s=float(second), state=place))["tracks"]
+        told.append([track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")])
+    assert "trail" not in documents.latest(1)[0]
+    found = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
+    validate({"tracks": found})
+    trail = found[0]["trail"]
+    assert len(trail) <= TRAIL
+    assert trail[-TRAIL // 4 :] == told[-TRAIL // 4 :]
+    assert [position for position in told if position in trail] == trail
+    assert TrackDocuments(0).latest(1, trail=True) == []
 
 
 def validate(tracks: Any) -> None:

@@ -1,6 +1,7 @@
 """The latest estimate of each track, as JSON documents."""
 
 import math
+from array import array
 from collections import OrderedDict
 from typing import Any
 
@@ -22,7 +23,7 @@ TRAIL = 96
 
 Document = dict[str, Any]
 #: Time, latitude and longitude in degrees, height in metres.
-Position = tuple[Any, ...]
+Position = tuple[str, float, float, float]
 
 
 class TrackDocuments:
@@ -31,7 +32,8 @@ class TrackDocuments:
     def __init__(self, epoch_us: int) -> None:
         self._epoch_us = epoch_us
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
-        self._trails: dict[int, list[Position]] = {}
+        #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
+        self._trails: dict[int, array[float]] = {}
 
     def __len__(self) -> int:
         return len(self._documents_by_track)
@@ -39,11 +41,13 @@ class TrackDocuments:
     def take(self, tracks: Tracks) -> Document:
         """Add estimates, sorted by tick; return the document with the last one of each track."""
         last = {number: row for row, number in enumerate(tracks.track.tolist())}
-        documents = self.documents(tracks.take(list(last.values())))
-        for document in documents:
+        tracks = tracks.take(list(last.values()))
+        documents = self.documents(tracks)
+        unix_us, _ = writable_unix_microseconds(tracks.tick_s, self._epoch_us)
+        for document, time_us in zip(documents, unix_us.tolist(), strict=True):
             self._documents_by_track[document["track_id"]] = document
             self._documents_by_track.move_to_end(document["track_id"])
-            self._extend_trail(document)
+            self._extend_trail(document, time_us)
         while len(self._documents_by_track) > KEPT:
             removed, _ = self._documents_by_track.popitem(last=False)
             self._trails.pop(removed, None)
@@ -54,15 +58,24 @@ class TrackDocuments:
         newest = list(reversed(tuple(self._documents_by_track.values())))[:limit]
         if not trail:
             return newest
-        return [document | {"trail": list(self._trails.get(document["track_id"], ()))} for document in newest]
+        return [document | {"trail": self._trail(document["track_id"])} for document in newest]
 
-    def _extend_trail(self, document: Document) -> None:
-        if document["latitude_deg"] is None:
+    def _trail(self, number: int) -> list[Position]:
+        """Return the earlier positions of a track."""
+        rows = np.array(self._trails.get(number, ()), dtype=np.float64).reshape(-1, 4)
+        times = timestamp_text(rows[:, 0].astype(np.int64))
+        return [(time, *place) for time, place in zip(times, rows[:, 1:].tolist(), strict=True)]
+
+    def _extend_trail(self, document: Document, time_us: int) -> None:
+        if document["latitude_deg"] is None or document["altitude_m"] is None:
             return
-        trail = self._trails.setdefault(document["track_id"], [])
-        trail.append(tuple(document[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")))
-        if len(trail) > TRAIL:
-            del trail[0 : len(trail) // 2 : 2]
+        trail = self._trails.setdefault(document["track_id"], array("d"))
+        trail.extend((time_us, document["latitude_deg"], document["longitude_deg"], document["altitude_m"]))
+        if len(trail) > 4 * TRAIL:
+            rows = np.array(trail).reshape(-1, 4)
+            keep = np.ones(len(rows), dtype=bool)
+            keep[0 : len(rows) // 2 : 2] = False
+            self._trails[document["track_id"]] = array("d", rows[keep].ravel())
 
     def documents(self, tracks: Tracks) -> list[Document]:
         """Return a document for each row."""
