@@ -58,7 +58,10 @@ class PairStreams:
     def fill(
         self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
     ) -> None:
-        """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting at the row `at`."""
+        """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting at the row `at`.
+
+        A pair is there at most once: its words are kept in one row.
+        """
         flat, words = into.reshape(-1), into.shape[1]
         if purpose not in self._kept:
             self._kept[purpose] = _KeptWords(len(self._names))

@@ -18,13 +18,11 @@ from typing import Any
 
 from attrs import define
 
+from opir_core.cli.main import THREADS
 from opir_core.errors import OpirError
 from opir_core.interfaces.results import ExecutorContext
 from opir_core.plugin import NoConfig
 from opir_studies.configs import ProcessesConfig
-
-#: What tells libraries of linear algebra how many threads they have.
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 #: A task is given up after so many deaths of its worker while no other task was running.
 DEATHS_ALONE = 3
