@@ -3,6 +3,7 @@
 import os
 import signal
 from pathlib import Path
+from time import sleep
 
 
 def doubled(number: int) -> int:
@@ -16,6 +17,23 @@ def doubled_or_killed(task: tuple[int, str]) -> int:
         Path(path).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return 2 * number
+
+
+def is_beside(task: tuple[str, str, str]) -> bool:
+    """Return whether another task runs at the same time; the first worker of all kills itself, and leaves a file.
+
+    `task` is the file that tells of the death, this task's own file, and the other's.
+    """
+    death, own, other = map(Path, task)
+    if not death.exists():
+        death.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    own.touch()
+    for _ in range(500):
+        if other.exists():
+            return True
+        sleep(0.01)
+    return False
 
 
 def doubled_or_always_killed(number: int) -> int:

@@ -5,7 +5,7 @@ from itertools import islice
 
 import pytest
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
-from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, own_number, threads
+from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, is_beside, own_number, threads
 
 from opir_core.testing import ExecutorContract
 
@@ -46,6 +46,11 @@ def test_a_killed_worker_costs_no_result(executor, tmp_path):
     tasks = [(number, str(tmp_path / f"killed-{number}") if number in (2, 11) else "") for number in range(20)]
     assert dict(executor.results(doubled_or_killed, tasks)) == {number: 2 * number for number in range(20)}
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_after_one_death_tasks_still_run_beside_each_other(executor, tmp_path):
+    death, one, other = (str(tmp_path / name) for name in ("death", "one", "other"))
+    assert dict(executor.results(is_beside, [(death, one, other), (death, other, one)])) == {0: True, 1: True}
 
 
 @pytest.mark.slow
