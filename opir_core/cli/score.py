@@ -19,6 +19,8 @@ Cards = Mapping[str, Scorecard]
 
 #: Powers of ten that leave room for sums in a double.
 _LARGEST_POWER = 280.0
+#: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
+_WIDEST = 100.0
 
 
 def score_arguments(parser: argparse.ArgumentParser) -> None:
@@ -261,8 +263,9 @@ def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str
         return "-"
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
-    # A single run, or track, has no interval.
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else value
+    # A single run, or track, has no interval; that of two targets may say nothing.
+    is_told = math.isfinite(low) and not 0.0 < _WIDEST * low < high
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_told else value
 
 
 def _number(value: float, digits: int) -> str:

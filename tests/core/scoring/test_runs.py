@@ -8,6 +8,7 @@ import pytest
 from scored_scene import SCENE
 
 from opir_core.cli.main import main
+from opir_core.cli.score import as_text
 from opir_core.errors import Problem, SceneError
 from opir_core.output.tracks_file import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
@@ -69,6 +70,16 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     told = capsys.readouterr().out
     assert "launches tracked" in told
     assert "stereo" in told
+
+
+def test_the_text_has_no_interval_that_says_nothing():
+    plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 20.0}))
+    card = scorecard([evidence_of_run(run_of_plan(plan), plan)])
+    card.figures["first_track_after_s"] = {"value": 1.0, "interval_95": [0.01, 100.0]}
+    card.figures["tracks_a_launch"] = {"value": 1.0, "interval_95": [0.5, 2.0]}
+    told = as_text({"imm": card})
+    assert "1.00 [0.50, 2.00]" in told
+    assert "[0.01" not in told
 
 
 @pytest.mark.slow
