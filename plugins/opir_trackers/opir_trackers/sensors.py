@@ -77,18 +77,18 @@ class Biases:
         """
         if not self.any or not len(position_m):
             return np.zeros((len(position_m), 3, 3))
-        return position_covariance(position_m, *self._geometry(time_s, seen), self.sigma_rad)
+        return position_covariance(position_m, *self.geometry(time_s, seen), self.sigma_rad)
 
     def from_other_sensors(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
         """Return `covariance`, (n, sensors, 3, 3), of the biases of all sensors but each in turn."""
-        geometry, added = self._geometry(time_s, seen), np.zeros((len(position_m), len(self.sensors), 3, 3))
+        geometry, added = self.geometry(time_s, seen), np.zeros((len(position_m), len(self.sensors), 3, 3))
         for number in range(len(self.sensors)):
             others = np.where(np.arange(len(self.sensors)) == number, 0.0, self.sigma_rad)
             if others.any() and len(position_m):
                 added[:, number] = position_covariance(position_m, *geometry, others)
         return added
 
-    def _geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    def geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
         """Return the sensors' positions, visibility and weights of their angles."""
         when = np.full(1, time_s)
         origin = np.concatenate([earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])
@@ -105,12 +105,7 @@ def position_covariance(
     `origin_m` (s, 3) are the sensor positions, `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is
     the weight of a sensor's angles, 1/rad² per second: look rate over error variance.
     """
-    apart = position_m[:, None] - origin_m
-    range_square = np.sum(apart * apart, axis=2)
-    across = np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
-    weight_m2 = np.where(seen, weight / range_square, 0.0)
-    # In observed directions the lines of one second outweigh the prior.
-    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
+    range_square, across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
     bias_effect = np.sum(
         (weight_m2 * weight_m2 * range_square * np.square(bias_sigma_rad))[:, :, None, None] * across, axis=1
     )
@@ -118,6 +113,31 @@ def position_covariance(
     added = inverse @ bias_effect @ inverse
     symmetric: FloatArray = 0.5 * (added + added.transpose(0, 2, 1))
     return symmetric
+
+
+def shifts_of_positions(
+    position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
+) -> FloatArray:
+    """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of a position.
+
+    Shifts along the line of sight have no effect. Arguments as of `position_covariance`.
+    """
+    _, across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
+    shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
+    return shift
+
+
+def _least_squares(
+    position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return squared ranges (n, s), projections across (n, s, 3, 3), weights (n, s) and information (n, 3, 3)."""
+    apart = position_m[:, None] - origin_m
+    range_square = np.sum(apart * apart, axis=2)
+    across = np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
+    weight_m2 = np.where(seen, weight / range_square, 0.0)
+    # In observed directions the lines of one second outweigh the prior.
+    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
+    return range_square, across, weight_m2, total
 
 
 #: The columns that determine the lines of sight of detections.

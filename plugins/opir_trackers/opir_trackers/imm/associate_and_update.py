@@ -37,7 +37,7 @@ from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import FAR_M
 
 #: Gate of the repeated association, standard deviations: wider than the first.
-_SETTLING_GATE = 6.0
+SETTLING_GATE = 6.0
 
 #: Lines are reassigned where a slice moved a track by more than this share of one look's error: a shift s changes the
 #: log odds of a line between two tracks d apart by s d, in errors; tracks more than 3 apart share few lines.
@@ -210,7 +210,7 @@ class AssociateAndUpdate:
         bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[busy]
         for turn in range(self.config.settling):
             path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
-            closer = gated(path, lines, track, line, _SETTLING_GATE, self.light_time)
+            closer = gated(path, lines, track, line, SETTLING_GATE, self.light_time)
             anew = self.nearest_association(closer, lines)
             if turn == 0:
                 anew = self._without_ghosts(before, end_s, closer, lines, anew)

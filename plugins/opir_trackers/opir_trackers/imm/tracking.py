@@ -22,7 +22,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm import track_management
-from opir_trackers.imm.associate_and_update import AssociateAndUpdate, AssociationResult
+from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
     LONGEST_S,
     Histories,
@@ -34,6 +34,7 @@ from opir_trackers.imm.histories import (
     smooth_boost_s,
 )
 from opir_trackers.imm.history_assignment import assigned_histories
+from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.imm.report import tracks_of, type_evidence, type_log_likelihoods, type_posterior
 from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
@@ -333,11 +334,21 @@ class ImmTracking:
         estimates, table = self.reported_estimates(now), now.table
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table = estimates.take(confirmed), table.take(confirmed)
+        estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self.association.moments(estimates)
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
         tracks = tracks_of(state, covariance, table, now.time_s, self._types(table))
         return tracks, estimates, type_evidence(table.reports, self.type_log_likelihood)
+
+    def _with_neighbours(
+        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable
+    ) -> ModeEstimates:
+        """Return the estimates with covariances that allow for the lines of sight of neighbours."""
+        if len(estimates) < 2:
+            return estimates
+        state, seen = self.association.moments(estimates)[0], table.reports >= 0
+        return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
 
     def _with_biases(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
