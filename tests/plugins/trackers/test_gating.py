@@ -8,7 +8,7 @@ from opir_trackers.gating import candidates, gated
 from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated
 from opir_core.estimation.motion import BOOST
 
-COUNT, END_S, SPAN_S, GATE = 60, 5000.0, 1.0, 4.5
+COUNT, END_S, GATE = 60, 5000.0, 4.5
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.2, 1.7)])
 
 
@@ -27,11 +27,11 @@ def crowd(east: float) -> PredictedMeasurements:
     return PredictedMeasurements(END_S, derivative, np.tile(side, (COUNT, 1, 1)))
 
 
-def rays_at(outlook: PredictedMeasurements) -> LinesOfSight:
-    """Return ten looks of each sensor at all tracks, and as many anywhere about them."""
+def rays_at(outlook: PredictedMeasurements, span_s: float) -> LinesOfSight:
+    """Return ten looks of each sensor in a span at all tracks, and as many anywhere about them."""
     rng = np.random.default_rng(13)
     looks = np.arange(20)
-    time_s = np.repeat(END_S - SPAN_S + (looks + 1) / 20.0, 2 * COUNT)
+    time_s = np.repeat(END_S - span_s + span_s * (looks + 1) / 20.0, 2 * COUNT)
     sensor = np.repeat(looks % 2, 2 * COUNT).astype(np.int32)
     track = np.tile(np.repeat(np.arange(COUNT), 2), 20)
     place = outlook.positions(track, time_s - 0.125)
@@ -44,11 +44,11 @@ def rays_at(outlook: PredictedMeasurements) -> LinesOfSight:
 
 
 @pytest.mark.parametrize("east_m_s", [7000.0, -7000.0])
-@pytest.mark.parametrize("light_time", [True, False])
-def test_candidates_are_all_that_pass_and_few_more(east_m_s: float, light_time: bool) -> None:
+@pytest.mark.parametrize(("light_time", "span_s"), [(True, 1.0), (False, 1.0), (True, 3.0)])
+def test_candidates_are_all_that_pass_and_few_more(east_m_s: float, light_time: bool, span_s: float) -> None:
     outlook = crowd(east_m_s)
-    rays = rays_at(outlook)
-    track, ray = candidates(outlook, rays, SPAN_S, GATE, light_time)
+    rays = rays_at(outlook, span_s)
+    track, ray = candidates(outlook, rays, span_s, GATE, light_time)
     found = gated(outlook, rays, track, ray, GATE, light_time)
     every = divmod(np.arange(COUNT * len(rays)), len(rays))
     brute = gated(outlook, rays, *every, GATE, light_time)

@@ -9,6 +9,7 @@ from attrs import evolve
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
+from opir_trackers.imm.tracking import needed_scans
 
 from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
@@ -285,3 +286,8 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     expected = told @ told.transpose(0, 2, 1)
     scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
     assert np.all(np.abs(outlook.position_covariances(track, time_s) - expected) < 1e-12 * scale)
+
+
+def test_sensors_that_scan_four_times_in_four_seconds_begin_tracks_with_four_scans_others_with_two():
+    cases = {(1.0,): 4, (1.01,): 2, (10.0, 0.1): 4, (10.0,): 2}
+    assert {periods: needed_scans(np.array(periods)) for periods in cases} == cases
