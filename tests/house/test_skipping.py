@@ -46,7 +46,11 @@ def measured(event: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in event.items() if key not in filled}
 
 
-@pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
+#: Scenes with radiometry are followed call by call, which takes seconds.
+PLAIN_OR_SLOW = [pytest.param(part, id=part.name, marks=pytest.mark.slow if part.beside else ()) for part in PARTS]
+
+
+@pytest.mark.parametrize("part", PLAIN_OR_SLOW)
 def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part: Part) -> None:
     run, _ = run_of(part.beside)
     found = Use.of(part.modules, run)

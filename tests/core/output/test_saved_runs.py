@@ -13,18 +13,21 @@ from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.output.saved_runs import read_run
 
 SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
+#: All its three targets burn by then.
+CHANGES = ["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("saved")
-    assert main(["run", str(SCENE), "--set", "duration_s=120", "--out", str(made / "events.jsonl"), "--quiet"]) == 0
+    words = [word for change in CHANGES for word in ("--set", change)]
+    assert main(["run", str(SCENE), *words, "--out", str(made / "events.jsonl"), "--quiet"]) == 0
     return made
 
 
 @pytest.fixture(scope="module")
 def memory() -> opir_core.Run:
-    return opir_core.simulate(opir_core.load_scene(SCENE, overrides=["duration_s=120"]))
+    return opir_core.simulate(opir_core.load_scene(SCENE, overrides=CHANGES))
 
 
 @pytest.fixture(scope="module")

@@ -282,7 +282,10 @@ def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name:
 
 
 @pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls")
-@pytest.mark.parametrize(("error", "kinds"), [(errno.ENOSPC, WRITING), (errno.EIO, (READ,)), (errno.EIO, (OPEN,))])
+@pytest.mark.parametrize(
+    ("error", "kinds"),
+    [pytest.param(errno.ENOSPC, WRITING, marks=pytest.mark.slow), (errno.EIO, (READ,)), (errno.EIO, (OPEN,))],
+)
 def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
     killed: Path, error: int, kinds: tuple[str, ...]
 ) -> None:

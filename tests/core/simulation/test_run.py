@@ -15,7 +15,9 @@ EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return opir.simulate(opir.load_scene(EXAMPLE, overrides=["duration_s=180"]))
+    return opir.simulate(
+        opir.load_scene(EXAMPLE, overrides=["duration_s=90", "tracker={model: imm, regions_every_s: 20}"])
+    )
 
 
 def test_columns_lie_side_by_side_and_in_time(run: Run) -> None:

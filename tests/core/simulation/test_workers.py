@@ -98,7 +98,7 @@ def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_files_are_the_same_with_any_number_of_workers(name: str, count: int) -> None:
     plan = plan_of(SCENES[name])
     alone = written(plan, 1)

@@ -24,7 +24,15 @@ START, END = "2026-04-01T12:00:00Z", "2026-04-01T12:04:00Z"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("saved")
     (place / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    words = ["--tracker", "imm", "--set", "duration_s=240", "--out", str(place / "events.jsonl"), "--quiet"]
+    words = [
+        "--tracker",
+        "{model: imm, regions_every_s: 20}",
+        "--set",
+        "duration_s=240",
+        "--out",
+        str(place / "events.jsonl"),
+        "--quiet",
+    ]
     assert main(["run", str(place / "scene.yaml"), *words]) == 0
     return place
 
