@@ -93,6 +93,16 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_m
     validate({"tracks": [track]})
 
 
+def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
+    documents = TrackDocuments(0, 3)
+    for number in (0, 1, 2, 0, 3):
+        documents.take(stub_estimates(1, tick_s=1.0, track=np.array([number])))
+    assert [track["track_id"] for track in documents.latest(9)] == [3, 0, 2]
+    documents.most = 1
+    documents.take(stub_estimates(1, tick_s=2.0, track=np.array([0])))
+    assert [track["track_id"] for track in documents.latest(9)] == [0]
+
+
 def test_earlier_positions_are_those_that_were_told_and_thinned_where_they_are_old() -> None:
     documents, told = TrackDocuments(0), []
     for second in range(1, 301):

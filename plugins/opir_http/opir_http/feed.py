@@ -125,12 +125,13 @@ class Feed:
         sensors: tuple[Sensor, ...],
         epoch_us: int,
         history: int,
+        most_tracks: int,
         status: Callable[[], Any],
         reported_types: tuple[str, ...] = REPORTED_TYPES,
     ) -> None:
         self.history = History(history)
         self.activity = Activity([sensor.id for sensor in sensors])
-        self.tracks = TrackDocuments(epoch_us)
+        self.tracks = TrackDocuments(epoch_us, most_tracks)
         self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
         self._status = status
         self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types))

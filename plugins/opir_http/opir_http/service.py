@@ -34,7 +34,8 @@ class Service:
 
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run, self.settings = run, settings
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, settings.history, self.status, run.plan.reported_types)
+        bounds = settings.history, settings.maximum_tracks
+        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}
@@ -96,6 +97,7 @@ class Service:
             except OpirError as error:
                 raise problem_of(error) from error
             self.settings = http
+            self.feed.tracks.most = http.maximum_tracks
             self.run.settings = evolve(self.run.settings, maximum_targets=http.maximum_targets)
             return cycle, self.etag()
 

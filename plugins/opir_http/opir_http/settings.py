@@ -5,7 +5,7 @@ from attrs import frozen
 from opir_core.scene.fields import flag, number, text
 
 #: Settings that can change while the service runs.
-LIVE = ("maximum_targets", "maximum_viewers", "writes_per_s")
+LIVE = ("maximum_targets", "maximum_tracks", "maximum_viewers", "writes_per_s")
 
 #: Maximum size of a request body, bytes.
 MAXIMUM_BODY_BYTES = 64 * 1024
@@ -40,6 +40,12 @@ class HttpSettings:
         default=10_000, minimum=100, maximum=1_000_000, help="number of detections kept for GET /detections"
     )
     maximum_targets: int = number(default=1_000, minimum=1, maximum=50_000, help="maximum number of targets in the run")
+    maximum_tracks: int = number(
+        default=1_000,
+        minimum=10,
+        maximum=100_000,
+        help="number of tracks kept for the page and GET /tracks, the last updated; some 20 KiB each",
+    )
     maximum_viewers: int = number(default=256, minimum=1, maximum=1_000, help="maximum number of clients of the stream")
     writes_per_s: float = number(
         default=20.0,

@@ -16,8 +16,6 @@ from opir_core.output.events.text import timestamp_text, writable_unix_microseco
 from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
-#: Maximum number of tracks; those not updated for longest are removed.
-KEPT = 1000
 #: Maximum number of earlier positions kept of a track; of the older half then every second is removed.
 TRAIL = 96
 
@@ -27,10 +25,10 @@ Position = tuple[str, float, float, float]
 
 
 class TrackDocuments:
-    """The latest estimate of each track, for a bounded number of tracks."""
+    """The latest estimate of each track, at most `most`: those not updated for longest are removed."""
 
-    def __init__(self, epoch_us: int) -> None:
-        self._epoch_us = epoch_us
+    def __init__(self, epoch_us: int, most: int = 1_000) -> None:
+        self._epoch_us, self.most = epoch_us, most
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
         #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
         self._trails: dict[int, array[float]] = {}
@@ -48,7 +46,7 @@ class TrackDocuments:
             self._documents_by_track[document["track_id"]] = document
             self._documents_by_track.move_to_end(document["track_id"])
             self._extend_trail(document, time_us)
-        while len(self._documents_by_track) > KEPT:
+        while len(self._documents_by_track) > self.most:
             removed, _ = self._documents_by_track.popitem(last=False)
             self._trails.pop(removed, None)
         return {"tracks": documents}

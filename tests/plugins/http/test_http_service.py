@@ -91,11 +91,13 @@ def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) ->
     config["sensors"][0]["members"][0]["detection_probability"]["ICBM"] = 0.9
     config["confidence"] = {"model": "weighted", "band": 0.2, "count": 0.2, "geometry": 0.6}
     config["http"]["maximum_viewers"] = 200
+    config["http"]["maximum_tracks"] = 40
     answer = stand.ask("PUT", "/config", config, tag)
     assert answer.status == 200, answer.body
     conforms(answer.json, "Configured")
     after = stand.ask("GET", "/config")
     assert (after.json, after.headers["etag"]) == (config, answer.headers["etag"])
+    assert stand.service.feed.tracks.most == 40
     assert stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
     assert stand.ask("PUT", "/config", config, tag).status == 412
     assert stand.ask("PUT", "/config", config).status == 428

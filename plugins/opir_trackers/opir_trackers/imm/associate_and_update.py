@@ -14,7 +14,6 @@ from opir_trackers.association import (
     ambiguous_tracks,
     associate_nearest,
     connected_tracks,
-    hard_association,
     is_unambiguous,
     scan_numbers,
 )
@@ -23,7 +22,6 @@ from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
-from opir_trackers.imm.ghosts import Slice, without_ghosts
 from opir_trackers.imm.measurement_weights import (
     FEW,
     OutlierFractions,
@@ -208,12 +206,10 @@ class AssociateAndUpdate:
         before, then = estimates.take(busy), first.estimates.take(busy)
         result, mine, end_s = None, place[first.owner], ahead.time_s
         bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[busy]
-        for turn in range(self.config.settling):
+        for _ in range(self.config.settling):
             path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
             closer = gated(path, lines, track, line, SETTLING_GATE, self.light_time)
             anew = self.nearest_association(closer, lines)
-            if turn == 0:
-                anew = self._without_ghosts(before, end_s, closer, lines, anew)
             if np.array_equal(anew.owner, mine):
                 break
             result, mine = anew, anew.owner
@@ -226,14 +222,6 @@ class AssociateAndUpdate:
         settled = evolve(result.assigned, track=busy[result.assigned.track])
         assigned = GatedPairs.concatenate([kept, settled])
         return AssociationResult(first.estimates.put(busy, then), owner, assigned, pairs)
-
-    def _without_ghosts(
-        self, estimates: ModeEstimates, end_s: float, pairs: GatedPairs, lines: LinesOfSight, association: Association
-    ) -> Association:
-        """Return the association after swaps of one sensor's lines that explain the slice better."""
-        used = association.owner[pairs.line] == pairs.track
-        better = without_ghosts(Slice(self.filter, self.model, self.light_time, estimates, end_s, lines), pairs, used)
-        return association if np.array_equal(better, used) else hard_association(pairs, lines, better)
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float
