@@ -83,6 +83,7 @@ outputs:
   - kafka:
       bootstrap_servers: BROKER
       topic: soak
+      compression: gzip
       request_timeout_s: 2.0
       acknowledgement_timeout_s: 3.0
       longest_pause_s: 0.5

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-#: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then.
+#: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then: batches are compressed, for
+#: two sensors see most of it, and a fault of 12 s at full speed fills their partitions otherwise.
 PARTITIONS = 12
 #: Kafka's number of the API that takes messages, and codes it may answer with: the first park the output.
 PRODUCE = 0
