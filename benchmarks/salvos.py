@@ -186,8 +186,8 @@ def page(rows: Sequence[dict[str, str]]) -> str:
     ]
     return f"""# Salvos
 
-How far apart must launches be for `imm` to tell them apart? {LAUNCHES} launches of one class within ten seconds, on a
-hexagonal grid, seen by two SBIRS-GEO at default settings.
+How far apart must launches be for `imm` to tell them apart, and does it say when it cannot? {LAUNCHES} launches of one
+class within ten seconds, on a hexagonal grid, seen by two SBIRS-GEO at default settings.
 
 ![Share of launches whose track holds the true state, and wrong labels, against spacing](salvos.svg)
 
