@@ -3,7 +3,7 @@
 Files round: times are to a microsecond, angles to 1e-9 degree, sensor positions to a millimetre.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.output.delivery import PARQUET
 from opir_core.output.run_files import (
     invalid_file,
     read_manifest,
@@ -35,7 +36,8 @@ from opir_core.simulation.run import Run
 from opir_core.simulation.summary import Tally
 
 _MANIFEST, _TRUTH, _TRACKS = ".manifest.json", ".truth.jsonl", ".tracks.jsonl"
-_BESIDE = (_MANIFEST, _TRUTH, _TRACKS)
+_PARQUET_TRUTH = ".truth.parquet"
+_BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
 _NS_PER_US = 1_000
 
 
@@ -105,7 +107,7 @@ def read_run(
     contents = read_manifest(manifest_path)
     plan = compile_plan(scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}", host=host), host)
     estimates = _tracks_of(events, tracks, contents, plan)
-    truth_path = _existing(truth or events.with_suffix(_TRUTH), "truth")
+    truth_path = _existing(truth or _truth_beside(events), "truth")
     truths = _truth_lines(truth_path, plan)
     rows = list(_events_of(_existing(events, "events"), plan))
     require_events_of_run(events, [row.detection_id for row in rows], truths, contents)
@@ -156,11 +158,36 @@ def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], p
     return estimates
 
 
+def _truth_beside(events: Path) -> Path:
+    columns = events.with_suffix(_PARQUET_TRUTH)
+    return columns if columns.exists() and not events.with_suffix(_TRUTH).exists() else events.with_suffix(_TRUTH)
+
+
+def _truth_rows(path: Path) -> Iterator[_TruthLine]:
+    """Yield the records of a truth file: columns, read by opir-export, or JSON lines."""
+    if path.suffix != PARQUET:
+        yield from _lines(path, _TruthLine, "a line of opir's truth")
+        return
+    from opir_core.simulation.run_views import provided
+
+    yield from _converted(path, provided("opir_export", "read_truth", "a truth file of columns"), _TruthLine)
+
+
+def _converted(path: Path, read: Callable[[Path], Iterable[Any]], kind: Any) -> Iterator[Any]:
+    """Yield the rows that a function reads from a file, as a kind of record."""
+    try:
+        for row in read(path):
+            yield msgspec.convert(row, kind)
+    except (OSError, ValueError) as error:
+        words = reason_of(error) if isinstance(error, OSError) else str(error)
+        raise invalid_file(path, "", f"cannot be read: {words}") from error
+
+
 def _truth_lines(path: Path, plan: Plan) -> Mapping[str, _TruthLine]:
     """Return the truth of each detection by its id."""
     truths: dict[str, _TruthLine] = {}
     launches = []
-    for row in _lines(path, _TruthLine, "a line of opir's truth"):
+    for row in _truth_rows(path):
         if row.record == "target":
             launches.append(msgspec.structs.asdict(row))
         elif row.record == "detection":
@@ -315,12 +342,7 @@ def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
     if read is None:
         yield from _lines(path, _Event, "an event of the encoder forge")
         return
-    try:
-        for row in read(path):
-            yield msgspec.convert(row, _Event)
-    except (OSError, ValueError) as error:
-        words = reason_of(error) if isinstance(error, OSError) else str(error)
-        raise invalid_file(path, "", f"cannot be read: {words}") from error
+    yield from _converted(path, read, _Event)
 
 
 def _existing(path: Path, what: str) -> Path:

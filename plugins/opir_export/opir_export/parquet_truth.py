@@ -1,7 +1,8 @@
-"""The truth of a run as columns of a Parquet file: `opir run --truth events.truth.parquet`."""
+"""The truth of a run as columns of a Parquet file, written and read: `opir run --truth events.truth.parquet`."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import radians
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,6 +16,25 @@ from opir_export.tabular.detection_tables import columns_of_truth
 RECORDS_KEY = "opir_truth"
 
 _GROUP_ROWS = 65_536
+
+
+def read_truth(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the records of sensors, targets and detections of a file, as the lines of a truth file have them.
+
+    Raises OSError, or ValueError for a file that is no truth.
+    """
+    from pyarrow.parquet import ParquetFile
+
+    with ParquetFile(path) as file:
+        metadata = file.schema_arrow.metadata or {}
+        if RECORDS_KEY.encode() not in metadata:
+            raise ValueError("has no records of sensors and targets: it is no truth that opir wrote")
+        yield from json.loads(metadata[RECORDS_KEY.encode()])
+        for batch in file.iter_batches(_GROUP_ROWS):
+            for row in batch.to_pylist():
+                elevation_deg = row.pop("target_elevation_deg")
+                elevation_rad = None if elevation_deg is None else radians(elevation_deg)
+                yield {"record": "detection", **row, "target_elevation_rad": elevation_rad}
 
 
 class ParquetTruth:

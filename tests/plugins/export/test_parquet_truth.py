@@ -28,6 +28,38 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(json.dumps(truth_records(run.plan)))
 
 
+def test_a_run_with_columns_of_truth_is_read_back(tmp_path: Path) -> None:
+    settings = ["--set", "duration_s=70", "--set", "tracker=none", "--quiet"]
+    for name, ending in (("lines", "jsonl"), ("columns", "parquet")):
+        folder = tmp_path / name
+        folder.mkdir()
+        files = ["--out", str(folder / "events.jsonl"), "--truth", str(folder / f"events.truth.{ending}")]
+        assert main(["run", str(SCENE), *files, *settings]) == 0
+    lines, columns = (opir_core.load_run(tmp_path / name) for name in ("lines", "columns"))
+    assert len(columns.truth) == len(lines.truth) > 1000
+    assert np.array_equal(columns.truth.target, lines.truth.target)
+    for name in ("emission_time_s", "range_m", "target_elevation_rad", "probability"):
+        assert np.allclose(
+            getattr(columns.truth, name), getattr(lines.truth, name), rtol=0.0, atol=1e-3, equal_nan=True
+        )
+    assert opir_core.load_run(tmp_path / "columns" / "events.truth.parquet").summary == columns.summary
+
+
+def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "events.truth.parquet"
+    outputs = f"outputs=[{{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"
+    words = ["run", str(SCENE), "--quiet", "--set", "duration_s=70", "--set", "tracker=none", "--set", outputs]
+    assert main([*words, "--truth", str(path)]) == 0
+    for content in (b"", (tmp_path / "events.parquet").read_bytes()):
+        path.write_bytes(content)
+        capsys.readouterr()
+        assert main(["score", str(tmp_path / "events.parquet")]) == 2
+        told = capsys.readouterr().err
+        assert "events.truth.parquet" in told
+        assert "cannot be read" in told
+        assert "Traceback" not in told
+
+
 def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
     outputs = f"outputs=[{{jsonl: {{path: {events}}}}}, {{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"
