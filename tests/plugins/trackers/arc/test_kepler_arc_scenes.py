@@ -86,3 +86,10 @@ def test_events_carry_the_launch_and_the_impact():
     known = run.detections.estimate >= 0
     assert known.mean() > 0.9
     assert np.isfinite(run.estimates.impact[run.detections.estimate[known]][-1]).all()
+
+
+def test_a_track_is_reported_after_eight_detections():
+    slow = {"model": "SBIRS-GEO", "orbital_slot_deg": -150.0, "scan_period_ms": 500.0}
+    run = simulate(scene(sensors=[{**slow, "id": "A"}, {**slow, "id": "B", "orbital_slot_deg": -90.0}]))
+    counts = [np.count_nonzero(run.detections.time_s < run.tracks.tick_s[0] - early_s) for early_s in (0.0, 1.0)]
+    assert counts[0] >= 8 > counts[1]
