@@ -1,11 +1,11 @@
 """How long does a raid take, from the plan to files of events and truth: one process, and what of it is text.
 
-    python benchmarks/raid.py [--launches 1000] [--duration 300] [--to jsonl|parquet|null] [--no-truth] [--repeat 1]
-                              [--profile]
+    python benchmarks/raid.py [--launches 1000] [--sensors 12] [--duration 300] [--to jsonl|parquet|null] [--no-truth]
+                              [--repeat 1] [--plan] [--profile]
 
 The scene: 1 000 ICBMs and 12 sensors in geostationary slots around the Earth, ten looks a second, events and truth to
-files. Prints processor time of the plan and of the run, events, bytes, and the peak of memory; with `--profile` the
-functions that take the most.
+files. Prints processor time of the plan and of the run, events, bytes, and the peak of memory; with `--plan` of the
+plan alone, with `--profile` the functions that take the most.
 """
 
 import argparse
@@ -16,6 +16,7 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +28,8 @@ from opir_core.output.events.rendering import renderer_name
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 
-SLOTS_DEG = np.arange(-165.0, 180.0, 30.0)
 
-
-def raid(launches: int, duration_s: float, outputs: list[object]) -> opir.Scene:
+def raid(launches: int, sensors: int, duration_s: float, outputs: list[object]) -> opir.Scene:
     """Return the scene: launches from everywhere between 60° south and north, within its first minute."""
     random = np.random.default_rng(5)
     latitude, longitude = random.uniform(-60.0, 60.0, launches), random.uniform(-180.0, 180.0, launches)
@@ -42,8 +41,8 @@ def raid(launches: int, duration_s: float, outputs: list[object]) -> opir.Scene:
             "duration_s": duration_s,
             "seed": 1,
             "sensors": [
-                {"model": "SBIRS-GEO", "id": f"S{n:02d}", "orbital_slot_deg": float(slot)}
-                for n, slot in enumerate(SLOTS_DEG)
+                {"model": "SBIRS-GEO", "id": f"S{n:02d}", "orbital_slot_deg": float((slot + 180.0) % 360.0 - 180.0)}
+                for n, slot in enumerate(-165.0 + 360.0 / sensors * np.arange(sensors))
             ],
             "targets": [
                 {
@@ -66,14 +65,28 @@ def run(plan: Plan, truth: Path | None) -> RunOutcome:
     return outcome
 
 
+def memory() -> tuple[str, float, str, str]:
+    """Return the peak of memory as a row of the output."""
+    return "memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, "MiB", "peak"
+
+
+def show(rows: Iterable[tuple[str, float, str, str]]) -> None:
+    """Keep and print names, figures, units and remarks."""
+    for what, figure, unit, remark in rows:
+        keep(what, figure, unit)
+        print(f"{what:8} {figure:9.2f} {unit:8} {remark}")
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--launches", type=int, default=1000)
+    parser.add_argument("--sensors", type=int, default=12)
     parser.add_argument("--duration", type=float, default=300.0, help="s of scene time")
     parser.add_argument("--to", default="jsonl", choices=("jsonl", "parquet", "null"))
     parser.add_argument("--no-truth", action="store_true")
     parser.add_argument("--repeat", type=int, default=1)
+    parser.add_argument("--plan", action="store_true", help="compile the plan, and run nothing")
     parser.add_argument("--profile", action="store_true")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -84,10 +97,13 @@ def main() -> None:
             else Path(folder) / ("truth.parquet" if arguments.to == "parquet" else "truth.jsonl")
         )
         output = {"null": {}} if arguments.to == "null" else {arguments.to: {"path": str(events)}}
-        scene = raid(arguments.launches, arguments.duration, [output])
+        scene = raid(arguments.launches, arguments.sensors, arguments.duration, [output])
         before_s = time.process_time()
         plan = opir.compile_plan(scene)
         plan_s = time.process_time() - before_s
+        if arguments.plan:
+            show([("plan", plan_s, "s", f"{len(plan.pairs)} pairs"), memory()])
+            return
         profile = cProfile.Profile()
         times, outcome = [], None
         for _ in range(arguments.repeat):
@@ -101,11 +117,9 @@ def main() -> None:
             ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),
             ("events", counts["detections"] * 1e-6, "million", f"of {counts['looks'] * 1e-6:.2f} million looks"),
             ("written", written * 1e-6, "MB", f"by the renderer {renderer_name()}"),
-            ("memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, "MiB", "peak"),
+            memory(),
         )
-        for what, figure, unit, remark in rows:
-            keep(what, figure, unit)
-            print(f"{what:8} {figure:9.2f} {unit:8} {remark}")
+        show(rows)
         for file in outcome.manifest[FILES_KEY]:
             print(f"{file['name'].rsplit('/')[-1]:16} {file['sha256']}")
     if arguments.profile:
