@@ -50,10 +50,10 @@ Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run
 every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
 {kinds}. {machine}
 
-Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the warm-up
-({warm_up:g} % of the run, and {warm_up_laps} laps, in which the service's histories fill). A process gives freed memory
-back in steps of some 20 MiB, and late: the least is what it holds. Made by `python benchmarks/soak.py --write
-docs/benchmarks`.
+Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
+warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps, in which the service's histories fill). A process gives
+freed memory back in steps of some 20 MiB, and late: the least is what it holds. Made by `python benchmarks/soak.py
+--write docs/benchmarks`.
 
 What grows at first is bounded: the last 10 000 detections, as text (13.6 MiB with tracks, 5.8 MiB without), modules
 that are imported when a track first needs them (3 MiB), and what the page shows of a track (about 20 KiB each, of at
@@ -289,9 +289,9 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     rss, usual = (quarters([each.rss_mib for each in warm], figure) for figure in (min, np.median))
     counts = [[int(count) for count in COUNTED.findall(line)] for line in found["told"].splitlines()]
     delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
+    held = "at least {:.1f} MiB in the first quarter, {:.1f} in the last; medians {:.1f} and {:.1f}"
     rows = [
-        ("memory constant", f"at least {rss[0]:.1f} MiB in the first quarter, {rss[1]:.1f} MiB in the last; "
-         f"medians {usual[0]:.1f} and {usual[1]:.1f}", rss[1] / rss[0] - 1.0 <= FLAT),
+        ("memory constant", held.format(*rss, *usual), rss[1] / rss[0] - 1.0 <= FLAT),
         ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", abs(fds[0] - fds[1]) <= DESCRIPTORS),
         ("spools empty after the last fault", f"{samples[-1].waiting} waiting", samples[-1].waiting < 5000),
         ("spool files bounded", f"maximum {max(each.spool_mib for each in samples):.1f} MiB", True),
