@@ -12,8 +12,15 @@ PAGE = ROOT / "docs" / "tutorials" / "ten-minutes.md"
 BLOCK = re.compile(r"^```shell-session\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
-#: What pip is told so that it asks no index: an outsider's own would.
-OFFLINE = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+#: What pip is told so that it asks no index: an outsider's own would. No bytecode: nobody edits a file twice within the
+#: second by which Python tells whether its bytecode is old, but this test does.
+SETTINGS = {
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "PIP_NO_INDEX": "1",
+    "PIP_NO_DEPS": "1",
+    "PIP_NO_BUILD_ISOLATION": "0",
+    "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+}
 
 
 def told(outsider: Any, command: str, folder: Path) -> str:
@@ -22,7 +29,7 @@ def told(outsider: Any, command: str, folder: Path) -> str:
         command,
         shell=True,
         cwd=folder,
-        env={**outsider.variables(), **OFFLINE, "COLUMNS": "80"},
+        env={**outsider.variables(), **SETTINGS, "COLUMNS": "80"},
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
