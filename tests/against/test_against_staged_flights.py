@@ -39,7 +39,9 @@ FLIGHTS = 12
 HUGE_KM2 = 5e7
 
 
-@pytest.fixture(scope="module", params=["staged", pytest.param("smooth", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module", params=[pytest.param(course, marks=pytest.mark.slow) for course in ("staged", "smooth")]
+)
 def told(request):
     truth = flown("SRBM", FLIGHTS, 3, request.param)
     impact, ticks = truth.impacts(), []

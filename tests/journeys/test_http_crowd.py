@@ -44,6 +44,7 @@ def page(stand: Stand) -> Iterator[Page]:
         yield page
 
 
+@pytest.mark.slow
 def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=60_000)
     assert page.evaluate("opirMap.drawn.impacts") >= COUNT

@@ -23,6 +23,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_run_report(scored_run(), tmp_path_factory.mktemp("page") / "report.html")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
 def test_the_report_opens_without_a_network(browser: Browser, report: Path, width: int, scheme: str) -> None:
@@ -53,6 +54,7 @@ def brightness(colour: str) -> int:
     return sum(int(part) for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
 
 
+@pytest.mark.slow
 def test_print_is_light_and_no_picture_is_cut(browser: Browser, report: Path) -> None:
     page = browser.new_context(color_scheme="dark", offline=True).new_page()
     page.goto(report.as_uri())

@@ -66,6 +66,7 @@ class _Mute:
         self.measure_response = model.measure_response
 
 
+@pytest.mark.slow
 def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)

@@ -35,6 +35,7 @@ def saved(folder: Path) -> opir_core.Run:
     return opir_core.load_run(folder)
 
 
+@pytest.mark.slow
 def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
     mine, theirs = saved.detections, memory.detections
     for name in ("sensor", "detection_id", "reported_type", "bands", "detection_count", "track"):
@@ -47,6 +48,7 @@ def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Ru
     assert (mine.scan == -1).all()
 
 
+@pytest.mark.slow
 def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert np.array_equal(saved.truth.target, memory.truth.target)
     mine, theirs = saved.truth, memory.truth
@@ -59,6 +61,7 @@ def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opi
     assert np.array_equal(saved.tracks.state, memory.tracks.state)
 
 
+@pytest.mark.slow
 def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert saved.summary["counts"] == memory.summary["counts"]
     mine, theirs = saved.summary["targets"], memory.summary["targets"]

@@ -83,6 +83,7 @@ def never_visible(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolA
     return hidden
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(circles, climbs, st.booleans())
 def test_pairs_that_are_left_out_are_never_visible(circle: Circle, target: Climb, is_moving: bool) -> None:

@@ -42,6 +42,7 @@ def lost_and_found(told, at_s=50.0):
     )
 
 
+@pytest.mark.slow
 def test_ticks_are_those_at_which_the_tracker_is_asked(told):
     assert ticks_s(told).tolist() == list(range(1, 91))
     elsewhere = evolve(told, tracks=evolve(told.tracks, tick_s=told.tracks.tick_s + 0.3))
@@ -107,6 +108,7 @@ def test_of_tracks_told_at_once_the_one_of_most_detections_is_in_force(told):
     assert len(rows) == len(told.tracks)
 
 
+@pytest.mark.slow
 def test_targets_of_biased_sensors_are_scored_apart():
     """Of two launches far apart each is seen by one sensor, one of which has a bias."""
     east = {

@@ -209,6 +209,7 @@ def test_the_plume_steps_with_the_stages_and_rises_anew(tmp_path, flight):
     np.testing.assert_allclose(watts[burns], peak * scale[burns], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_burns_stand_with_their_targets_in_any_company(tmp_path, flight):
     table = file_of(tmp_path / "gap.csv", flight)
     ballistic = {**{key: GRAVITY_TURN[key] for key in ("type", "launch", "aim")}, "id": "B"}

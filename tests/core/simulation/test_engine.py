@@ -239,6 +239,7 @@ def test_a_scene_without_targets_has_empty_windows() -> None:
     assert len(run(plan, [10**11])[0].detections) == 0
 
 
+@pytest.mark.slow
 def test_windows_are_sized_by_the_looks_they_hold() -> None:
     sensors = [stub_sensor(f"S{number}", scan=AlignedScan(1_000_000)) for number in range(10)]
     plan = stub_plan(sensors, targets(6), ids(6), stub_scene())

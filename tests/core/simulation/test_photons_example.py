@@ -34,6 +34,7 @@ def counts(run: Run, ids: tuple[str, ...], sensor: int) -> dict[str, int]:
     return dict(zip(names, times.tolist(), strict=True))
 
 
+@pytest.mark.slow
 def test_plumes_are_detected_each_by_the_sensors_that_can(run: Run, ids: tuple[str, ...]) -> None:
     for sensor in (SBIRS, NEXTGEN):
         found = counts(run, ids, sensor)

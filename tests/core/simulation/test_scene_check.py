@@ -98,7 +98,7 @@ def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("hour", range(0, 24, 3))
-@pytest.mark.parametrize("duration_s", [60.0, 7200.0, 86400.0])
+@pytest.mark.parametrize("duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)])
 def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(hour: int, duration_s: float) -> None:
     sensors = [{"model": "DSP", "id": f"S{number}", "orbital_slot_deg": 7.2 * number - 180.0} for number in range(50)]
     made = scene(sensors=sensors, epoch=f"2026-03-20T{hour:02}:00:00Z", duration_s=duration_s)

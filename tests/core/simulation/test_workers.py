@@ -97,7 +97,11 @@ def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
     return {**contents, "summary": repr(outcome.summary).encode()}
 
 
-@pytest.mark.parametrize("name", SCENES)
+#: A tracker takes seconds.
+TRACKED_IS_SLOW = [pytest.param(name, marks=pytest.mark.slow if name == "tracked" else ()) for name in SCENES]
+
+
+@pytest.mark.parametrize("name", TRACKED_IS_SLOW)
 @pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_files_are_the_same_with_any_number_of_workers(name: str, count: int) -> None:
     plan = plan_of(SCENES[name])

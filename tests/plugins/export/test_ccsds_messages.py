@@ -44,6 +44,7 @@ def scene_seconds(texts: list[str]) -> np.ndarray[Any, Any]:
     return (np.array(texts, dtype="datetime64[us]") - EPOCH) / np.timedelta64(1, "s")
 
 
+@pytest.mark.slow
 def test_sensors_and_flights_have_their_messages(ephemerides: Path) -> None:
     run = short_run()
     targets = [f"target-{target.id}.oem" for target in run.plan.scene.targets]

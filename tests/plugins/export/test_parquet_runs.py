@@ -26,6 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.slow
 def test_both_files_give_the_same_run(folder: Path) -> None:
     columns, lines = opir_core.load_run(folder), opir_core.load_run(folder / "lines")
     mine, theirs = columns.detections, lines.detections
@@ -52,6 +53,7 @@ def test_it_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cards[0]["launches_tracked"] == cards[1]["launches_tracked"]
 
 
+@pytest.mark.slow
 def test_a_file_that_is_another_is_refused_with_its_path(folder: Path, tmp_path: Path) -> None:
     for name in ("events.truth.jsonl", "events.tracks.jsonl", "events.manifest.json"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())

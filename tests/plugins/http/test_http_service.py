@@ -280,6 +280,7 @@ def test_an_output_that_is_refused_is_told_by_health_and_tries_again_when_told_t
         assert "give the path of one of these: outputs[0]" in missing.json["detail"]
 
 
+@pytest.mark.slow
 def test_what_an_output_without_a_spool_can_lose_is_said_at_the_start(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -92,6 +92,7 @@ def test_answers_conform_to_the_document(stand: Stand) -> None:
     assert stand.ask("GET", "/openapi.json").json == view_document()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "query",
     [
@@ -107,6 +108,7 @@ def test_requests_that_make_no_sense_are_rejected(stand: Stand, query: str) -> N
     assert stand.ask("GET", f"/replay?{query}").status == 400
 
 
+@pytest.mark.slow
 def test_a_saved_run_cannot_be_changed(stand: Stand) -> None:
     assert stand.ask("POST", "/trigger", {}).status == 404
     assert stand.ask("PUT", "/config", {}).status == 404

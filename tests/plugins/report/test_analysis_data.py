@@ -152,6 +152,7 @@ def test_regions_over_time_contain_what_they_contain() -> None:
             assert data[f"area_{percent}_km2"][row] == region.area_km2
 
 
+@pytest.mark.slow
 def test_nees_is_the_error_over_the_covariance() -> None:
     run = scored_run()
     data = nees_history(RunFacts(run))

@@ -39,6 +39,7 @@ def test_the_timeline_counts_every_detection_once() -> None:
     assert first <= run.summary["targets"][0]["first_detection_s"] < first + width_s
 
 
+@pytest.mark.slow
 def test_false_alarms_are_counted_without_a_target() -> None:
     run = example_run("photons")
     counts = detection_counts(RunFacts(run))

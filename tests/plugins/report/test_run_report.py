@@ -27,6 +27,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_page_says_who_saw_what_first(report: Path) -> None:
     text = report.read_text(encoding="utf-8")
     row = scored_run().summary["targets"][0]

@@ -225,6 +225,7 @@ def test_a_track_that_little_is_known_of_ends_when_it_is_no_longer_seen(silent_s
     assert deleter.check_for_deletion(track)
 
 
+@pytest.mark.slow
 def test_windows_change_nothing():
     overrides = ("tracker=stonesoup", LAUNCHES, "duration_s=30")
     whole, cut = (run_of_plan(plan_of(*overrides), window_s) for window_s in (None, 0.7))
