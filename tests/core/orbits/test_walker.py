@@ -49,6 +49,12 @@ def test_a_delta_pattern_turned_by_a_plane_and_moved_by_its_phasing_is_itself(nu
     assert same_set(moved[total - a_plane :], here[:a_plane])
 
 
+@pytest.mark.parametrize("phasing", [-1, 6])
+def test_a_phasing_of_no_plane_is_refused(phasing):
+    with pytest.raises(ValueError, match=rf"phasing: {phasing} is not in \[0, 6\), the number of planes"):
+        walker_pattern(24, 6, phasing, 1.2e6, 0.9)
+
+
 @examples(40)
 @given(patterns(), st.booleans())
 def test_every_plane_is_evenly_filled(numbers, star):

@@ -168,6 +168,16 @@ def test_what_is_no_region_is_refused() -> None:
         region_from_document({"containment": 0.5, "area_km2": 1.0})
 
 
+@pytest.mark.parametrize(("west_deg", "parts"), [(10.0, 1), (179.8, 2)])
+def test_a_triangle_is_a_ring(west_deg: float, parts: int) -> None:
+    ring = np.radians([(0.0, west_deg), (0.0, west_deg + 0.5), (0.5, west_deg), (0.0, west_deg)])
+    document = region_document(ImpactRegion(containment=0.5, area_km2=1.0, polygons=((ring,),)))
+    found = polygons_of(document["geometry"])
+    assert [len(rings) for rings in found] == [1] * parts
+    assert sum(area_km2(rings[0]) for rings in found) == pytest.approx(area_km2(np.degrees(ring[:, ::-1])), rel=1e-4)
+    assert len(region_from_document(document).polygons) == parts
+
+
 def test_a_ring_without_area_is_left_out() -> None:
     region = stub_regions(9.0, 167.7)[0]
     point = np.tile(region.polygons[0][0][:1], (5, 1))

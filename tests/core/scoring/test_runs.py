@@ -109,6 +109,16 @@ def test_an_error_crosses_processes_whole():
     ("words", "message"),
     [
         (["score", "nothing.jsonl"], "there is no manifest file"),
+        (["score", "nothing.jsonl", "--bin-s", "0.009"], "--bin-s: must be at least 0.01 and finite"),
+        (["score", "nothing.jsonl", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
+        (["score", "nothing.jsonl", "--cutoff-m", "0"], "--cutoff-m: must be positive and finite"),
+        (["score", "nothing.jsonl", "--cutoff-m", "inf"], "--cutoff-m: must be positive and finite"),
+        (["score", "nothing.jsonl", "--order", "0.9"], "--order: must be at least 1 and finite"),
+        (["score", "nothing.jsonl", "--order", "inf"], "--order: must be at least 1 and finite"),
+        (["score", "nothing.jsonl", "--order", "80"], "--order: too large: the cut-off to this power overflows"),
+        (["score", "nothing.jsonl", "--alpha", "0"], "--alpha: must be in (0, 2]"),
+        (["score", "nothing.jsonl", "--alpha", "2.1"], "--alpha: must be in (0, 2]"),
+        (["score", "nothing.jsonl", "--bin-s", "0.01", "--order", "1", "--alpha", "2"], "there is no manifest file"),
     ],
 )
 def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, message):
