@@ -34,6 +34,13 @@ def shots(count, seed=0, fastest=7200.0):
     return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)
 
 
+@pytest.mark.parametrize("name", list(MODELS))
+def test_without_a_height_it_is_that_of_the_ellipsoid(name):
+    position, velocity = shots(3)
+    states, at_zero = (impact_states(position, velocity, *height, forces=MODELS[name]) for height in ((), (0.0,)))
+    assert np.array_equal(states.position_m, at_zero.position_m)
+
+
 @pytest.mark.parametrize("height_m", [-3000.0, 0.0, 30e3, 150e3])
 @pytest.mark.parametrize("name", list(MODELS))
 def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):

@@ -66,6 +66,13 @@ def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         Journal(str(path), MIB)
 
 
+def test_an_error_that_more_room_does_not_mend_is_told_as_such(tmp_path: Path) -> None:
+    journal = Journal(str(tmp_path / "spool"), MIB)
+    journal.close()
+    with pytest.raises(SinkError, match=r"the spool .*closed"):
+        journal.after(0)
+
+
 def test_a_missing_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="there is no folder"):
         Journal(str(tmp_path / "missing" / "spool"), MIB)

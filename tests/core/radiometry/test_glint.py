@@ -52,6 +52,12 @@ class TestGlint:
         expected = 1e4 * light * reflectance(np.array(up @ sun), 1.33) / (4.0 * np.pi * variance)
         assert intensity(sources, to_sensor=mirrored) == pytest.approx(expected, rel=1e-9)
 
+    @pytest.mark.parametrize("wind_m_s", [-0.1, 30.1])
+    def test_winds_are_none_to_a_storm(self, wind_m_s):
+        with pytest.raises(ValueError, match=rf"{wind_m_s} is outside \[0, 30\] m/s"):
+            GlintConfig(at=HERE, wind_m_s=wind_m_s)
+        assert [GlintConfig(at=HERE, wind_m_s=end).wind_m_s for end in (0.0, 30.0)] == [0.0, 30.0]
+
     def test_there_is_none_by_night(self):
         sources = glint_sources(GlintConfig(at=({"lat_deg": 10.0, "lon_deg": -170.0},)), context())
         assert intensity(sources).tolist() == [0.0]

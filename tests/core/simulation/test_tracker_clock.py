@@ -7,6 +7,7 @@ from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
+from opir_core.simulation.tracker_clock import rows_of
 
 SCENE = {
     "scene": "shown",
@@ -69,3 +70,8 @@ def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
     for name in (item.name for item in fields(Detections) if item.name not in differs):
         column = getattr(shown, name)
         assert np.array_equal(column[both], column[both + 1], equal_nan=True), name
+
+
+def test_rows_are_those_of_the_numbers_and_of_no_others():
+    assert rows_of(np.array([2, 5]), np.array([5, 2, 1, 3, 9, -1]), 10).tolist() == [11, 10, -1, -1, -1, -1]
+    assert rows_of(np.empty(0, dtype=np.int64), np.array([1, 2]), 10).tolist() == [-1, -1]

@@ -123,6 +123,11 @@ def _settings_of_arrays(sensor: Any) -> Any:
     return evolve(sensor, settings={"edges": np.zeros(2)})
 
 
+@sensor_mutant("settings-of-nan", "test_settings_are_plain_values")
+def _settings_of_nan(sensor: Any) -> Any:
+    return evolve(sensor, settings={"gain": np.nan})
+
+
 @sensor_mutant("sensor-of-lambdas", "test_a_built_sensor_pickles")
 def _sensor_of_lambdas(sensor: Any) -> Any:
     return evolve(sensor, scan=OwnScan(sensor.scan, lambda phase, period_ns: phase))

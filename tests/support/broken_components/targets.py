@@ -84,3 +84,18 @@ class BurnsTwice(OwnTargets):
 @mutant(TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
 def burns_twice(configs: Any, context: Any) -> Any:
     return BurnsTwice(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)
+
+
+@frozen(eq=False)
+class BurnsOfOneMore(OwnTargets):
+    """Targets with the burns of one that is not there."""
+
+    @property
+    def burns_s(self) -> FloatArray:
+        own = np.stack([self.ignition_s, self.burnout_s], axis=-1)[:, None, :]
+        return np.concatenate([own, own[-1:]])
+
+
+@mutant(TargetModel, "burns-of-one-more", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
+def burns_of_one_more(configs: Any, context: Any) -> Any:
+    return BurnsOfOneMore(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)
