@@ -199,6 +199,17 @@ def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     assert west["start_s"] == pytest.approx(446.0, abs=1.0)
 
 
+def test_the_sun_is_looked_for_between_the_ends_of_outages_only():
+    exclusion = opir_core.planning.solar_exclusion.SolarExclusion(
+        angle_rad=0.1, epoch_us=EPOCH_US, start_s=np.array([10.0, 100.0]), stop_s=np.array([20.0, 200.0])
+    )
+    time_s = np.array([9.9, 10.0, 20.0, 20.1, 99.9, 100.0, 200.0, 200.1])
+    sunward = sun_position_ecef_m(EPOCH, time_s) / 1.496e11
+    margin = exclusion.margin_rad(42.2e6 * sunward, 84.4e6 * sunward, time_s)
+    assert margin[np.isfinite(margin)] == pytest.approx(-0.1, abs=1e-3)
+    assert np.isinf(margin).tolist() == [True, False, False, True, True, False, False, True]
+
+
 def test_false_alarms_stay_away_from_the_sun_as_well():
     noisy = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0, "threshold_sigma": 3.9}
 

@@ -11,6 +11,7 @@ import pytest
 import shapely
 from exported_runs import SCENE, exported, short_run
 from opir_export.tabular import run_tables
+from opir_export.tabular.columns import instants, nanoseconds
 from pyarrow import parquet
 
 import opir_core
@@ -170,3 +171,9 @@ def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(run: opir_co
     same = ["detection_id", "sensor_id", "target_type", "bands", "track_id"]
     assert mine["detections"].select(same).equals(theirs["detections"].select(same))
     assert mine["detections"]["scan"].null_count == len(run.detections)
+
+
+def test_a_time_that_is_unknown_is_null():
+    found = instants(nanoseconds(np.array([1.5, np.nan, np.inf, -2.0])), 1_000_000)
+    assert found.is_null().to_pylist() == [False, True, True, False]
+    assert found.cast("int64").to_pylist() == [2_500_000_000, None, None, -1_000_000_000]
