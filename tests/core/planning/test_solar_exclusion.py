@@ -197,6 +197,9 @@ def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     assert 0.1 < west["share_of_field"] < 0.25
     # The field's own edge reaches the exclusion when the Sun is 15 degrees from nadir.
     assert west["start_s"] == pytest.approx(446.0, abs=1.0)
+    within = snr_scene(sensors, names="S", epoch="2026-03-20T11:10:00Z", duration_s=100, detection="constant")
+    (whole,) = explained(compile_plan(within))["outages"]
+    assert (whole["start_s"], whole["stop_s"]) == (0.0, 100.0)
 
 
 def test_the_sun_is_looked_for_between_the_ends_of_outages_only():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from opir_trackers.arc import fit as arc_fit
-from opir_trackers.arc.ends import impacts, launches, states_at, trajectory_parameters
+from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.forecast.prior_boosts import class_codes
@@ -247,3 +247,13 @@ def test_types_follow_from_the_range():
     assert edge[0] == pytest.approx([0.5, 0.5, 0.0, 0.0], abs=1e-9)
     assert edge[1] == pytest.approx([0.15866, 0.84111, 0.00023, 0.0], abs=1e-5)
     assert type_probabilities(np.array([np.nan]), np.ones(1))[0].tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("chance", [0.1, 0.5, 0.9, 1.0])
+def test_the_latency_is_of_a_geometric_number_of_scans_at_an_unknown_phase(chance):
+    rng = np.random.default_rng(20261202)
+    drawn_s = 2.5 * (rng.geometric(chance, 200_000) - rng.uniform(0.0, 1.0, 200_000))
+    mean_s, sigma_s = latency_s(SensorSchedule(np.array([2.5]), np.array([[chance, chance]])))
+    assert sigma_s == pytest.approx([drawn_s.std()], rel=0.02)
+    # The mean is the paper's T/P, half a period above that of an unknown phase.
+    assert mean_s == pytest.approx([drawn_s.mean() + 1.25], rel=0.02)
