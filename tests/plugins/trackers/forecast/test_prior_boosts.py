@@ -79,6 +79,12 @@ def test_boosts_are_within_the_stated_limits_and_of_all_kinds() -> None:
     assert np.all(prior.programs.acceleration_m_s2[used] <= ranges["acceleration_m_s2"][1])
     assert np.all(prior.programs.gap_s <= ranges["gap_s"][1])
     assert set(used.sum(axis=1).tolist()) == set(range(1, STAGES + 1))
+    # A gap follows every stage but the last, unless the next one starts hot.
+    has_next = np.concatenate([used[:, 1:], np.zeros((len(used), 1), dtype=bool)], axis=1)
+    assert not prior.programs.gap_s[~has_next].any()
+    hot = prior.programs.gap_s[has_next] == 0.0
+    sigma = np.sqrt(ranges["no_gap_probability"] * (1.0 - ranges["no_gap_probability"]) / len(hot))
+    assert abs(hot.mean() - ranges["no_gap_probability"]) < 4.0 * sigma
     weight = np.exp(prior.log_weight)
     shares = [weight[prior.class_code == code].sum() / weight.sum() for code in range(len(TARGET_TYPES))]
     assert min(shares) > 0.1

@@ -190,3 +190,19 @@ def test_what_settled_tracks_had_is_the_less_others() -> None:
     theirs = known.contested.weight[known.measurements.track[known.contested.measurement] == 1]
     left = known.of(np.array([True, False])).contested
     assert np.allclose(np.exp(left.log_odds - ODDS), np.maximum(1.0 - theirs, 1e-6))
+
+
+def test_what_a_removed_measurement_had_of_a_line_is_left_to_nobody_else():
+    lines = AmbiguousMeasurements(
+        measurement=np.array([0, 1, 1, 2]),
+        line=np.array([0, 0, 3, 3]),
+        scan=np.array([0, 0, 1, 1]),
+        measured=np.zeros((4, 2)),
+        sigma_rad=np.full(4, SIGMA_RAD),
+        log_odds=np.zeros(4),
+        weight=np.array([0.75, 0.25, 0.5, 0.5]),
+        end_s=np.zeros(4),
+    )
+    left = lines.without(np.array([True, False, False]), np.array([-1, 0, 1]))
+    assert left.measurement.tolist() == [0, 0, 1]
+    assert np.exp(left.log_odds) == pytest.approx([0.25, 1.0, 1.0])
