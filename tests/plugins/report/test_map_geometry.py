@@ -96,6 +96,16 @@ def test_cut_curves_go_round_what_they_went_round(
     assert not len(cut) or np.abs(cut).max() <= 1040.0
 
 
+def test_a_clipped_square_is_a_closed_square() -> None:
+    square = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0], [-2.0, -2.0]])
+    cut = clipped(square, (-1.0, 1.0), (-1.0, 1.0))
+    assert (cut[0] == cut[-1]).all()
+    assert len(cut) == 5
+    # A margin hides the edge of what is filled.
+    assert np.all(np.abs(cut) == np.abs(cut[0]))
+    assert 1.0 <= np.abs(cut[0, 0]) <= 1.1
+
+
 def test_lines_over_the_antimeridian_reach_both_edges_of_the_world() -> None:
     line = np.radians([[10.0, 170.0], [10.0, -170.0]])
     parts = WorldProjection().lines(line)

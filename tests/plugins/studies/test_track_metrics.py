@@ -112,3 +112,8 @@ def test_phases_are_those_of_the_scores():
 def test_invalid_settings_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
         ImpactConfig(**settings)
+
+
+@pytest.mark.parametrize("percent", [50.0, 90.0, 95.0])
+def test_each_containment_of_the_tracks_can_be_asked_for(percent):
+    assert ImpactConfig(containment_percent=percent).containment_percent == percent
