@@ -48,7 +48,7 @@ The samples are in [soak.csv](soak.csv).
 
 Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run when it is full. A launch is requested
 every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
-{kinds}. {machine}
+{kinds}.{machine}
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
 warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps, in which the service's histories fill). A process gives
@@ -341,7 +341,7 @@ def page(found: dict[str, Any], minutes: float, seed: int, machine: str) -> str:
         trigger_s=TRIGGER_S,
         seed=seed,
         kinds=", ".join(f"{name} ({count} times)" for name, count in found["faults"].items()),
-        machine=machine,
+        machine=f" {machine}" if machine else "",
         warm_up=100 * WARM_UP,
         warm_up_laps=WARM_UP_LAPS,
         tracks=TRACKS,
