@@ -15,9 +15,8 @@ from opir_core.estimation.motion import COAST
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.sensors import Biases, shifts_of_positions
 
-#: Distance of neighbours in a sensor's view, standard deviations of one look. Launches 2 km apart, on the seeds that
-#: it was built with: half of it holds 62 % of the states in 95 % regions, this 90 %; twice it holds 98 %, in regions
-#: twice as long.
+#: Distance of neighbours in a sensor's view, standard deviations of one look. Launches 2 km apart, seeds of the build:
+#: half of it holds 62 % of the states in 95 % regions, this 90 %, twice it 98 % with regions twice as long.
 NEIGHBOUR_GATE = 6.0
 
 
