@@ -116,10 +116,10 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
         yield Line(name, 1e6 * min(taken for _, taken in told) / looks, rmse_m(found, few) / bound, peer_runs)
 
 
-def tracked(case: Problem) -> tuple[list[tuple[float, np.ndarray]], float]:
+def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, np.ndarray]], float]:
     """Return `imm`'s positions at the end of each slice, association unknown, and the seconds taken."""
     sensors = tuple(stub_sensor(name, slot, detection_probability={"ICBM": CHANCE}) for name, slot in _SLOTS)
-    config = ImmConfig(motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case))
+    config = ImmConfig(motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case), **settings)
     context = TrackerContext(
         sensors=sensors, epoch_us=0, duration_s=float(case.seconds), forces="kepler", light_time=False
     )
@@ -180,8 +180,15 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
     frames = 20 * case.seconds
     yield "known", np.nan, mean_gospa_m(case, followed_known(case))
     tracked(case)  # what is imported at the first use is not counted
-    told, taken = tracked(case)
-    yield "imm", 1e3 * taken / frames, mean_gospa_m(case, told)
+    ways: list[dict[str, float]] = [
+        {"slice_s": 1.0, "settling": 0},
+        {"slice_s": 1.0, "settling": 2},
+        {"slice_s": 2.0, "settling": 5, "cadence_s": 2.0},
+    ]
+    for way in ways:
+        told, taken = tracked(case, **way)
+        name = f"imm, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
+        yield name, 1e3 * taken / frames, mean_gospa_m(case, told)
     if not first or not is_installed("Stone Soup"):
         return
     told, taken = peers.stone_soup_raid(case, "nearest", CLUTTER / _density(case))

@@ -7,7 +7,7 @@ from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation.lines_of_sight import AngleMeasurements, LinesOfSight
-from opir_trackers.assignment import cheapest_assignment, distinct, ranks, unambiguous
+from opir_trackers.assignment import cheapest_assignment, components, distinct, ranks, unambiguous
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
 
 _UNIT = np.eye(2)
@@ -58,6 +58,17 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     """Return the sorted tracks that share a line with another track or have several lines of one scan."""
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
     return distinct(pairs.track[rivals])
+
+
+def connected_tracks(pairs: GatedPairs, tracks: IntArray) -> BoolArray:
+    """Return which tracks are among `tracks` or connected to them by shared lines, up to the last with a pair."""
+    connected = np.zeros(int(max(pairs.track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
+    connected[tracks] = True
+    if len(tracks):
+        group, count = components(pairs.track, pairs.line)
+        touched = np.bincount(group, connected[pairs.track], count) > 0.0
+        connected[pairs.track[touched[group]]] = True
+    return connected
 
 
 def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:

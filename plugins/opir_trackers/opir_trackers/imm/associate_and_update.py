@@ -1,4 +1,4 @@
-"""Gating, association and update of tracks with the lines of sight of a slice."""
+"""Gating, association and update of tracks with the lines of sight of a slice, until the assignment settles."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -13,6 +13,7 @@ from opir_trackers.association import (
     AssociationModel,
     ambiguous_tracks,
     associate_nearest,
+    connected_tracks,
     is_unambiguous,
     scan_numbers,
 )
@@ -31,9 +32,19 @@ from opir_trackers.imm.measurement_weights import (
 )
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.sensors import Biases
+from opir_trackers.triangulation import FAR_M
+
+#: Gate of the repeated association, standard deviations: wider than the first.
+SETTLING_GATE = 6.0
+
+#: Lines are reassigned where a slice moved a track by more than this share of one look's error: a shift s changes the
+#: log odds of a line between two tracks d apart by s d, in errors; tracks more than 3 apart share few lines.
+_RESTLESS = 1.0 / 3.0
 
 _Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
+
+_NONE = np.empty(0, dtype=np.int64)
 
 
 class AssociationResult(NamedTuple):
@@ -110,14 +121,26 @@ class AssociateAndUpdate:
         end_s: float,
         lines: LinesOfSight,
         span: float,
+        with_history: IntArray,
         table: TrackTable,
     ) -> AssociationResult:
-        """Return the estimates after a slice's lines, and their association, given the track table."""
+        """Return the estimates after a slice's lines, and their association, given the track table.
+
+        Lines are reassigned by the updated estimates until nothing changes, at most `settling` times: among near
+        targets a whole slice is more informative than one scan. Rows `with_history` are left out: all their data decide
+        their assignment.
+        """
         ahead = self.with_bias_covariance(estimates, end_s, table.reports)
         pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
         association = self.nearest_association(pairs, lines)
         after = self.filter.updated(estimates, end_s, association.measurements, span)
-        result = AssociationResult(after, association.owner, association.assigned, pairs)
+        ambiguous = (
+            self._unsettled(estimates, after, pairs, lines, with_history)
+            if self.config.settling and association.is_ambiguous
+            else _NONE
+        )
+        first = AssociationResult(after, association.owner, association.assigned, pairs)
+        result = self._reassociated(first, estimates, ahead, lines, span, pairs, ambiguous) if len(ambiguous) else first
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
         suspects = suspect_tracks(result.assigned, share)
         if len(suspects) and association.is_ambiguous:
@@ -154,6 +177,51 @@ class AssociateAndUpdate:
         return result._replace(
             estimates=result.estimates.put(suspects, weighed.estimates), outliers=fractions.after(outliers).log
         )
+
+    def _unsettled(
+        self, estimates: ModeEstimates, after: ModeEstimates, pairs: GatedPairs, lines: LinesOfSight, young: IntArray
+    ) -> IntArray:
+        """Return the ambiguous tracks in clusters in which one, not in `young`, moved enough to change assignments."""
+        rivals = ambiguous_tracks(pairs, lines)
+        shift = after.take(rivals).likelier_position_m - estimates.take(rivals).likelier_position_m
+        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * lines.sigma_rad.max(initial=0.0) * FAR_M
+        restless = np.setdiff1d(rivals[far], young, assume_unique=True)
+        return rivals[connected_tracks(pairs, restless)[rivals]]
+
+    def _reassociated(
+        self,
+        first: AssociationResult,
+        estimates: ModeEstimates,
+        ahead: PredictedMeasurements,
+        lines: LinesOfSight,
+        span: float,
+        pairs: GatedPairs,
+        busy: IntArray,
+    ) -> AssociationResult:
+        """Return the result with the lines of the ambiguous tracks reassigned."""
+        place = np.full(len(estimates) + 1, -1, dtype=np.int64)
+        place[busy] = np.arange(len(busy))
+        rows = np.flatnonzero(place[pairs.track] >= 0)
+        track, line = place[pairs.track[rows]], pairs.line[rows]
+        before, then = estimates.take(busy), first.estimates.take(busy)
+        result, mine, end_s = None, place[first.owner], ahead.time_s
+        bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[busy]
+        for _ in range(self.config.settling):
+            path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
+            closer = gated(path, lines, track, line, SETTLING_GATE, self.light_time)
+            anew = self.nearest_association(closer, lines)
+            if np.array_equal(anew.owner, mine):
+                break
+            result, mine = anew, anew.owner
+            then = self.filter.updated(before, end_s, result.measurements, span)
+        if result is None:
+            return first
+        others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
+        owner = np.where(mine >= 0, busy[mine], others)
+        kept = first.assigned.take(np.flatnonzero(place[first.assigned.track] < 0))
+        settled = evolve(result.assigned, track=busy[result.assigned.track])
+        assigned = GatedPairs.concatenate([kept, settled])
+        return AssociationResult(first.estimates.put(busy, then), owner, assigned, pairs)
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float

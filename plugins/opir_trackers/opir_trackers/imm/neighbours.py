@@ -1,10 +1,10 @@
 """Neighbours: tracks so close in a sensor's view that the lines of sight of one may be those of the other.
 
-There a line may be either's, and a mistaken one is not told from a right one: the filter's covariance, which takes its
-lines for its own, is too small. So each sensor's lines of a track are taken to be those of the track or of any of its
-neighbours there, with equal probabilities: an error of the direction and of its rate, whose second moment is the mean
-of the separations. Lines that were mistaken once go on to be, so the error does not average out; it is carried to the
-state as a bias of the sensor is.
+Within the gate of the repeated association a line may be either's, and a mistaken one is not told from a right one: the
+filter's covariance, which takes its lines for its own, is too small. So each sensor's lines of a track are taken to be
+those of the track or of any of its neighbours there, with equal probabilities: an error of the direction and of its
+rate, whose second moment is the mean of the separations. Lines that were mistaken once go on to be, so the error does
+not average out; it is carried to the state as a bias of the sensor is.
 """
 
 import numpy as np
@@ -15,22 +15,18 @@ from opir_core.estimation.motion import COAST
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.sensors import Biases, shifts_of_positions
 
-#: Distance of neighbours in a sensor's view, standard deviations of one look. Launches 2 km apart, seeds of the build:
-#: half of it holds 62 % of the states in 95 % regions, this 90 %, twice it 98 % with regions twice as long.
-NEIGHBOUR_GATE = 6.0
-
 
 def with_neighbours(
-    estimates: ModeEstimates, state: FloatArray, time_s: float, seen: BoolArray, sensors: Biases
+    estimates: ModeEstimates, state: FloatArray, time_s: float, seen: BoolArray, sensors: Biases, gate: float
 ) -> ModeEstimates:
     """Return the estimates with covariances that allow for the lines of neighbours.
 
-    `state` (n, 6) are the means of inertial positions and velocities, and `seen` (n, sensors) marks the sensors that
-    see each track.
+    `state` (n, 6) are the means of inertial positions and velocities, `seen` (n, sensors) marks the sensors that see
+    each track, and `gate` is the distance of neighbours, in standard deviations of one look.
     """
     added = np.zeros((len(state), COAST, COAST))
     if len(state) > 1:
-        _add_separations(added, state, time_s, seen, sensors)
+        _add_separations(added, state, time_s, seen, sensors, gate)
     rows = np.flatnonzero(added.any(axis=(1, 2)))
     if not len(rows):
         return estimates
@@ -48,13 +44,15 @@ def with_neighbours(
     )
 
 
-def _add_separations(added: FloatArray, state: FloatArray, time_s: float, seen: BoolArray, sensors: Biases) -> None:
+def _add_separations(
+    added: FloatArray, state: FloatArray, time_s: float, seen: BoolArray, sensors: Biases, gate: float
+) -> None:
     """Add to covariances (n, 6, 6) what neighbours' lines may do to positions and velocities."""
     origin_m, _, weight = sensors.geometry(time_s, seen)
     shift = shifts_of_positions(state[:, :3], origin_m, seen, weight)
     for number, sensor in enumerate(sensors.sensors):
         track, other = _neighbours(
-            state[:, :3] - origin_m[number], seen[:, number], NEIGHBOUR_GATE * sensor.line_of_sight_sigma_rad
+            state[:, :3] - origin_m[number], seen[:, number], gate * sensor.line_of_sight_sigma_rad
         )
         if not len(track):
             continue

@@ -22,7 +22,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm import track_management
-from opir_trackers.imm.associate_and_update import AssociateAndUpdate, AssociationResult
+from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
     LONGEST_S,
     Histories,
@@ -179,7 +179,7 @@ class ImmTracking:
             after = self.filter.with_open_coast(after, estimates, now.estimates, span)
             return now.after(end_s, after, now.table, histories), owner
         with_history = now.table.number.searchsorted(histories.number)
-        result = self.association.updated_tracks(estimates, end_s, lines, span, now.table)
+        result = self.association.updated_tracks(estimates, end_s, lines, span, with_history, now.table)
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
         now = now.after(end_s, estimates, table, histories)
@@ -348,7 +348,7 @@ class ImmTracking:
         if len(estimates) < 2:
             return estimates
         state, seen = self.association.moments(estimates)[0], table.reports >= 0
-        return with_neighbours(estimates, state, time_s, seen, self.biases)
+        return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
 
     def _with_biases(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray

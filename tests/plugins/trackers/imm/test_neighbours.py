@@ -12,6 +12,7 @@ from opir_core.testing.doubles import stub_sensor
 
 SENSORS = Biases.of([stub_sensor("A", 0.0), stub_sensor("B", 90.0)])
 LOOK_RAD = SENSORS.sensors[0].line_of_sight_sigma_rad
+GATE = 6.0
 FIRST = np.array([0.0, 0.0, 6.6e6, 0.0, 0.0, 1000.0])
 
 
@@ -26,7 +27,7 @@ def estimates_at(states: np.ndarray) -> ModeEstimates:
 def added(states: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
     """Return what is added to the covariances (n, 6, 6) of position and velocity, the same in both modes."""
     seen = np.ones((len(states), 2), dtype=bool) if seen is None else seen
-    found = with_neighbours(estimates_at(states), states, 0.0, seen, SENSORS)
+    found = with_neighbours(estimates_at(states), states, 0.0, seen, SENSORS, GATE)
     boost, coast = (square_root.covariance(root)[:, :COAST, :COAST] for root in (found.boost_root, found.coast_root))
     assert boost == pytest.approx(coast, rel=1e-9, abs=1e-6)
     return boost - 1e4 * np.eye(COAST)
@@ -57,7 +58,7 @@ def test_the_gate_is_six_looks_in_the_view_of_a_sensor(looks, is_wider):
     apart = np.array([0.0, 0.0, looks * LOOK_RAD * 42.7e6, 0.0, 0.0, 0.0])
     states = np.stack([FIRST, FIRST + apart / np.cos(np.arctan(6.6 / 42.164))])
     estimates = estimates_at(states)
-    found = with_neighbours(estimates, states, 0.0, np.ones((2, 2), dtype=bool), SENSORS)
+    found = with_neighbours(estimates, states, 0.0, np.ones((2, 2), dtype=bool), SENSORS, GATE)
     assert (found is not estimates) == is_wider
 
 
@@ -68,4 +69,4 @@ def test_tracks_that_no_sensor_sees_both_of_are_no_neighbours():
 
 def test_a_lone_track_is_as_it_was():
     estimates = estimates_at(FIRST[None])
-    assert with_neighbours(estimates, FIRST[None], 0.0, np.ones((1, 2), dtype=bool), SENSORS) is estimates
+    assert with_neighbours(estimates, FIRST[None], 0.0, np.ones((1, 2), dtype=bool), SENSORS, GATE) is estimates
