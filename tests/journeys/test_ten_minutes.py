@@ -12,8 +12,8 @@ PAGE = ROOT / "docs" / "tutorials" / "ten-minutes.md"
 BLOCK = re.compile(r"^```shell-session\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
-#: What pip is told so that it asks no index: an outsider's own would. No bytecode: nobody edits a file twice within the
-#: second by which Python tells whether its bytecode is old, but this test does.
+#: pip installs from this computer alone. No bytecode: Python takes it for current if a source of the same size was
+#: changed within the same second, as it is here.
 SETTINGS = {
     "PYTHONDONTWRITEBYTECODE": "1",
     "PIP_NO_INDEX": "1",
