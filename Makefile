@@ -4,7 +4,7 @@ PLUGINS = $(wildcard ./plugins/*/)
 .PHONY: install test all explore lint types format ci site mutants benchmarks
 
 install:
-	python -m pip install -e ".[test,lint,docs]" $(addprefix -e ,$(PLUGINS))
+	python -m pip install -e ".[test,peers,lint,docs]" $(addprefix -e ,$(PLUGINS))
 
 test:
 	python -m pytest

@@ -2,8 +2,10 @@
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import peer_libraries
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
@@ -23,12 +25,38 @@ MOST_WORKERS = 4
 #: Key of the number of slow tests left out, in the configuration and in a worker's answer.
 LEFT_OUT = pytest.StashKey[int]()
 LEFT_OUT_NAME = "slow_tests_left_out"
+#: Keys of the files left out because a library that they import is not installed, and of those libraries, each in the
+#: configuration and in a worker's answer.
+FILES = pytest.StashKey[list[str]]()
+ABSENT = pytest.StashKey[list[str]]()
+PEERS_REQUIRED = os.environ.get("OPIR_PEERS") == "required"
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out a file that imports a library of the extra `peers` which is not installed."""
+    if PEERS_REQUIRED or collection_path.suffix != ".py" or not peer_libraries.missing():
+        return None
+    if absent := peer_libraries.imported_by(collection_path) & peer_libraries.missing():
+        config.stash[FILES] = [*config.stash.get(FILES, []), str(collection_path)]
+        config.stash[ABSENT] = [*config.stash.get(ABSENT, []), *absent]
+        return True
+    return None
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Give the files left out to the process that started this worker, if this is one."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["files"] = session.config.stash.get(FILES, [])
+        session.config.workeroutput["absent"] = session.config.stash.get(ABSENT, [])
 
 
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """Give slow tests, and properties with all examples, a longer time limit than the default in pyproject.toml."""
+    """Mark the tests that need other libraries, and give slow tests and properties with all examples more time."""
+    with_peers = {path for path in {item.path for item in items} if peer_libraries.imported_by(path)}
     slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
     for item in items:
+        if item.path in with_peers:
+            item.add_marker(pytest.mark.peers)
         markers = {marker.name for marker in item.iter_markers()}
         if markers & slow and "timeout" not in markers:
             item.add_marker(pytest.mark.timeout(SLOW_TIME_LIMIT_S))
@@ -58,14 +86,19 @@ def pytest_deselected(items: Sequence[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: object) -> None:
-    """Take over the count of a worker: each worker collects all tests."""
+    """Take over what a worker left out: each worker collects all tests."""
     config, output = getattr(node, "config", None), getattr(node, "workeroutput", {})
     if config is not None:
+        config.stash[FILES], config.stash[ABSENT] = output.get("files", []), output.get("absent", [])
         config.stash[LEFT_OUT] = max(config.stash.get(LEFT_OUT, 0), output.get(LEFT_OUT_NAME, 0))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Print how many slow tests were left out, and how to run them."""
+    """Print how many tests and files were left out, why, and how to run them."""
+    if files := set(config.stash.get(FILES, [])):
+        names = ", ".join(sorted(set(config.stash[ABSENT])))
+        what = "file of tests was" if len(files) == 1 else "files of tests were"
+        terminalreporter.line(f"{len(files)} {what} left out, without {names}: pip install '.[peers]'.")
     if count := config.stash.get(LEFT_OUT, 0):
         tests = "slow test was" if count == 1 else "slow tests were"
         terminalreporter.line(f'{count} {tests} left out. Run them: pytest -m slow. Run all: pytest -m "" or make ci.')

@@ -25,6 +25,7 @@ CROSSED = [number for number, each in enumerate(SETTINGS) if each.threshold <= 2
 CLUTTERED = [number for number, each in enumerate(SETTINGS) if each.ratio == 4.0][::4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", CROSSED)
 def test_thresholds_are_crossed_as_often_as_in_closed_form(number: int) -> None:
     setting = SETTINGS[number]
@@ -35,6 +36,7 @@ def test_thresholds_are_crossed_as_often_as_in_closed_form(number: int) -> None:
         assert share.mean() == pytest.approx(chance, abs=SIGMAS * spread / np.sqrt(FRAMES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", CLUTTERED)
 def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> None:
     images = SETTINGS[number].images
@@ -47,6 +49,7 @@ def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> N
     assert noise.sigma > 4.0 * np.sqrt(noise.white)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 4, 7, 11])
 def test_fitted_places_of_spots_are_as_good_as_the_bound(number: int) -> None:
     spot, noise_e, target_e = CENTROIDS[number]

@@ -52,6 +52,7 @@ def test_all_climates_are_in_the_table():
     assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 1_000_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
 def test_every_point_of_the_table_is_met(climate, aerosol, weighting):
@@ -91,6 +92,7 @@ HARDEST = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("climate", "aerosol", "band"), HARDEST)
 def test_a_point_left_out_of_the_table_is_met_to_3_percent(climate, aerosol, band):
     nodes = node_tables(climate, aerosol, "flat")[band]
@@ -112,6 +114,7 @@ def test_lowtran_itself_between_the_points_is_met_to_1_percent(climate, aerosol)
         assert np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs).max() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
 def test_every_path_of_the_table_below_the_horizon_is_met(climate, aerosol, weighting):
@@ -141,6 +144,7 @@ def limb_errors_without(nodes, column):
 DRY = [("subarctic_winter", "rural23km", "STG_2.0_2.4"), ("subarctic_winter", "rural23km", "LWIR")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("climate", "aerosol", "band"), HARDEST + DRY)
 def test_a_path_left_out_below_the_horizon_is_met_to_3_percent(climate, aerosol, band):
     """Every climb that is left out, and every lowest height: the outermost too, where growth is only continued."""

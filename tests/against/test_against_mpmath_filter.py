@@ -12,6 +12,7 @@ EVERY = list(cases(2))
 CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8, 2))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [

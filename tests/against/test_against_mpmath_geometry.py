@@ -47,6 +47,7 @@ def misplacement_m(positions):
     return float(mp.sqrt(worst))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius_m", [10.0**power for power in range(-9, 7)] + [1.27e6, 1.28e6, 6.3e6, 6.4e6, 9.9e6])
 def test_position_is_named_within_3_nm_below_10_000_km(radius_m):
     assert misplacement_m(directions(150, 1) * radius_m) <= 3e-9
@@ -56,6 +57,7 @@ def test_position_is_named_within_15_nm_at_geostationary_distance():
     assert misplacement_m(directions(4000, 2) * 4.2164e7) <= 1.5e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_position_is_named_within_120_nm_at_the_moon(seed):
     assert misplacement_m(directions(4000, seed) * LUNAR_DISTANCE_M) <= 1.2e-7
@@ -88,6 +90,7 @@ def exact_latitude(rho, z, guess):
     return mp.findroot(miss, guess)
 
 
+@pytest.mark.slow
 def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_centre():
     for radius in (3e6, 6.4e6, 4.2e7, LUNAR_DISTANCE_M):
         for position in directions(150, 4) * radius:
@@ -100,6 +103,7 @@ def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_cent
             assert abs(latitude - exact) <= np.spacing(abs(latitude)) + 3e-9 / radius * (radius < 1e7)
 
 
+@pytest.mark.slow
 def test_inside_the_earth_the_height_is_the_distance_to_the_nearest_point():
     """Against a dense walk round the whole meridian ellipse, all four quadrants of it."""
     t = np.linspace(-np.pi, np.pi, 20001)
@@ -136,6 +140,7 @@ def first_point(origin, ray, height=0.0):
     return point, abs(mp.fdot(normal, map(mp.mpf, ray))) / mp.norm(normal) / mp.norm(list(map(mp.mpf, ray)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius_m", "rounding_m"), [(6.4e6, 3e-9), (7e6, 3e-9), (2.66e7, 2e-8), (4.2164e7, 2.5e-8)])
 @pytest.mark.parametrize("share_of_limb", [0.0, 0.5, 0.9, 0.999, 0.999999, 1.0, 1.001])
 @pytest.mark.parametrize("height_m", [0.0, 1e5])

@@ -104,6 +104,7 @@ def straight_states(draw, sideways_share):
     return radius * ahead, velocity * (ahead + draw(sideways_share) * sideways)
 
 
+@pytest.mark.slow
 @examples(80)
 @given(states(), durations)
 def test_every_conic(state, duration):
@@ -137,6 +138,7 @@ def test_a_long_sweep(state, duration):
     assert_within_the_bar(*state, duration)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "excess",
     [

@@ -74,6 +74,7 @@ def test_mean_latency(model: str) -> None:
     assert abs(latency_s.mean() - closed_s) < Z * error_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
 def test_95th_percentile_latency(model: str) -> None:
     period_s, probability = PAPER[model]
@@ -90,6 +91,7 @@ def test_95th_percentile_latency(model: str) -> None:
     assert 1.0 - (1.0 - probability) ** scans >= 0.95 - 1e-12 > 1.0 - (1.0 - probability) ** (scans - 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
 @pytest.mark.parametrize("scans", range(1, 11))
 def test_cumulative_probability_after_n_scans(model: str, scans: int) -> None:

@@ -62,6 +62,7 @@ def test_periods_of_circular_orbits(altitude_km, period_min):
     assert eci[1:] == pytest.approx(np.broadcast_to(eci[0], (2, 3)), rel=0.0, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inclination_deg", [0.001, 1.0, 5.0, 15.0, 63.4, 90.0, 120.0])
 def test_the_figure_eight_of_an_inclined_slot(inclination_deg):
     # Latitude reaches the inclination; longitude strays by asin(tan²(i/2)) where i < 90 deg.

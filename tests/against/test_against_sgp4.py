@@ -84,6 +84,7 @@ def test_an_omm_file_of_several_is_asked_by_name_or_number(tmp_path):
         assert np.array_equal(orbit_of(config, epoch_us).position_ecef_m(np.zeros(1)), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
 def test_a_position_does_not_depend_on_what_else_was_asked(number):
     epoch_us, _ = epoch_of(Satrec.twoline2rv(*TLE[number]))

@@ -33,6 +33,7 @@ def test_there_are_many() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mutant", "test"), MUTANTS, ids=[name for (_, name), _ in MUTANTS])
 def test_a_mutant_is_caught_by_the_named_test(mutant: tuple[str, str], test: str) -> None:
     contract = contract_of_mutant(*mutant)

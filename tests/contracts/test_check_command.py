@@ -50,6 +50,7 @@ def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> N
     assert lines[-1] == f"{count} of {count} conformance tests pass"
 
 
+@pytest.mark.slow
 def test_what_is_broken_is_told_with_what_to_change() -> None:
     told = {
         row.test: row

@@ -51,6 +51,7 @@ def test_importing_the_package_imports_no_part_of_it(tmp_path: Path, bare: set[s
     assert {name for name in extra if name.startswith("opir_core")} == {"opir_core", "opir_core._version"}
 
 
+@pytest.mark.slow
 def test_a_first_run_stays_within_its_budget(tmp_path: Path) -> None:
     numpy = modules_of("import numpy", tmp_path)
     scene = str(EXAMPLES / "first_light.yaml")

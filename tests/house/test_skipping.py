@@ -50,6 +50,7 @@ def measured(event: dict[str, Any]) -> dict[str, Any]:
 PLAIN_OR_SLOW = [pytest.param(part, id=part.name, marks=pytest.mark.slow if part.beside else ()) for part in PARTS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PLAIN_OR_SLOW)
 def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part: Part) -> None:
     run, _ = run_of(part.beside)
@@ -59,6 +60,7 @@ def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part: Pa
     assert not {name for name in run["modules"] if name.split(".")[0] in NEVER}
 
 
+@pytest.mark.slow
 def test_a_plain_scene_needs_no_special_functions() -> None:
     run, _ = run_of(())
     assert "scipy" not in run["modules"]

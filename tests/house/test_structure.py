@@ -67,10 +67,12 @@ def graph() -> dict[str, list[str]]:
     return {module: sorted(set(imports_of(path))) for module, path in CORE_MODULES.items()}
 
 
+@pytest.mark.slow
 def test_every_folder_of_the_core_has_its_floor() -> None:
     assert {floor_of(module) for module in graph() if module not in DOORS} == set(FLOORS)
 
 
+@pytest.mark.slow
 def test_imports_of_the_core_go_down() -> None:
     rank = {name: number for number, name in enumerate(FLOORS)}
     upward = [
@@ -94,6 +96,7 @@ def test_no_imports_run_in_a_circle() -> None:
 LAZY_IMPORTS = 50
 
 
+@pytest.mark.slow
 def test_few_imports_stand_inside_functions() -> None:
     lazy = [
         f"{module}:{inner.lineno}"
@@ -127,6 +130,7 @@ def test_modules_are_as_long_as_one_subject() -> None:
     assert not {name: size for name, size in sizes.items() if size > LONGEST_MODULE}
 
 
+@pytest.mark.slow
 def test_functions_are_short() -> None:
     assert not [
         f"{path.relative_to(ROOT)}:{node.name}"
@@ -140,6 +144,7 @@ def test_no_module_has_a_vague_name() -> None:
     assert not [path for path in SOURCES if path.stem in VAGUE or path.parent.name in VAGUE]
 
 
+@pytest.mark.slow
 def test_no_class_name_stands_twice() -> None:
     homes: dict[str, list[str]] = {}
     for path in SOURCES:
@@ -154,6 +159,7 @@ def test_the_library_does_not_print() -> None:
     assert not [path for path in SOURCES if printing.search(path.read_text(encoding="utf-8"))]
 
 
+@pytest.mark.slow
 def test_the_core_names_no_constellation_no_tracker_package_no_web_and_no_broker() -> None:
     outside = "dsp|sbirs|nextgen|heo|leo|trackers|http|kafka|stonesoup"
     forbidden = re.compile(rf"\b(opir_({outside})\b(?!\()|import litestar|import aiokafka)")

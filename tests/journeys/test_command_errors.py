@@ -58,6 +58,7 @@ WRITING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "code", "message"), WRITING)
 def test_files_that_cannot_be_written_are_told(
     folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, message: str
@@ -101,6 +102,7 @@ BROKEN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "pattern", "other", "message"), BROKEN)
 def test_a_run_s_files_that_something_else_wrote_are_told(
     folder: Path, capsys: pytest.CaptureFixture[str], name: str, pattern: str, other: str, message: str

@@ -75,6 +75,7 @@ def lines(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
+@pytest.mark.slow
 def test_a_run_writes_events_truth_and_manifest_and_says_so(
     pacific: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:
@@ -181,6 +182,7 @@ def test_settings_reach_the_run(tmp_path: Path, opir: Opir) -> None:
     assert not (tmp_path / "events.jsonl").exists()
 
 
+@pytest.mark.slow
 def test_quiet_into_memory_prints_and_writes_nothing(tmp_path: Path) -> None:
     done = process(tmp_path, "run", FIRST_LIGHT, "--tracker", "none", "--sink", "memory", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -194,6 +196,7 @@ def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path: Path) -> None:
     command = f"{sys.executable} -m opir_core run {FIRST_LIGHT} --out - --quiet | head -1"
     done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -312,6 +315,7 @@ def test_schema_is_printed(opir: Opir) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [

@@ -36,5 +36,6 @@ def test_a_run_that_a_component_ends_is_no_success(tmp_path: Path, part: tuple[s
         assert "rogue_components.py, line" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_traceback_is_printed_on_request(tmp_path: Path) -> None:
     assert "Traceback" in ran(tmp_path, MODEL, "ZeroDivisionError", "--debug").stderr

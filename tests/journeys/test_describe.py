@@ -60,6 +60,7 @@ def test_a_constellation_has_its_satellites() -> None:
     assert [row["id"] for row in told["satellites"]] == ["DSP-1", "DSP-2", "DSP-3", "DSP-4"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["wieghted"], ["wieghted", "--kind", "confidence-model"]])
 def test_a_name_that_is_not_there_is_told_with_the_nearest(words: list[str]) -> None:
     done = opir("describe", *words)

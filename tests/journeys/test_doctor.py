@@ -40,6 +40,7 @@ def test_the_table_ends_with_the_counts(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().out.splitlines()[-1].endswith(" fail")
 
 
+@pytest.mark.slow
 def test_small_limits_are_reported_with_the_remedy() -> None:
     text = under("ulimit -n 200; ulimit -f 100")
     assert "at most 200; a service with many viewers needs more: ulimit -n 4096" in text

@@ -109,6 +109,7 @@ def test_turning_the_sensors_alone_changes_much() -> None:
         assert_same(whole(scene("kepler")), whole(turned), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("days", [1, 366, 5000])
 @pytest.mark.parametrize("node", ["lon_asc_node_deg", "raan_deg"])
 def test_whole_sidereal_days_change_nothing(days: int, node: str) -> None:

@@ -41,6 +41,7 @@ def test_a_run_repeats_itself(whole: bytes) -> None:
     assert events(SCENE, 300.0) == whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 3])
 def test_one_more_sensor_leaves_the_other_sensors_events_alone(whole: bytes, place: int) -> None:
     newcomer = {"model": "DSP", "id": "NEW", "orbital_slot_deg": -120.0, "scan_phase": "random"}
@@ -51,6 +52,7 @@ def test_one_more_sensor_leaves_the_other_sensors_events_alone(whole: bytes, pla
     assert b"".join(kept) == whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 1, 3])
 def test_one_more_target_leaves_the_other_targets_events_alone(whole: bytes, place: int) -> None:
     newcomer = {**SCENE["targets"][0], "id": "NEW", "aim": {"lat_deg": 4.0, "lon_deg": 160.0}}

@@ -16,6 +16,12 @@ import pytest
 from attrs import evolve
 from http_service import Stand, serving
 from opir_http.openapi import document
+from peer_libraries import missing
+
+pytestmark = [
+    pytest.mark.peers,
+    pytest.mark.skipif("schemathesis" in missing(), reason="schemathesis is not installed: pip install '.[peers]'"),
+]
 
 #: How long the requests of each kind go on, s; by default the steps along links are bounded by their number alone.
 FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "3"))

@@ -103,6 +103,7 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
     assert [track["track_id"] for track in documents.latest(9)] == [0]
 
 
+@pytest.mark.slow
 def test_earlier_positions_are_those_that_were_told_and_thinned_where_they_are_old() -> None:
     documents, told = TrackDocuments(0), []
     for second in range(1, 301):

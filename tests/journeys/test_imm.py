@@ -97,6 +97,7 @@ def test_one_sensor_alone_is_honest_about_the_depth() -> None:
 TRACKERS = ("imm", "kepler-arc")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", TRACKERS)
 def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: str) -> None:
     first_s = []
@@ -146,6 +147,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down() -> Non
     assert speed_sigma.max() < 1.1 * speed_sigma[0]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 @pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
@@ -165,6 +167,7 @@ def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: flo
     assert np.linalg.eigvalsh(tracks.state_covariance[:, :3, :3]).min() > 0.0
 
 
+@pytest.mark.slow
 def test_sharp_sensors_that_look_at_one_instant_begin_tracks() -> None:
     """Five sensors of 1 urad that first see two launches in one scan: all unclaimed rays are of one instant."""
     scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": 1.0, "scan_phase": "aligned"}

@@ -105,6 +105,7 @@ def test_the_broker_comes_late(mock: Any, spool: Path, is_spooled: bool) -> None
     examine(mock, topic, 500)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_the_broker_goes_and_comes_back(mock: Any, spool: Path, is_spooled: bool) -> None:
     topic = mock.topic()
@@ -118,6 +119,7 @@ def test_the_broker_goes_and_comes_back(mock: Any, spool: Path, is_spooled: bool
     examine(mock, topic, 900)
 
 
+@pytest.mark.slow
 def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> None:
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool, brief())
@@ -207,6 +209,7 @@ def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path
     examine(mock, topic, 620)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", PERMANENT_CODES)
 def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path, code: int) -> None:
     topic = mock.topic(1)
@@ -266,6 +269,7 @@ def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path
     examine(mock, topic, 100)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("api", [METADATA, INIT_PRODUCER_ID])
 def test_the_broker_cannot_even_begin(mock: Any, spool: Path, api: int) -> None:
     topic = mock.topic()

@@ -34,6 +34,7 @@ def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir: Opir, tmp_path: Path, kind: str) -> None:
     code, out, _ = opir("new-plugin", kind, "my-part")
@@ -46,6 +47,7 @@ def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir: Opir, 
         assert "$" not in text.replace("$ ", ""), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_a_package_imports_is_public_and_there(opir: Opir, tmp_path: Path, kind: str) -> None:
     opir("new-plugin", kind, "my-part")
@@ -57,6 +59,7 @@ def test_what_a_package_imports_is_public_and_there(opir: Opir, tmp_path: Path, 
                 assert {alias.name for alias in node.names} <= set(public)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_name_stands_once_in_the_code(opir: Opir, tmp_path: Path, kind: str) -> None:
     opir("new-plugin", kind, "my-part")

@@ -60,6 +60,7 @@ def error_of(part: tuple[Any, ...], deed: Deed) -> str:
     return str(refused.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [ZeroDivisionError("x\x1b[31m"), SystemExit(0), GeneratorExit(), RecursionError()])
 @pytest.mark.parametrize("part", PARTS)
 def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(part: str, error: BaseException) -> None:
@@ -124,6 +125,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case: str) -> None:
     part, deed, words = WRONG[case]

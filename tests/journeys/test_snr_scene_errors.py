@@ -74,6 +74,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_told_with_its_place_and_the_way_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     changes, code, message = MISTAKES[name]

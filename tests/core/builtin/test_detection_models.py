@@ -94,6 +94,7 @@ def test_at_least_one_band_confirms_and_none_that_the_sensor_lacks(count, band_c
     assert ((bands >= 1) & (bands < 1 << count)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("band_confirmation", [0.2, 0.6])
 def test_bands_confirm_as_often_as_they_should(band_confirmation):
     rows = 20_000

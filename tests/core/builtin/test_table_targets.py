@@ -207,6 +207,7 @@ GOOD_OEM = oem_text(np.array([0.0, 10.0]))
 BURNING = HEAD.replace("m\n", "m,is_burning\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "settings", "told"),
     [

@@ -36,6 +36,7 @@ def counts_so_far(chance: Array, looks: int) -> list[Array]:
     return so_far
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("looks", [1, 4])
 @pytest.mark.parametrize("name", CHANCES)
 def test_counts_have_the_mean_and_variance_of_bernoulli_looks(name: str, looks: int) -> None:

@@ -293,6 +293,7 @@ def test_events_carry_the_probabilities_and_others_are_as_they_were() -> None:
     assert after == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nei_w_m2", [0.0, 1e-30, 1e6])
 def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
     sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -100.0, "nei_w_m2": nei_w_m2}

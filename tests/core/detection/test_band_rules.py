@@ -67,6 +67,7 @@ def test_the_integral_is_that_of_mpmath_far_down_too(snr: list[float], noise: li
     assert log_miss[0] == pytest.approx(float(mpmath.log(1 - exact)), rel=1e-8, abs=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("snr", "noise"),
     [([21.80359598, 7.7067904], [0.25643526, 1.80133238]), ([8.83413222, 7.73050943], [0.72099044, 2.22613923])],
@@ -78,6 +79,7 @@ def test_a_wide_gate_keeps_its_far_side(snr: list[float], noise: list[float]) ->
         assert np.exp(log_hit[0]) == pytest.approx(float(exact), abs=within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [PAIR, TRIPLE, TOLERANT], ids=["pair", "triple", "tolerant"])
 @pytest.mark.parametrize("scale", [1.0, 3.0, 30.0])
 def test_the_quick_way_is_as_near_as_it_says(rule: RatioGates, scale: float) -> None:

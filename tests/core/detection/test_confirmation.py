@@ -28,6 +28,7 @@ def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tu
     return confirmed, total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4), (4, 6)])
 def test_false_alarms_are_confirmed_as_often_as_the_closed_form_says(needed: int, scans: int) -> None:
     radius = gate_radius_cells(np.arange(1, scans), 0.2, 5.6e-5, 3.6e7, 8000.0)
@@ -51,6 +52,7 @@ def test_small_chances_are_not_lost() -> None:
     assert false_confirmation_probability(1e-12, 3, radius) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chance", [0.1, 1e-3, 2.867e-7, 1e-12])
 @pytest.mark.parametrize("correlation", [-0.1, 0.05, 0.3, 0.8, 0.99])
 def test_a_crossing_repeats_as_the_integral_over_the_first_says(chance: float, correlation: float) -> None:

@@ -38,6 +38,7 @@ def test_noise_is_as_often_as_the_page_says(row: str) -> None:
     assert shown(row) == pytest.approx(plan.detection.rate_per_scan * 86_400.0 / periods_s, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", PROFILES)
 def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
     plan = assembled({"model": "snr", "calibrate": "paper"})

@@ -139,6 +139,7 @@ def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
     assert np.all(signals(1e3, **SKIES["cloud by day"]) == 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("temporal", ["none", "difference"])
 def test_lines_of_sight_have_the_bound_of_their_centroids(temporal: str) -> None:
     plane = {"temporal_filter": temporal}

@@ -87,6 +87,7 @@ def law(case: Case) -> tuple[np.ndarray, np.ndarray, float]:
     return y, np.concatenate([[0.0], np.cumsum(parts)]) / parts.sum(), float(np.log(parts.sum()) + height.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_draws_invert_the_law_and_chances_are_its_integral(seed: int) -> None:
     case = drawn_case(seed)

@@ -21,6 +21,7 @@ SKIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
 def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     """SNR = I τ / R² / σ with σ² = NEI² + L ω hc/λ / (A η t) + (c ω)²: docs/explanation/detection.md."""
@@ -57,6 +58,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     assert (noisy >= 2) == ("background" in SKIES[sky])
 
 
+@pytest.mark.slow
 def test_noise_of_a_sensor_is_that_of_its_settings() -> None:
     """W/cm² are 1e4 W/m², and a band's own noise takes the place of the sensor's."""
     scene = opir.load_scene("examples/photons.yaml", overrides=["duration_s=60", "outputs=[]"])

@@ -56,6 +56,7 @@ def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypa
     assert counts["noise_detections"] == int((window.truth.target < 0).sum())
 
 
+@pytest.mark.slow
 def test_a_focal_plane_adds_few_evaluations_to_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Noise with structure is nearly as smooth along a track as without: at most twice as many looks are evaluated."""
     evaluated: dict[str, int] = {}

@@ -87,6 +87,7 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
     assert np.max(np.abs(turns - (np.arange(len(turns)) + 0.5) / len(turns))) < 1.95 / np.sqrt(len(turns))
 
 
+@pytest.mark.slow
 def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -109,6 +110,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     assert len(noise) <= len(plan.sensors) * 2 + 220 * 1000 // 200 // 20
 
 
+@pytest.mark.slow
 def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}))
     asked, inner = [], type(plan.detection).measure_noise
@@ -170,6 +172,7 @@ class _Given:
         return _Given(self.normal[rows])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal", [pytest.param(4.0, marks=pytest.mark.slow), 6.0, 9.0])
 def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
     plan: Any, signal: float

@@ -88,6 +88,7 @@ SKIES: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("nei", [0.0, pytest.param(1e-30, marks=pytest.mark.slow), 1e6])
@@ -127,6 +128,7 @@ def test_inside_cloud_there_is_noise_alone(name: str) -> None:
         assert (below < 1e-6).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threshold", [-1.0, 0.0, 5.0, 37.047096])
 @pytest.mark.parametrize("decade", range(-12, 13, 3))
 def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(flare_w_m2: float, decade: int, threshold: float) -> None:
@@ -144,6 +146,7 @@ def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(flare_w_m2: float, decad
     assert log_ndtr(-side * response.probit[0]) == pytest.approx(float(mpmath.log1p(-smaller)), rel=1e-8, abs=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decade", range(-12, 13, 4))
 def test_two_bands_of_which_any_will_do_miss_together(decade: int) -> None:
     mpmath.mp.dps = 40
@@ -158,6 +161,7 @@ def test_two_bands_of_which_any_will_do_miss_together(decade: int) -> None:
     assert log_ndtr(response.probit[0]) == pytest.approx(float(mpmath.log1p(-missed)), rel=1e-9, abs=1e-300)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SBIRS-GEO", "NEXTGEN-GEO"])
 def test_less_noise_is_surer_where_ratios_are_plausible(name: str) -> None:
     # Any positive irradiance will do: what is left are thresholds, and these are passed the surer the less the noise.

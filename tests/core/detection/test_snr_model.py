@@ -22,6 +22,7 @@ SKIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
 @pytest.mark.parametrize("calibrate", ["none", "paper"])
 @pytest.mark.parametrize("tolerance", [1e-4, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-2, 1e-6))])
@@ -45,6 +46,7 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calib
     assert len(engine._interpolant.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
 
 
+@pytest.mark.slow
 def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too() -> None:
     chosen = {"model": "snr", "calibrate": "paper"}
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth"))

@@ -83,6 +83,7 @@ def test_the_flight_path_angle_follows_the_minimum_energy_rule():
     np.testing.assert_allclose(flight.burnout_flight_path_angle_rad, expected, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latitude", [POLE, -POLE, POLE - 1e-12, POLE - 1e-6, 0.0, 1e-300, -1.2])
 @pytest.mark.parametrize("longitude", [math.pi, -math.pi, math.pi - 1e-12, 0.0])
 def test_launches_at_poles_and_on_the_antimeridian(latitude, longitude):
@@ -101,6 +102,7 @@ def test_aim_points_at_the_poles(latitude):
     assert_hits(flight, there)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [1e-6, 0.5, 1.0 - 1e-6])
 @pytest.mark.parametrize("bearing", [0.0, math.pi / 2, math.pi, 1.5 * math.pi])
 def test_the_whole_range_of_every_class_in_every_direction(share, bearing):
@@ -241,6 +243,7 @@ def test_free_flight_under_other_forces_is_aimed_for_them():
     assert short.min() > 100.0
 
 
+@pytest.mark.slow
 @examples(150)
 @given(
     latitude=st.floats(-POLE, POLE),

@@ -109,6 +109,7 @@ def test_launches_come_down_on_the_surface(height):
     assert_on_arc_and_surface(position, velocity, height, duration, point)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.0, 120e3])
 @pytest.mark.parametrize(
     "family",

@@ -24,6 +24,7 @@ def shots(count, seed=0):
     return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
 )

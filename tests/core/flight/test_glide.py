@@ -156,6 +156,7 @@ def test_the_reference_range_takes_the_reference_burnout_speed():
     assert flight.burnout_s[0] == PROFILE.burn_time_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "forces", [Forces(zonal=("j2",)), Forces(zonal=("j2",), drag=Drag(3000.0))], ids=["j2", "drag"]
 )

@@ -151,6 +151,7 @@ def test_flights_of_every_preset_come_down_within_ten_metres_of_many_aims(name, 
     assert_they_come_down_at_their_aims(*drawn_aims([name] * 60, 17, most_loft))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "range_m"), [("SRBM_long", 600e3), ("ICBM_solid", 9500e3)])
 def test_the_loft_is_around_the_kick_of_the_earliest_cut_off(name, range_m):
     lofts = np.array([-1.0, -0.6, -0.1, 0.0, 0.1, 0.6, 1.0])
@@ -169,6 +170,7 @@ def test_the_loft_is_around_the_kick_of_the_earliest_cut_off(name, range_m):
     assert (np.diff(angle) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_an_early_shutdown_ends_the_burn_so_much_earlier_and_falls_short():
     (both, aims) = flown(["IRBM"] * 2, 20.0, 10.0, 80.0, 4500e3, early=[0.0, 5.0])
     assert both.burnout_s[0] - both.burnout_s[1] == pytest.approx(5.0, abs=1e-9)

@@ -41,6 +41,7 @@ def test_without_a_height_it_is_that_of_the_ellipsoid(name):
     assert np.array_equal(states.position_m, at_zero.position_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height_m", [-3000.0, 0.0, 30e3, 150e3])
 @pytest.mark.parametrize("name", list(MODELS))
 def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):
@@ -66,6 +67,7 @@ def test_an_impact_is_the_first(name):
     assert ecef_to_geodetic(on_the_way).height_m.min() > 10e3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance_m", [1e-1, 1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize("height_m", [0.0, 40e3])
 def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
@@ -77,6 +79,7 @@ def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
     assert np.abs(duration - exact_duration).max() <= max(1e-3 * tolerance_m, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
 )
@@ -95,6 +98,7 @@ def test_thin_air_is_no_air():
     assert np.linalg.norm(with_drag - without, axis=1).max() <= 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NUMERICAL)
 def test_results_do_not_depend_on_the_company(name):
     position, velocity = shots(60, seed=6)
@@ -154,6 +158,7 @@ def test_a_start_below_the_height_first_rises_through_it(name):
     assert ecef_to_geodetic(point).height_m == pytest.approx(4e3, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kepler", "j2", "us76"])
 @pytest.mark.parametrize("depth_m", [-50.0, -0.5, -0.01, 0.01, 0.5, 50.0])
 def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(name, depth_m):

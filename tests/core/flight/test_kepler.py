@@ -154,6 +154,7 @@ def test_a_bad_element_does_not_touch_its_neighbours():
         assert np.array_equal(np.delete(a, bad, axis=0), np.delete(b, bad, axis=0))
 
 
+@pytest.mark.slow
 @examples(300)
 @given(*[st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)] * 2, st.floats())
 def test_any_doubles_give_a_number_or_a_reason(position, velocity, duration):

@@ -44,6 +44,7 @@ def test_energy_and_polar_angular_momentum_are_conserved(forces, duration_s):
     assert (np.abs(after - before) / scale).max() <= (1e-13 if duration_s <= 1500.0 else 5e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance_m", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
 @pytest.mark.parametrize("name", ["j2", "us76", "exp"])
 def test_errors_stay_within_the_tolerance(name, tolerance_m):
@@ -97,6 +98,7 @@ def of(name, beta):
     return MODELS[name] if drag is None else Forces(drag=Drag(beta, drag.atmosphere))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forces", MODELS.values(), ids=list(MODELS))
 def test_few_arcs_are_many_to_the_last_bit(forces):
     """Few arcs are stepped in plain numbers, many in columns: the same operations in the same order."""

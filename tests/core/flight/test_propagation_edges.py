@@ -35,6 +35,7 @@ def test_no_time_at_all(forces):
         np.testing.assert_allclose(speed, velocity, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forces", MODELS.values(), ids=list(MODELS))
 def test_what_has_no_answer_is_nan_and_harms_nobody(forces):
     position, velocity = flights(6)
@@ -118,6 +119,7 @@ HEAVY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("forces", "absent"),
     [("'kepler'", HEAVY), ("Forces()", {"dense_output", "aiming"})],

@@ -20,6 +20,7 @@ for home, name in {names}:
 """
 
 
+@pytest.mark.slow
 def test_a_name_is_what_it_says_even_after_its_module_was_imported() -> None:
     names = [(getattr(opir_core.flight, name).__module__, name) for name in opir_core.flight.__all__]
     assert len(names) > 10

@@ -93,6 +93,7 @@ def test_nadir_angle_ends():
     assert np.degrees(limb) == pytest.approx(8.7, abs=0.01)
 
 
+@pytest.mark.slow
 def test_least_height_against_a_search_along_the_segment():
     """A golden-section search over heights: signed distance to a convex body has one minimum on a line."""
     rng = np.random.default_rng(1)

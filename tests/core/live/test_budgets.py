@@ -55,6 +55,7 @@ def test_limits_cannot_be_raised_while_a_scene_runs(host: Host) -> None:
     run.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["looks_per_cycle", "events_per_cycle", "bytes_per_cycle"])
 def test_a_launch_above_the_limit_of_a_cycle_is_refused(host: Host, name: str) -> None:
     def limited(limit: float, **changes: Any) -> LiveRun:

@@ -51,6 +51,7 @@ def test_an_event_is_delivered_in_the_cycle_of_its_report() -> None:
         assert np.all(np.diff(reported_s) >= 0.0)
 
 
+@pytest.mark.slow
 def test_laps_overlap_and_lose_no_report() -> None:
     short = late_scene(UNEVEN, "paper-ground-chain", duration_s=20.0)
     kept: list[LiveWindow] = []

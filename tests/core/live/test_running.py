@@ -87,6 +87,7 @@ def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
         assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Host) -> None:
     kept = Kept()
     run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000), kept)
@@ -134,6 +135,7 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
     assert status.targets_launched == 20
 
 
+@pytest.mark.slow
 def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:

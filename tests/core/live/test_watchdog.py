@@ -38,6 +38,7 @@ def running(host: Host, settings: LiveSettings = QUICK, **changes: Any) -> Itera
         run.stop(within_s=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_a_call_that_hangs_is_noticed_while_it_lasts(part: str) -> None:
     hook, sound, method, changes = PARTS[part]
@@ -66,6 +67,7 @@ def test_a_sink_that_hangs_is_named_and_the_engine_goes_on_until_its_queue_is_fu
             hang.end()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [SystemExit(0), GeneratorExit(), KeyboardInterrupt(), MemoryError("all")])
 @pytest.mark.parametrize("part", PARTS)
 def test_whatever_a_component_raises_is_told(part: str, error: BaseException) -> None:
@@ -83,6 +85,7 @@ def test_whatever_a_component_raises_is_told(part: str, error: BaseException) ->
         assert "rogue_components.py, line" in told
 
 
+@pytest.mark.slow
 def test_a_full_spool_that_may_hold_the_run_does_not_make_it_stuck(tmp_path: Path) -> None:
     spool = {"path": str(tmp_path / "spool"), "when_full": "wait", "wait_s": 300.0}
     hang = Hang()

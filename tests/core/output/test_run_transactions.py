@@ -216,6 +216,7 @@ def test_whatever_call_fails_the_files_are_of_one_run(
     assert failed == number - 1 > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("renamed", range(4))
 def test_a_run_that_is_killed_while_its_files_are_renamed_is_finished(
     good: Path, renamed: int, monkeypatch: pytest.MonkeyPatch

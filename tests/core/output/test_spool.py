@@ -92,6 +92,7 @@ def test_only_what_is_acknowledged_is_struck_off(tmp_path: Path) -> None:
     assert again.ids == ids_of(window(5), window(5, 10))
 
 
+@pytest.mark.slow
 def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
     carrier = Holding("hold")
     sink = spooled(tmp_path / "spool", carrier)
@@ -132,6 +133,7 @@ def test_a_carrier_that_refuses_for_good_parks_a_sink_with_a_spool(tmp_path: Pat
     assert list(dict.fromkeys(carrier.ids)) == ids_of(window(100))
 
 
+@pytest.mark.slow
 def test_a_parked_sink_tries_again_by_itself_and_later_each_time(tmp_path: Path) -> None:
     carrier = Holding("fail")
     sink = spooled(tmp_path / "spool", carrier, PARKS)

@@ -24,6 +24,7 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
     sink = small(tmp_path, Holding("hold"), "refuse", is_spooled=is_spooled)
@@ -63,6 +64,7 @@ def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_p
     assert carrier.ids == sorted(carrier.ids, key=place.__getitem__)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_a_full_backlog_waits_for_room(tmp_path: Path, is_spooled: bool) -> None:
     carrier = Appending(tmp_path / "arrived", 0.002)
@@ -72,6 +74,7 @@ def test_a_full_backlog_waits_for_room(tmp_path: Path, is_spooled: bool) -> None
     assert (tmp_path / "arrived").read_bytes() == ENCODER.encode(window(events))
 
 
+@pytest.mark.slow
 def test_waiting_for_room_has_an_end(tmp_path: Path) -> None:
     sink = small(tmp_path, Holding("hold"), "wait", is_spooled=True)
     with pytest.raises(SinkError, match="is full"):

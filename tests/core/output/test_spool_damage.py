@@ -101,6 +101,7 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
     assert spool_state(path).events == (2 * BATCHES - 10) * ROWS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 20))])
 def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
     content, dice = bytearray(spool.read_bytes()), random.Random(seed)
@@ -138,6 +139,7 @@ def disk_of(spool: Path) -> Iterator[None]:
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stopped_at", "is_merged"),
     [

@@ -80,6 +80,7 @@ def test_a_missing_folder_is_told(tmp_path: Path) -> None:
         Journal(str(tmp_path), MIB)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "spool"

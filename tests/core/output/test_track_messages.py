@@ -174,6 +174,7 @@ def test_a_live_run_writes_the_tracks_of_the_batch(tmp_path: Path) -> None:
     assert (sink.given, sink.delivered, sink.dropped) == (batch.count(b"\n"),) * 2 + (0,)
 
 
+@pytest.mark.slow
 def test_an_output_may_change_its_encoder_while_the_run_goes_on(tmp_path: Path) -> None:
     run = LiveRun(
         scene_from_mapping({**SCENE, "outputs": outputs(tmp_path)}), Host.discover(), LiveSettings(speed=20.0)

@@ -106,6 +106,7 @@ def dense_heights_m(targets: Targets, row: int) -> tuple[Array, Array]:
     return time_s, ecef_to_geodetic(position).height_m
 
 
+@pytest.mark.slow
 def test_crossings_of_class_flights_are_those_of_dense_scans(launched: Targets) -> None:
     rising = ascents(launched)
     rng = np.random.default_rng(5)

@@ -95,6 +95,7 @@ def test_pairs_that_are_left_out_are_never_visible(circle: Circle, target: Climb
         assert never_visible(seen_m, target_m).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(circles, climbs)
 def test_a_target_opposite_to_its_sensor_is_left_out(circle: Circle, target: Climb) -> None:
@@ -139,6 +140,7 @@ SENSORS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light_time", [True, False])
 @pytest.mark.parametrize("sensors", SENSORS)
 def test_leaving_pairs_out_changes_no_bit_of_the_plan(

@@ -81,6 +81,7 @@ def compiled(plan: Plan, sensors: "list[Sensor] | None" = None) -> tuple[Pairs, 
     return compile_pairs(chosen, plan.targets, [0.25] * len(chosen), light_time=True, end_ns=plan.end_ns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [1, 700, 10**9])
 def test_the_plan_does_not_depend_on_the_blocks(plan: Plan, points: int, monkeypatch: pytest.MonkeyPatch) -> None:
     pairs, lines = compiled(plan)

@@ -67,6 +67,7 @@ def expected_w_sr(plan, seen, albedo):
     return warm, 2.0 / (3.0 * np.pi) * albedo * 5.0 * light * lit * law
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("epoch", [TWILIGHT, "2026-04-01T14:00:00", "2026-04-01T00:00:00"])
 def test_bodies_reflect_by_phase_and_shadow(epoch):
     plan = planned(epoch)

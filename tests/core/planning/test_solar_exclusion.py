@@ -90,6 +90,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_looks_are_those_away_from_the_sun(name):
     made = plan(**CASES[name])
@@ -101,6 +102,7 @@ def test_looks_are_those_away_from_the_sun(name):
     assert found == seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_most_cells_are_certain(name):
     """Cells without a look test are as certain as for the other conditions; those near the Sun's edge are tested."""

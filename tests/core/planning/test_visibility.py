@@ -72,6 +72,7 @@ PLANS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 @pytest.mark.parametrize(("height_m", "sine_bound"), [(None, 3e-6), (500e3, 3e-5), (1000e3, 3e-5)])
 def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m: float, sine_bound: float) -> None:

@@ -61,6 +61,7 @@ def test_the_work_of_a_run_is_the_looks_that_the_engine_makes() -> None:
         assert real <= plan.workload.of_cycle(duration_ns).looks <= real + len(plan.pairs)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_events() -> None:
     sensor = {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -135.0, "false_alarm_probability": 1e-4}
     noisy = scene(sensors=[sensor], detection="snr", background="none")
@@ -81,6 +82,7 @@ def test_more_work_than_accepted_is_rejected_with_the_figure_and_the_remedy() ->
     assert "or raise the limit" in str(refused.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["looks_per_run", "events_per_run", "bytes_per_run"])
 def test_every_limit_of_a_run_is_a_setting(name: str) -> None:
     looks = float(compile_plan(scene()).pairs.looks.sum())

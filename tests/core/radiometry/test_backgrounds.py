@@ -53,6 +53,7 @@ def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
     return Views(height, elevation, sun, point, np.zeros(len(height)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("climate", ["us1976", "tropical", "midlat_summer", "subarctic_winter"])
 @pytest.mark.parametrize("name", ["clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"])
 def test_every_point_of_the_table_is_met(climate, name):

@@ -52,6 +52,7 @@ def smoothed_correlation(off: np.ndarray, sigma: float, scale: float) -> np.ndar
     return np.array([(both * np.exp(-np.hypot(grid[:, None] + x, grid + y) / scale)).sum() for x, y in off])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "pixels"), [("sum", 1), ("sum", 2), ("surround", 1), ("matched", 1)])
 @pytest.mark.parametrize("scale", [2.0, 12.0])
 def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(kind: str, pixels: int, scale: float) -> None:

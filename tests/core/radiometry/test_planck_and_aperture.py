@@ -92,6 +92,7 @@ def test_two_colours_give_the_temperature_back():
     assert (np.diff(first / second) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_the_variance_of_a_temperature_is_what_noise_makes_of_it():
     truth, noise, draws = 1600.0, 0.01, 5_000
     rng = np.random.default_rng(7)

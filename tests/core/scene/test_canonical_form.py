@@ -105,6 +105,7 @@ def shuffled(data: Any, dice: random.Random) -> Any:
     return [shuffled(item, dice) for item in data] if isinstance(data, list) else data
 
 
+@pytest.mark.slow
 @examples(150)
 @given(mapping=mappings())
 def test_the_canonical_form_is_the_scene(mapping: dict[str, Any]) -> None:
@@ -114,6 +115,7 @@ def test_the_canonical_form_is_the_scene(mapping: dict[str, Any]) -> None:
     assert scene_mapping(scene_from_mapping(written, host=HOST)) == written
 
 
+@pytest.mark.slow
 @examples(100)
 @given(mapping=mappings(), dice=st.randoms(use_true_random=False))
 def test_the_hash_says_the_same_of_the_same_scene(mapping: dict[str, Any], dice: random.Random) -> None:

@@ -106,6 +106,7 @@ def test_explain_and_the_manifest_tell_them():
     assert simulate(scene).manifest["scene"]["forces"] == ["j2", {"drag": settings}]
 
 
+@pytest.mark.slow
 def test_a_target_may_bring_its_own_ballistic_coefficient():
     """Only its own flight changes, and the slower the heavier: what the air takes has to be brought along."""
     burnouts = []

@@ -35,6 +35,7 @@ def test_message(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert message_of(name, monkeypatch) == expected(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_message_without_libyaml(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """PyYAML's own parser gives the same messages; only where YAML itself is broken may it point elsewhere."""

@@ -89,6 +89,7 @@ def test_the_good_scene_is_good() -> None:
     assert_same(tree, scene_mapping(scene))
 
 
+@pytest.mark.slow
 @examples(300)
 @given(tree=spoilt(RAW_VALUES))
 def test_a_spoilt_file_is_refused_or_keeps_its_meaning(tree: Any) -> None:
@@ -114,6 +115,7 @@ PLACES = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "place",
     [pytest.param(place, marks=[pytest.mark.slow] * (row % 2)) for row, place in enumerate(PLACES.split())],
@@ -141,6 +143,7 @@ def test_a_spoilt_mapping_is_refused_or_keeps_its_meaning(tree: Any) -> None:
         assert_same(pairs(plain(tree)), scene_mapping(scene))
 
 
+@pytest.mark.slow
 @examples(200)
 @given(data=st.data())
 def test_a_spoilt_text_is_refused_or_a_scene(data: st.DataObject) -> None:

@@ -38,6 +38,7 @@ def lines_of(path):
     return path.read_text().splitlines(keepends=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "message"),
     [
@@ -53,6 +54,7 @@ def test_a_file_of_another_run_is_refused(runs, copied, part, message):
         evidence_of_files(copied)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS[:3])
 def test_a_file_that_ends_early_is_refused(copied, part):
     path = copied.with_suffix(part)
@@ -82,6 +84,7 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
         evidence_of_files(copied)
 
 
+@pytest.mark.slow
 def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join(reversed(rows)))
@@ -116,6 +119,7 @@ def test_files_may_lie_anywhere(runs, tmp_path, capsys):
     assert "launches tracked" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_truth_that_burns_otherwise_is_refused(copied):
     """Launch and aim are the scene's; what lies between is the target model's, which may have changed since."""
     path = copied.with_suffix(".truth.jsonl")
@@ -143,6 +147,7 @@ def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
         evidence_of_files(copied)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

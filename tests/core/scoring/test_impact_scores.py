@@ -164,6 +164,7 @@ def instants_s():
     return [*shares, burnout_s + 5.0, burnout_s + 20.0]
 
 
+@pytest.mark.slow
 def test_a_phase_takes_the_last_estimate_before_it_and_none_that_is_old():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 2.0)
     half = instants_s()[1]

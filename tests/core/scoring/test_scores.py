@@ -169,6 +169,7 @@ def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
     assert np.isnan(north[2]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clusters", [2, 3, 5, 20])
 def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
     rng = np.random.default_rng(4)

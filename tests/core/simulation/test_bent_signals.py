@@ -105,6 +105,7 @@ def is_straight(scan: Array, columns: Array) -> bool:
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bands", [1, 2, 3])
 @pytest.mark.parametrize("knots", [3, KNOTS])
 def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, knots: int) -> None:

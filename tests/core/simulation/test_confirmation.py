@@ -60,6 +60,7 @@ def of_target(run: opir.Run) -> np.ndarray:
     return rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("needed", "scans"), [(2, 3), (3, 3), (3, 5)])
 def test_a_run_reports_the_confirmed_of_all_detections(needed: int, scans: int) -> None:
     # Faint enough that looks miss often.

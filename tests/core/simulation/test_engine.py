@@ -68,6 +68,7 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts: list[int], is_constant: 
     assert_same(whole, cut)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cadence_s", [0.3, 1.0, 7.0])
 def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windows(cadence_s: float) -> None:
     def run_in(edges: Sequence[int]) -> tuple[CountingTracker, Detections, np.ndarray]:

@@ -57,6 +57,7 @@ class Counting:
         return self._model.response(exposed, slack=slack)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("calibrate", "sky", "most"),
     [("none", {}, 120), ("none", AIR, 165), ("paper", {}, 150), ("paper", AIR, 150)],

@@ -113,6 +113,7 @@ def _at(sensor_m: Any) -> tuple[Any, Any]:
     return np.zeros(1, np.int32), sensor_m
 
 
+@pytest.mark.slow
 def test_the_bias_is_one_draw_a_sensor_and_run_that_no_neighbour_changes() -> None:
     sensors = [stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)]
     drawn = PointingBias.drawn(7, sensors)

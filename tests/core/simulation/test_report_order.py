@@ -122,6 +122,7 @@ def tracked(lag_s: float | None = None, *, window_s: float | None = None, **chan
     return spy, run_of_plan(evolve(compile_plan(scene), make_tracker=lambda: spy), window_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 4.0, 9.3, None])
 @pytest.mark.parametrize("duration_s", [60.0, 58.9])
 def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float | None, duration_s: float) -> None:
@@ -216,6 +217,7 @@ def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_r
         assert available_s == pytest.approx(max(tick_s, latest_s), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_late_reports_are_events_and_are_not_tracked() -> None:
     run = opir.simulate(late_scene("paper-ground-chain", tracker="imm", tracking_order="report", tracking_lag_s=30.0))
     alone = opir.simulate(late_scene("paper-ground-chain"))

@@ -148,6 +148,7 @@ def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(mo
         opir.simulate(late_scene("none", UNEVEN))
 
 
+@pytest.mark.slow
 def test_a_scene_without_latency_imports_nothing_for_it() -> None:
     code = (
         "import json, sys; from late_scene import late_scene; import opir_core as opir;"

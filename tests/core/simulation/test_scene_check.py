@@ -49,6 +49,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", SCENES.values(), ids=SCENES)
 def test_warnings_are_those_of_the_plan(changes: dict[str, Any]) -> None:
     made = scene(**changes)
@@ -60,6 +61,7 @@ def test_one_of_these_scenes_has_a_warning_of_a_scan_instant() -> None:
     assert any("looks of A, B coincide with ignitions and burnouts of T1, T2" in warning for warning in warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [{"looks_per_run": 30.0}, {"events_per_run": 30.0}, {"bytes_per_run": 3e4}])
 @pytest.mark.parametrize("detection", ["constant", "snr"])
 def test_too_much_work_is_refused_as_by_the_plan(limits: dict[str, float], detection: str) -> None:
@@ -78,6 +80,7 @@ def test_a_limit_between_the_looks_and_their_bound_is_kept() -> None:
         check_scene(scene(limits={"looks_per_run": looks - 1.0}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["arctic_watch", "first_light", "pacific_test_range", "target_classes"])
 def test_the_bound_of_the_looks_holds(name: str) -> None:
     plan = compile_plan(load_scene(ROOT / "examples" / f"{name}.yaml"))
@@ -97,6 +100,7 @@ def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hour", range(0, 24, 3))
 @pytest.mark.parametrize("duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)])
 def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(hour: int, duration_s: float) -> None:

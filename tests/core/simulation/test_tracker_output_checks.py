@@ -142,6 +142,7 @@ def broken(method, answer):
     return tracker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "answer", "words"), [(method, *fault) for method, faults in FAULTS.items() for fault in faults]
 )
@@ -193,6 +194,7 @@ def test_opirs_own_errors_go_through():
     assert complaint_of(lambda *_: broken("step", refuse)) == "in words of its own"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
     plan = opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": tracker}))

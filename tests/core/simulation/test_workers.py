@@ -101,6 +101,7 @@ def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
 TRACKED_IS_SLOW = [pytest.param(name, marks=pytest.mark.slow if name == "tracked" else ()) for name in SCENES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRACKED_IS_SLOW)
 @pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_files_are_the_same_with_any_number_of_workers(name: str, count: int) -> None:
@@ -157,6 +158,7 @@ def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
     return flag
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["before", "in", "after"])
 def test_a_killed_worker_costs_time_and_no_result(at: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = plan_of(SCENES["constant"])

@@ -3,6 +3,8 @@
 import gc
 import time
 
+import pytest
+
 from opir_core.testing.execution_monitor import outside_inputs
 
 
@@ -10,6 +12,7 @@ def many_containers() -> list[list[int]]:
     return [[number] for number in range(200_000)]
 
 
+@pytest.mark.slow
 def test_what_hangs_on_the_collector_is_not_asked_by_the_code_that_sets_it_off():
     def timed(phase, info):
         time.perf_counter()

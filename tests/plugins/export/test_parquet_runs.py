@@ -44,6 +44,7 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
     assert columns.summary["counts"] == lines.summary["counts"]
 
 
+@pytest.mark.slow
 def test_it_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cards = []
     for path in (folder / "events.parquet", folder / "lines" / "events.jsonl"):

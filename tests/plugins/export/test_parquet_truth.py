@@ -28,6 +28,7 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(json.dumps(truth_records(run.plan)))
 
 
+@pytest.mark.slow
 def test_a_run_with_columns_of_truth_is_read_back(tmp_path: Path) -> None:
     settings = ["--set", "duration_s=70", "--set", "tracker=none", "--quiet"]
     for name, ending in (("lines", "jsonl"), ("columns", "parquet")):
@@ -60,6 +61,7 @@ def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys
         assert "Traceback" not in told
 
 
+@pytest.mark.slow
 def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
     outputs = f"outputs=[{{jsonl: {{path: {events}}}}}, {{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"

@@ -107,6 +107,7 @@ def test_a_narrow_field_of_regard_bounds_the_view() -> None:
     assert np.degrees(cap_radius_rad(sensor, 42164.17e3)) == pytest.approx(11.36, abs=0.02)
 
 
+@pytest.mark.slow
 def test_impacts_and_areas_are_those_of_the_summary() -> None:
     run = scored_run()
     points = impact_points(RunFacts(run))
@@ -118,6 +119,7 @@ def test_impacts_and_areas_are_those_of_the_summary() -> None:
     assert points["area_50_km2"][0] < points["area_90_km2"][0] < points["area_95_km2"][0]
 
 
+@pytest.mark.slow
 def test_without_regions_the_ellipses_are_drawn() -> None:
     run = scored_run()
     row = RunFacts(run).last_with_impact[0]

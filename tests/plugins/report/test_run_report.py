@@ -93,6 +93,7 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
         assert (again.with_suffix(".data") / path.name).read_bytes() == path.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [empty_run, lambda: example_run("first_light")], ids=["no targets", "no tracker"])
 def test_runs_that_lack_something_have_a_report_too(run, tmp_path: Path) -> None:
     (written,) = write_run_report(run(), tmp_path / "report.html", with_data=False)
@@ -101,6 +102,7 @@ def test_runs_that_lack_something_have_a_report_too(run, tmp_path: Path) -> None
     assert all(ElementTree.fromstring(picture) is not None for picture in SVG.findall(text))
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_map() -> None:
     svg = map_svg(scored_run())
     ElementTree.fromstring(svg)

@@ -71,6 +71,7 @@ def test_unknown_figures_and_paths_are_named_with_those_there_are(folder: Path) 
         StudyPlots(folder).effect("latency_s", over="seed")
 
 
+@pytest.mark.slow
 def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path: Path, capsys) -> None:
     assert main(["report", str(folder), "-o", str(tmp_path / "study.html")]) == 0
     assert "data of 4 figures" in capsys.readouterr().out

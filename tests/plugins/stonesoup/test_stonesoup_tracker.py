@@ -75,6 +75,7 @@ def test_true_states_are_seen_where_the_engine_sees_them():
     assert worst[False] > 1e-6, "without light time it would be told"
 
 
+@pytest.mark.slow
 def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
     path = tmp_path / "events.jsonl"
     plan = plan_of(LAUNCHES)
@@ -149,6 +150,7 @@ def test_of_a_particle_filter_the_mean_is_told():
     assert told.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
 
 
+@pytest.mark.slow
 def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_filter():
     run = run_of_plan(plan_of("tracker=stonesoup"))
     predictor, updater = ExtendedKalmanPredictor(EarthFixedTransition()), ExtendedKalmanUpdater(use_joseph_cov=True)

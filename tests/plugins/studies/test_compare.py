@@ -25,6 +25,7 @@ def test_compare_tells_every_tracker(tmp_path, capsys):
     assert told["imm"]["tracking_us_a_track_update"]["value"] > 0.0
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_path):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))

@@ -42,12 +42,14 @@ def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch
         assert os.environ.get("OPENBLAS_NUM_THREADS") == given
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_no_result(executor, tmp_path):
     tasks = [(number, str(tmp_path / f"killed-{number}") if number in (2, 11) else "") for number in range(20)]
     assert dict(executor.results(doubled_or_killed, tasks)) == {number: 2 * number for number in range(20)}
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_after_one_death_tasks_still_run_beside_each_other(executor, tmp_path):
     death, one, other = (str(tmp_path / name) for name in ("death", "one", "other"))
     # More tasks than workers: a pool notices the death of its youngest worker at the next task or result.

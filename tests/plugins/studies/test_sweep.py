@@ -47,6 +47,7 @@ def counted(monkeypatch):
     return runs
 
 
+@pytest.mark.slow
 def test_a_row_of_a_run_is_what_the_run_alone_gives(tmp_path):
     found = sweep(study(), tmp_path).runs.to_pylist()
     assert len(found) == 12
@@ -57,11 +58,13 @@ def test_a_row_of_a_run_is_what_the_run_alone_gives(tmp_path):
         assert row["seed"] == SCENE["seed"] + row["replicate"]
 
 
+@pytest.mark.slow
 def test_seeds_do_not_depend_on_the_design(tmp_path):
     rows = sweep(study(), tmp_path).runs.to_pylist()
     assert [row["seed"] for row in rows[:6]] == [row["seed"] for row in rows[6:]] == list(range(100, 106))
 
 
+@pytest.mark.slow
 def test_statistics_are_those_of_scipy(tmp_path):
     result = sweep(study(runs=12), tmp_path)
     runs = result.runs.to_pylist()
@@ -89,6 +92,7 @@ def test_the_interval_agrees_with_a_bootstrap():
     assert np.isnan(interval(np.array([np.nan]))).all()
 
 
+@pytest.mark.slow
 def test_a_finished_study_runs_nothing_again(tmp_path, counted):
     sweep(study(), tmp_path)
     first, count = tables_of(tmp_path), len(counted)
@@ -112,6 +116,7 @@ def test_a_changed_study_keeps_the_runs_that_still_match(tmp_path, counted):
     assert load_study(tmp_path).runs.equals(whole.runs)
 
 
+@pytest.mark.slow
 def test_a_damaged_or_foreign_part_is_named(tmp_path):
     sweep(study(), tmp_path)
     before = tables_of(tmp_path)
@@ -195,6 +200,7 @@ def test_every_design_is_checked_before_the_first_run(tmp_path, counted):
     assert not counted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
@@ -216,6 +222,7 @@ def test_an_invalid_study_is_refused(tmp_path, changes, error, words):
     assert words in str(caught.value)
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_named_and_the_others_kept(tmp_path, monkeypatch):
     from opir_studies import runs as runs_module
 
@@ -264,13 +271,20 @@ def test_a_file_is_read_strictly(tmp_path):
     assert "runs: 0 is outside [1, 1000000] (line 3" in str(caught.value)
 
 
+@pytest.mark.slow
+@pytest.mark.peers
+def test_results_become_a_frame_of_pandas(tmp_path):
+    pytest.importorskip("pandas")
+    assert list(sweep(study(), tmp_path).to_pandas()["design"].unique()) == [0, 1]
+
+
+@pytest.mark.slow
 def test_results_are_loaded_as_they_were_returned(tmp_path):
     result = sweep(study(), tmp_path)
     again = load_study(tmp_path)
     assert again.table.equals(result.table)
     assert again.definition == result.definition
     assert repr(again) == "<StudyResult s: 2 designs, 12 runs, 13 figures>"
-    assert list(again.to_pandas()["design"].unique()) == [0, 1]
     with pytest.raises(KeyError, match="there are latency_s"):
         again.rows("nothing")
     with pytest.raises(SceneError, match="is no folder of a finished study"):

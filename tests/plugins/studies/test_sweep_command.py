@@ -15,6 +15,7 @@ def scene(tmp_path, monkeypatch):
     return "short.yaml"
 
 
+@pytest.mark.slow
 def test_a_table_has_a_row_per_design(scene, capsys):
     assert main(["sweep", scene, "--vary", f"{PERIOD}=100,400", "--runs", "5", "--executor", "serial"]) == 0
     printed = capsys.readouterr().out
@@ -25,6 +26,7 @@ def test_a_table_has_a_row_per_design(scene, capsys):
     assert printed.endswith("All figures: short-study/results.csv\n")
 
 
+@pytest.mark.slow
 def test_a_study_file_and_flags(scene, tmp_path, capsys):
     (tmp_path / "study.yaml").write_text(
         "study: mine\nscene: short.yaml\nruns: 9\nexecutor: serial\n"
@@ -40,6 +42,7 @@ def test_a_study_file_and_flags(scene, tmp_path, capsys):
     assert (tmp_path / "there" / "results.csv").read_text().startswith(f"design,{PERIOD},figure,unit,runs,")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flags", "code", "words"),
     [

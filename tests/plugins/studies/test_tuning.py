@@ -83,6 +83,7 @@ def test_forces_are_left_out_from_the_highest_term_down() -> None:
     assert knob.levels == ((), ('forces=["j2", "j3"]',), ('forces=["j2"]',), ("forces=kepler",))
 
 
+@pytest.mark.slow
 def test_every_level_is_a_valid_scene() -> None:
     named = {"forces": ["j2", "j3", "j4", "drag"], "tracker": "imm", "classification": "spectral", "detection": "snr"}
     plain = {**SCENE, **named, "atmosphere": "lowtran"}
@@ -91,6 +92,7 @@ def test_every_level_is_a_valid_scene() -> None:
         assert len(seen) == len({str(each) for each in seen})
 
 
+@pytest.mark.slow
 def test_a_run_does_not_differ_from_itself_and_a_coarse_one_does() -> None:
     scene = scene_from_mapping({**SCENE, "tracker": "kepler-arc"})
     exact = answers_of(opir.simulate(scene))

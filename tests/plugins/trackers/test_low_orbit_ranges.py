@@ -22,6 +22,7 @@ def low(name: str, altitude_km: float, node_deg: float, along_deg: float) -> dic
     return {"model": "generic-scanner", "id": name, "orbit": orbit, "field_of_regard_half_angle_deg": 90.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("altitude_km", [600.0, 1500.0])
 def test_a_launch_that_low_sensors_see_has_one_track_near_the_truth(altitude_km: float) -> None:
     scene = {

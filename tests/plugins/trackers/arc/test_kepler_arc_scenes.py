@@ -34,6 +34,7 @@ def scene(**settings):
     )
 
 
+@pytest.mark.slow
 def test_sigma_is_the_papers_law():
     plan = compile_plan(scene(tracker={"model": "kepler-arc", "sigma_0_m": 2e5, "convergence": 3.0}))
     run = run_of_plan(plan)
@@ -66,6 +67,7 @@ def test_a_thrusting_target_is_on_no_arc():
     assert found["paper"] < found["recent"] < true
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart_deg", [0.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 0.1))])
 def test_sensors_at_one_place_tell_no_distance(apart_deg):
     """Their lines meet anywhere: without the heights of one sensor's arc the target was thousands of kilometres off."""
@@ -81,6 +83,7 @@ def test_sensors_at_one_place_tell_no_distance(apart_deg):
     assert np.isfinite(tracks.state_covariance).all()
 
 
+@pytest.mark.slow
 def test_events_carry_the_launch_and_the_impact():
     run = simulate(scene())
     known = run.detections.estimate >= 0
@@ -88,6 +91,7 @@ def test_events_carry_the_launch_and_the_impact():
     assert np.isfinite(run.estimates.impact[run.detections.estimate[known]][-1]).all()
 
 
+@pytest.mark.slow
 def test_a_track_is_reported_after_eight_detections():
     slow = {"model": "SBIRS-GEO", "orbital_slot_deg": -150.0, "scan_period_ms": 500.0}
     run = simulate(scene(sensors=[{**slow, "id": "A"}, {**slow, "id": "B", "orbital_slot_deg": -90.0}]))

@@ -1,6 +1,7 @@
 """`imm`'s boost along the velocity on drawn flights: smaller errors, and honest ones."""
 
 import numpy as np
+import pytest
 from drawn_flights import GEO_M, SLOTS_RAD, flown
 from opir_trackers.configs import ThrustConfig
 from opir_trackers.filter.burn_modes import NewStage
@@ -80,6 +81,7 @@ def errors(
     return np.array([np.mean(values) for values in squares if values]), np.array(off)
 
 
+@pytest.mark.slow
 def test_thrust_along_the_velocity_errs_less_than_any_jerk_and_says_so() -> None:
     watched, usual = Watched(3), ThrustConfig()
     thrust = Thrust(np.radians(usual.tilt_deg), usual.tilt_s, usual.noise_m_s2, usual.growth_noise_per_s, FREE)

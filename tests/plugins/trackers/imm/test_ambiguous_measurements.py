@@ -135,6 +135,7 @@ def test_every_turn_raises_the_likelihood_of_all_rays() -> None:
     assert reached[-1] > reached[0] + 20.0
 
 
+@pytest.mark.slow
 def test_near_targets_are_not_driven_apart() -> None:
     """A look takes the nearer ray: two targets 1.2 errors apart would come out 1.5 apart, by the folded normal."""
     shift, found = 1.2 * LOOK_M, []

@@ -194,6 +194,7 @@ def test_biased_sensors_stay_honest() -> None:
     assert 0.74 < np.mean(told_square) < 7.4
 
 
+@pytest.mark.slow
 def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
     """Two standard deviations of the bias up in one sensor, down in the other: averaging scans does not lessen it."""
     bias_rad = 6e-5

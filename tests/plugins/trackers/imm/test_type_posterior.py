@@ -26,6 +26,7 @@ def test_each_sensor_counts_once_for_the_type() -> None:
     assert told[2].tolist() == [0.0, 0.0, 0.0, 1.0]
 
 
+@pytest.mark.slow
 def test_targets_of_which_no_type_is_reported_have_that_of_their_range() -> None:
     told = last_told(flown("SRBM", 4, 5, "staged"), usual("SRBM"), 5, 6.0)
     assert (told.type_probability[:, UNKNOWN_TYPE] == 0.0).all()
