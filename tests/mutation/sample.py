@@ -3,9 +3,9 @@
 `python tests/mutation/sample.py --draws 100 --seed 1 --jobs 2 --out mutants.json`
 
 All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
-of its folder, then the other quick tests that import it, nearest first, and those of the documentation, then the slow
-tests of its folder. The first test that fails kills it. So does a hang: a test that does not end within a limit. A
-mutant survives if no test fails within the time limit of each of the three.
+of its folder, then the slow ones, then the other quick tests that import it, nearest first, and those of the
+documentation. The first test that fails kills it. So does a hang: a test that does not end within a limit. A mutant
+survives if no test fails within the time limit of each of the three.
 """
 
 import argparse
@@ -165,7 +165,7 @@ def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, st
 def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
     """Return the stages of a module's mutants that have files."""
     own, others = tests_of(file, imports)
-    stages = [(own, "not slow"), ([*others, *DOCUMENTED], "not slow"), (own, "slow")]
+    stages = [(own, "not slow"), (own, "slow"), ([*others, *DOCUMENTED], "not slow")]
     return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
 
 

@@ -75,8 +75,8 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytes
     left_out = "--deselect=test_x.py::test_y"
     assert [stage.words() for stage in stages] == [
         ["-m", "not slow", left_out, *own],
-        ["-m", "not slow", left_out, *others, *sample.DOCUMENTED],
         ["-m", "slow", left_out, *own],
+        ["-m", "not slow", left_out, *others, *sample.DOCUMENTED],
     ]
 
 
