@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
 from opir_core._version import __version__
 
@@ -89,7 +89,20 @@ def _parsed(words: Sequence[str]) -> tuple[argparse.Namespace, bool]:
         _add_arguments(commands.choices[given], given)
     elif "--version" not in words:
         _add_plugin_commands(commands, given)
-    return parser.parse_args(words), given in COMMANDS
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        _refuse(unknown, commands.choices.get(given, parser))
+    return arguments, given in COMMANDS
+
+
+def _refuse(unknown: Sequence[str], command: argparse.ArgumentParser) -> NoReturn:
+    """End with the usage of the command, not that of all commands, and the option that is most like the unknown one."""
+    from opir_core.errors import nearest
+
+    options = [word for word in unknown if word.startswith("--")]
+    known = (option for action in command._actions for option in action.option_strings)  # argparse has no public list
+    hint = nearest(options[0].partition("=")[0], known) if options else ""
+    command.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
 
 
 def full_parser() -> argparse.ArgumentParser:

@@ -40,7 +40,8 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scene, its overrides, and the outputs."""
     add_scene_arguments(parser)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--out", metavar="PATH", help="write events here as JSON lines (- for standard output)")
+    where_events = "write events here as JSON lines, or columns if PATH ends in .parquet (- for standard output)"
+    where.add_argument("-o", "--out", metavar="PATH", help=where_events)
     where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
     where_truth = "write the truth here, as columns if PATH ends in .parquet (default: beside the events)"
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
@@ -50,7 +51,7 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", metavar="N", type=int, default=1, help="processes that compute the run; the files are the same"
     )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -160,6 +160,6 @@ def evidence_of_files(
     """
     run = read_run(events, truth=truth, tracks=tracks, manifest=manifest)
     if tracks is None and run.plan.make_tracker().cadence_s is None:
-        words = "the run has no tracks: the tracker none makes none; choose another one with --tracker"
+        words = "the run has no tracks: the tracker none makes none; run it again with --tracker NAME"
         raise invalid_file(events, "", words)
     return evidence_of_run(run, run.plan)

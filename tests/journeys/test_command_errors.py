@@ -172,6 +172,50 @@ def test_a_missing_package_of_this_project_is_named(
     assert f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/" in message
 
 
+@pytest.mark.parametrize(
+    ("words", "usage", "error"),
+    [
+        (
+            (*RUN, "--seeds", "4"),
+            "usage: opir run ",
+            "opir run: error: unrecognized arguments: --seeds 4; the nearest is '--seed'",
+        ),
+        (
+            (*RUN, "--trackr=imm"),
+            "usage: opir run ",
+            "opir run: error: unrecognized arguments: --trackr=imm; the nearest is '--tracker'",
+        ),
+        ((*RUN, "-z"), "usage: opir run ", "opir run: error: unrecognized arguments: -z"),
+        (
+            ("validate", "scene.yaml", "more"),
+            "usage: opir validate ",
+            "opir validate: error: unrecognized arguments: more",
+        ),
+        (
+            ("plugins", "--lenght-12345678"),
+            "usage: opir plugins ",
+            "opir plugins: error: unrecognized arguments: --lenght-12345678",
+        ),
+    ],
+)
+def test_an_unknown_option_is_told_with_the_usage_of_its_command(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], usage: str, error: str
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(list(words))
+    message = capsys.readouterr().err
+    assert left.value.code == 2
+    assert message.startswith(usage)
+    assert message.endswith(f"\n{error}\n")
+
+
+@pytest.mark.parametrize("words", [("-q", "-o", "short.jsonl"), ("--quiet", "--out", "short.jsonl")])
+def test_common_options_have_letters(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
+    assert main(["run", "scene.yaml", "--set", "duration_s=12", *words]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert Path("short.jsonl").is_file()
+
+
 def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["--help"])

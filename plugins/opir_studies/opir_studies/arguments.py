@@ -27,7 +27,9 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
         " detection_by_time)",
     )
-    parser.add_argument("--out", metavar="FOLDER", help="folder of the study (default: the file's name, with -study)")
+    parser.add_argument(
+        "-o", "--out", metavar="FOLDER", help="folder of the study (default: the file's name, with -study)"
+    )
     parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
     parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")
     parser.add_argument(
@@ -46,7 +48,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         help="a figure to print; repeatable (default: the first of each metric)",
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
 def compare_arguments(parser: argparse.ArgumentParser) -> None:
