@@ -198,7 +198,7 @@ def complaints_inside(node: Node) -> Iterator[Complaint]:
 
 def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
     """Return complaints without duplicates: those with a line by line and column, then the others in order."""
-    return sorted(dict.fromkeys(complaints), key=lambda one: one.place if isinstance(one.place, tuple) else _LAST)
+    return sorted(dict.fromkeys(complaints), key=lambda one: (0, one.place) if isinstance(one.place, tuple) else (1,))
 
 
 def cut_short(complaints: list[Complaint]) -> list[Complaint]:
@@ -207,9 +207,6 @@ def cut_short(complaints: list[Complaint]) -> list[Complaint]:
     if left_out <= 0:
         return complaints
     return [*complaints[:MAXIMUM_PROBLEMS], Complaint(f"and {left_out} more problem{'s' if left_out > 1 else ''}")]
-
-
-_LAST = (2**62, 0)
 
 
 def _children(value: Any) -> Iterator[tuple[str, Node]]:
