@@ -234,7 +234,6 @@ class TestImm(TrackerContract):
         return super().scene(**{"duration_s": 45.0, **changes})
 
 
-@pytest.mark.slow
 class TestKeplerArc(TrackerContract):
     name = "kepler-arc"
     settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
