@@ -4,8 +4,8 @@
 
 All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
 of its folder, then the slow ones, then the other quick tests that import it, nearest first, and those of the
-documentation. The first test that fails kills it. So does a hang: a test that does not end within a limit. A mutant
-survives if no test fails within the time limit of each of the three.
+documentation, then the other slow ones. The first test that fails kills it. So does a hang: a test that does not end
+within a limit. A mutant survives if no test fails within the time limit of each of the four.
 """
 
 import argparse
@@ -165,7 +165,7 @@ def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, st
 def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
     """Return the stages of a module's mutants that have files."""
     own, others = tests_of(file, imports)
-    stages = [(own, "not slow"), (own, "slow"), ([*others, *DOCUMENTED], "not slow")]
+    stages = [(own, "not slow"), (own, "slow"), ([*others, *DOCUMENTED], "not slow"), (others, "slow")]
     return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
 
 

@@ -78,6 +78,7 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytes
         ["-m", "not slow", left_out, *own],
         ["-m", "slow", left_out, *own],
         ["-m", "not slow", left_out, *others, *sample.DOCUMENTED],
+        ["-m", "slow", left_out, *others],
     ]
 
 
