@@ -134,6 +134,7 @@ def test_pages_and_examples_import_only_public_names(page: Path) -> None:
 def test_public_names_are_sorted_documented_and_there(package: str) -> None:
     door = import_module(package)
     assert list(door.__all__) == sorted(door.__all__)
+    assert set(door.__all__) <= set(dir(door))
     undocumented = [
         name
         for name in door.__all__

@@ -219,3 +219,10 @@ def test_a_flight_has_the_same_bits_in_any_company():
 def test_stages_that_cannot_be_flown_are_named(stages, words):
     fault = evolve(stagings()["ICBM_solid"], stages=stages).fault()
     assert words in fault
+
+
+def test_a_first_burn_must_outlast_rise_pitch_over_and_tail_off() -> None:
+    staging = evolve(stagings()["ICBM_solid"], vertical_rise_s=4.0, pitch_over_s=16.0, tail_off_s=0.5)
+    at_once, longer = ((Stage(burn_s, 1000.0, 1.0),) for burn_s in (20.5, 20.5 + 2.0**-40))
+    assert "no longer than rise, pitch-over and tail-off together (20.5 s)" in evolve(staging, stages=at_once).fault()
+    assert "no longer than rise" not in evolve(staging, stages=longer).fault()
