@@ -20,7 +20,7 @@ from opir_core.cli.answers import answers, point_text
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
-from opir_core.output.delivery import RunOutcome, deliver
+from opir_core.output.delivery import PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.plugin.host import Host
 from opir_core.plugin.registry import warn
@@ -43,7 +43,7 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     where_events = "write events here as JSON lines, or columns if PATH ends in .parquet (- for standard output)"
     where.add_argument("-o", "--out", metavar="PATH", help=where_events)
     where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
-    where_truth = "write the truth here, as columns if PATH ends in .parquet (default: beside the events)"
+    where_truth = "write the truth here, as columns if PATH ends in .parquet (default: beside the events, as they are)"
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
     parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
@@ -67,11 +67,12 @@ def run(arguments: argparse.Namespace) -> int:
 def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[str, Path | None]]:
     """Return the scene, the outcome of its run, and the paths of its files."""
     host = Host.discover()
-    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
+    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_file(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
-    truth = _beside(scene, arguments.truth, "truth.jsonl")
-    tracks = None if plan.make_tracker().cadence_s is None else _beside(scene, arguments.tracks, "tracks.jsonl")
-    manifest = _beside(scene, arguments.manifest, "manifest.json")
+    events = _first_file(scene)
+    truth = _beside(events, arguments.truth, f".truth{PARQUET if events and has_columns(events) else '.jsonl'}")
+    tracks = None if plan.make_tracker().cadence_s is None else _beside(events, arguments.tracks, ".tracks.jsonl")
+    manifest = _beside(events, arguments.manifest, ".manifest.json")
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
     if not arguments.quiet:
@@ -114,23 +115,30 @@ def _ended_by_sigterm() -> Iterator[None]:
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Return the override of `--out` or `--sink`."""
     if arguments.out is not None:
-        return (f"outputs=[{_jsonl(arguments.out)}]",)
+        return (f"outputs=[{_file(arguments.out)}]",)
     return (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
 
 
-def _jsonl(path: str) -> str:
-    return f"{{jsonl: {{path: {json.dumps(path)}}}}}"
+def _file(path: str) -> str:
+    """Return the output that writes events to a path."""
+    sink = "parquet" if has_columns(Path(path)) else "jsonl"
+    return f"{{{sink}: {{path: {json.dumps(path)}}}}}"
 
 
-def _beside(scene: Scene, path: str | None, suffix: str) -> Path | None:
-    """Return the given path, else one beside the first file of events, else None."""
-    if path is not None:
-        return Path(path)
+def _first_file(scene: Scene) -> Path | None:
+    """Return the first file of events, of JSON lines if there is one, beside which the other files are written."""
     files = [choice.config.path for name in _FILES_OF_EVENTS for choice in scene.outputs if choice.name == name]
     named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
     if named is None or not named.name or (named.exists() and not named.is_file()):
         return None  # beside a device or a pipe there is no place for files
-    return named.with_suffix(f".{suffix}")
+    return named
+
+
+def _beside(events: Path | None, path: str | None, suffix: str) -> Path | None:
+    """Return the given path, else one beside the events, else None."""
+    if path is not None:
+        return Path(path)
+    return None if events is None else events.with_suffix(suffix)
 
 
 def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]) -> None:

@@ -28,8 +28,13 @@ from opir_core.simulation.summary import Tally
 if TYPE_CHECKING:
     from opir_core.output.shared_output import SharedOutput
 
-#: The ending of a truth file with columns.
+#: The ending of a file with columns.
 PARQUET = ".parquet"
+
+
+def has_columns(path: Path) -> bool:
+    """Return whether a path is that of a file with columns: whether it ends in `.parquet`, in letters of any case."""
+    return path.suffix.casefold() == PARQUET
 
 
 @frozen(eq=False)
@@ -156,7 +161,7 @@ def _truth_file(plan: Plan, files: OutputFiles, path: Path) -> Any:
     """
     from opir_core.output.run_files import TruthFile, truth_records
 
-    if path.suffix != PARQUET:
+    if not has_columns(path):
         return TruthFile(files.stage(path, only_appends=True, kind="truth"), plan)
     from opir_core.simulation.run_views import provided
 

@@ -17,7 +17,7 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.output.delivery import PARQUET
+from opir_core.output.delivery import has_columns
 from opir_core.output.run_files import (
     invalid_file,
     read_manifest,
@@ -159,13 +159,15 @@ def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], p
 
 
 def _truth_beside(events: Path) -> Path:
-    columns = events.with_suffix(_PARQUET_TRUTH)
-    return columns if columns.exists() and not events.with_suffix(_TRUTH).exists() else events.with_suffix(_TRUTH)
+    """Return the truth of the same kind as the events if there is one, else the other."""
+    kinds = (_PARQUET_TRUTH, _TRUTH) if has_columns(events) else (_TRUTH, _PARQUET_TRUTH)
+    first, second = (events.with_suffix(kind) for kind in kinds)
+    return second if second.exists() and not first.exists() else first
 
 
 def _truth_rows(path: Path) -> Iterator[_TruthLine]:
     """Yield the records of a truth file: columns, read by opir-export, or JSON lines."""
-    if path.suffix != PARQUET:
+    if not has_columns(path):
         yield from _lines(path, _TruthLine, "a line of opir's truth")
         return
     from opir_core.simulation.run_views import provided
@@ -336,8 +338,10 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
 
 
 def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
-    """Yield the events of a file: read by the sink of this file name, if it can, else JSON lines."""
+    """Yield the events of a file: read by the sink of this file name or ending, if it can, else JSON lines."""
     names = [choice.name for choice in plan.scene.outputs if Path(getattr(choice.config, "path", "")).name == path.name]
+    if not names and has_columns(path):
+        names = ["parquet"]
     read = plan.host.component(SinkModel, names[0]).read if names else None
     if read is None:
         yield from _lines(path, _Event, "an event of the encoder forge")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from exported_runs import SCENE
 from pyarrow import parquet
+from repository import EXAMPLES
 
 import opir_core
 from opir_core.cli.main import main
@@ -56,7 +57,7 @@ def test_it_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.slow
 def test_a_file_that_is_another_is_refused_with_its_path(folder: Path, tmp_path: Path) -> None:
-    for name in ("events.truth.jsonl", "events.tracks.jsonl", "events.manifest.json"):
+    for name in ("events.truth.parquet", "events.tracks.jsonl", "events.manifest.json"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
     (tmp_path / "events.parquet").write_bytes(b"PAR1 is not enough PAR1")
     with pytest.raises(SceneError, match=r"events.parquet.*\n.*cannot be read: "):
@@ -68,3 +69,37 @@ def test_a_file_that_is_another_is_refused_with_its_path(folder: Path, tmp_path:
     parquet.write_table(table.slice(0, table.num_rows - 1), tmp_path / "events.parquet")
     with pytest.raises(SceneError, match="is not among the events"):
         opir_core.load_run(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["e.parquet", "E.PARQUET"])
+def test_the_command_writes_columns_to_a_path_that_ends_so(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=20", "-q", "-o", name]) == 0
+    stem = name.partition(".")[0]
+    assert sorted(each.name for each in tmp_path.iterdir()) == sorted(
+        [name, f"{stem}.manifest.json", f"{stem}.truth.parquet"]
+    )
+    rows = parquet.read_table(name).num_rows
+    assert rows == parquet.read_table(f"{stem}.truth.parquet").num_rows == len(opir_core.load_run(name).detections) > 10
+
+
+def test_a_run_written_over_another_of_the_same_name_is_read_with_its_own_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = ["run", str(EXAMPLES / "first_light.yaml"), "-q", "--set", "duration_s=20"]
+    assert main([*run, "-o", "e.jsonl", "--seed", "3"]) == 0
+    assert main([*run, "-o", "e.parquet", "--seed", "4"]) == 0
+    assert opir_core.load_run("e.parquet").manifest["scene"]["seed"] == 4
+    with pytest.raises(SceneError, match="the files are of different runs"):
+        opir_core.load_run("e.jsonl")
+
+
+def test_a_file_of_columns_under_another_name_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(EXAMPLES / "first_light.yaml"), "-q", "--set", "duration_s=20", "-o", "e.parquet"]) == 0
+    for ending in (".parquet", ".truth.parquet", ".manifest.json"):
+        Path(f"e{ending}").rename(f"f{ending}")
+    assert len(opir_core.load_run("f.parquet").detections) > 10

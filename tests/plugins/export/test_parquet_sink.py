@@ -36,7 +36,7 @@ def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     assert read.select(due.columns).equals(due)
     assert read["probability_ICBM"].null_count() == read.height
     assert parquet.ParquetFile(path).num_row_groups == pytest.approx(read.height // 3000, abs=1)
-    beside = ["events.manifest.json", "events.parquet", "events.tracks.jsonl", "events.truth.jsonl"]
+    beside = ["events.manifest.json", "events.parquet", "events.tracks.jsonl", "events.truth.parquet"]
     assert sorted(each.name for each in tmp_path.iterdir()) == beside
 
 
