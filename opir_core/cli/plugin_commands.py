@@ -32,13 +32,15 @@ class OwnedSubparsers:
         self.added: list[str] = []
 
     def add_parser(self, name: str, **keywords: Any) -> ArgumentParser:
-        """Add a command, as argparse's `add_parser` does."""
+        """Add a command, as argparse's `add_parser` does; `help` is its description too, unless it has one."""
         names = [name, *keywords.get("aliases", ())]
         for known in names:
             if known in self._core:
                 raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r}, which is a command of opir itself")
             if self._owner in self._owners.get(known, ()):
                 raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r} twice")
+        if summary := keywords.get("help"):
+            keywords.setdefault("description", f"{summary[0].upper()}{summary[1:]}.")
         contested = any(known in self._owners for known in names)
         parser = ArgumentParser(prog=name) if contested else self._commands.add_parser(name, **keywords)
         for known in names:

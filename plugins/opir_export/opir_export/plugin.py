@@ -115,7 +115,7 @@ def opir_sinks() -> Iterable[SinkModel]:
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
     """Add `opir export`."""
-    parser = commands.add_parser("export", help=_SUMMARY, description=_SUMMARY)
+    parser = commands.add_parser("export", help=_SUMMARY)
     parser.add_argument("path", metavar="RUN", nargs="?", help="the events or the folder of a run")
     parser.add_argument("--to", metavar="FORMAT", help="an exporter; --list lists them")
     parser.add_argument(

@@ -14,10 +14,10 @@ def opir_add_commands(commands: Any) -> None:
     """Add both commands."""
     from opir_http.arguments import add_address, add_arguments
 
-    parser = commands.add_parser("serve", help=_SUMMARY, description=_SUMMARY)
+    parser = commands.add_parser("serve", help=_SUMMARY)
     add_arguments(parser)
     parser.set_defaults(run=_serve)
-    view = commands.add_parser("view", help=_VIEW, description=_VIEW)
+    view = commands.add_parser("view", help=_VIEW)
     view.add_argument("run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)")
     add_address(view)
     view.set_defaults(run=_view)

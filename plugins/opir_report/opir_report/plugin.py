@@ -11,7 +11,7 @@ _SUMMARY = "write a report of a run or a study, one HTML file with plots"
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
     """Add `opir report`."""
-    parser = commands.add_parser("report", help=_SUMMARY, description=_SUMMARY)
+    parser = commands.add_parser("report", help=_SUMMARY)
     parser.add_argument(
         "path", metavar="RUN_OR_STUDY", help="the events or the folder of a run, or the folder of a study"
     )

@@ -84,7 +84,7 @@ def opir_add_commands(commands: Any) -> None:
     """Add `opir sweep`, `opir compare` and `opir tune`."""
     arguments = import_module("opir_studies.arguments")
     for name, summary in _SUMMARIES.items():
-        parser = commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        parser = commands.add_parser(name, help=summary)
         getattr(arguments, f"{name}_arguments")(parser)
         parser.set_defaults(run=_run(f"{name}_command", name))
 

@@ -42,6 +42,7 @@ def test_a_command_is_added_and_runs(shop, parser, commands):
     arguments = parser.parse_args(["serve"])
     assert arguments.run(arguments) == "http"
     assert parser.parse_args(["run"]).run(None) == "core"
+    assert commands.choices["serve"].description == "From http."
 
 
 def test_only_the_owner_of_a_command_is_imported(shop, commands, trackers):
