@@ -89,6 +89,11 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
+def number_of(noun: str, count: int) -> str:
+    """Return a count with its noun, `1 sensor` or `2 sensors`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def kind_of(value: object) -> str:
     """Return what a value is, `a list` or `None`."""
     return "None" if value is None else with_article(type(value).__name__)

@@ -146,10 +146,6 @@ def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:
 
 
 def _add_plugin_commands(commands: Any, name: str | None) -> None:
-    from opir_core.cli.plugin_commands import added_commands, require_installed
-    from opir_core.plugin.host import Host
+    from opir_core.cli.plugin_commands import add_commands
 
-    added = added_commands(Host.discover(), commands, name)
-    if name is not None and not added:
-        require_installed(name)
-        added_commands(Host.discover(), commands)  # the name is unknown: argparse lists all commands
+    add_commands(commands, name)

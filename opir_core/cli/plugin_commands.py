@@ -73,6 +73,14 @@ def added_commands(host: Host, commands: Any, name: str | None = None) -> tuple[
     return tuple(sorted(owners))
 
 
+def add_commands(commands: Any, name: str | None) -> None:
+    """Add the command of a name, or all commands of plugins without one or if nobody has it: argparse lists them."""
+    added = added_commands(Host.discover(), commands, name)
+    if name is not None and not added:
+        require_installed(name)
+        added_commands(Host.discover(), commands)
+
+
 def require_installed(name: str) -> None:
     """Raise `PluginError` if a package of this project that is not installed provides the command."""
     remedy = list(error_messages.installable(Search(COMMAND_HOOK, name)))

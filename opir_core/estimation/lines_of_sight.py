@@ -20,7 +20,7 @@ FEW_ROWS = 80
 LEAST_SIGMA_RAD = 3e-8
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class LinesOfSight(Columns):
     """Lines of sight, one row each: scene time of the look, sensor, scan, origin and direction in ECEF, error.
 
@@ -53,7 +53,7 @@ class LinesOfSight(Columns):
         return LinesOfSight(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class AngleMeasurements(Columns):
     """Angle measurements of tracks in the tangent plane of a reference direction; two whitened residuals each.
 

@@ -9,6 +9,7 @@ import numpy as np
 from attrs import fields
 
 from opir_core.arrays import IntArray
+from opir_core.errors import number_of
 
 _Filled = TypeVar("_Filled", bound="Columns")
 
@@ -29,7 +30,7 @@ _kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
 class Columns:
-    """A record of columns; the first attribute gives its length, and any may be None.
+    """A record of columns; the first attribute gives its length, and any may be None. Records have `repr=False`.
 
     A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
     """
@@ -39,6 +40,17 @@ class Columns:
 
     def __len__(self) -> int:
         return len(getattr(self, names_of(type(self))[0]))
+
+    def __repr__(self) -> str:
+        """Return the number of rows and the columns, with the shape of a row where it is not one number."""
+        columns = {name: getattr(self, name) for name in names_of(type(self))}
+        names = [
+            f"{name}{list(column.shape[1:]) if np.ndim(column) > 1 else ''}"
+            for name, column in columns.items()
+            if column is not None
+        ]
+        rows = next((len(column) for column in columns.values() if column is not None), 0)
+        return f"<{type(self).__name__}: {number_of('row', rows)} of {', '.join(names)}>"
 
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""

@@ -57,7 +57,7 @@ class FromFiles(Protocol):
         """The `path` and `sha256` of each file."""
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Response(Columns):
     """Expected measurements of looks: the quantile of P_d, and each band's signal and noise.
 

@@ -179,7 +179,7 @@ class RandomDraws(Protocol):
         """Return the random draws of some of the rows."""
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Measured(Columns):
     """Measurements of looks that detected, as in `Detections`; None for the sensor's own sigma, or if not measured."""
 

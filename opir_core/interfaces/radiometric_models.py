@@ -19,7 +19,7 @@ from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.scene.target_classes import Plume
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Paths(Columns):
     """Paths of light from targets to sensors, one row each; the arguments of `Transmittance.transmittance`.
 
@@ -36,7 +36,7 @@ class Paths(Columns):
     time_s: FloatArray
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Views(Columns):
     """Views along lines of sight, one row each; the arguments of `Background.radiance_w_m2_sr`.
 

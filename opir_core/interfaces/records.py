@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from opir_core.interfaces.viewpoints import AzimuthElevation
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Exposures(Columns):
     """Looks at radiating, visible targets: the input of detection models; one row per look.
 
@@ -43,7 +43,7 @@ class Exposures(Columns):
         return np.arcsin(self.elevation_sine)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class ClassifierInputs(Columns):
     """Looks that detected: the input of classifiers and confidence models; one row per detection.
 
@@ -73,7 +73,7 @@ class ClassifierInputs(Columns):
         return np.arcsin(self.elevation_sine)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Detections(Columns):
     """Reports of sensors; one row per detection, sorted by report, then time, sensor and look. They contain no truth.
 
@@ -159,7 +159,7 @@ class Detections(Columns):
         return Viewpoints.of(self.sensor, self.sensor_ecef_m).angles(self.line_of_sight_ecef)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class DetectionTruth(Columns):
     """The truth of `Detections`, row by row: kept separate, and never encoded into an event.
 
@@ -188,7 +188,7 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 IMPACT_METHODS = ("posterior", "paper")
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Tracks(Columns):
     """Estimates of a tracker, one row per track and tick, sorted by tick, then track.
 
@@ -242,7 +242,7 @@ class Tracks(Columns):
     )
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Window:
     """The results of a slice of scene time [start_s, end_s).
 
@@ -257,6 +257,11 @@ class Window:
     truth: DetectionTruth
     tracks: Tracks
     estimates: Tracks
+
+    def __repr__(self) -> str:
+        """Return the window in one line."""
+        of = f"{self.looks} looks, {len(self.detections)} detections, {len(self.tracks)} rows of tracks"
+        return f"<Window from {self.start_s:g} to {self.end_s:g} s: {of}>"
 
 
 @frozen(eq=False, kw_only=True)

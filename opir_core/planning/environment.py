@@ -52,7 +52,7 @@ REFERENCE_BURN_S = 170.0
 _SAMPLES, _STEPS = 48, 3
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Ascents(Columns):
     """Heights (n, m), m, of targets (n,) at scene times (n, m), s, from ignition to burnout."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.errors import ModelError, kind_of
+from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
@@ -40,7 +40,7 @@ _NS = 1_000_000_000
 _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False, kw_only=True, repr=False)
 class Plan:
     """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own from `make_tracker`.
 
@@ -68,6 +68,12 @@ class Plan:
     reported_types: tuple[str, ...] = REPORTED_TYPES
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the plan in one line."""
+        counts = {"sensor": len(self.sensors), "target": len(self.targets.ids), "pair": len(self.pairs)}
+        of = ", ".join(number_of(noun, count) for noun, count in counts.items())
+        return f"<Plan of {self.scene.name}: {of}, {self.end_ns * 1e-9:g} s, seed {self.scene.seed}>"
 
     @property
     def workload(self) -> Workload:
@@ -117,8 +123,11 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
     Raises `PluginError` for components that are missing or broken, `SceneError` for targets without a trajectory and
-    for more work than `scene.limits` accept.
+    for more work than `scene.limits` accept, `TypeError` for what is no scene.
     """
+    if not isinstance(scene, Scene):
+        need = "load_scene reads one from a file, scene_from_mapping from a dict"
+        raise TypeError(f"a scene is needed, not {kind_of(scene)}: {need}")
     host = host or Host.discover()
     with PluginErrors(host, scene):
         plan = _compiled(scene, host)

@@ -100,7 +100,7 @@ def _step_of(pairs: "Pairs", scan: IntArray) -> IntArray:
     return np.floor(time_s).astype(np.int64)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Pairs(Columns):
     """Sensor-target pairs, sorted by sensor, then target; one row per pair.
 

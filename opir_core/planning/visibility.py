@@ -39,7 +39,7 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
     return seen
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Margins(Columns):
     """Margins of lines of sight for each condition; all positive means visible.
 
@@ -70,7 +70,7 @@ class Margins(Columns):
         return cls(horizon_rad, grazing_m, inside_rad, above_rad)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class SunMargins(Columns):
     """Margins of lines of sight at the grid's points to the solar exclusion, rad, and how far they turn in a step."""
 

@@ -258,7 +258,7 @@ _PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
 PLACE_WORDS = 3
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Drawn(Columns):
     """False alarms of scans in or near a window; their times in the scan depend on their directions."""
 

@@ -4,6 +4,7 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core.errors import number_of
 from opir_core.scene.fields import flag, nested, number, text
 
 #: The target types a scene may launch, in the order of their codes.
@@ -178,7 +179,7 @@ class WorkLimits:
 BY_OBSERVATION, BY_REPORT = "observation", "report"
 
 
-@frozen
+@frozen(repr=False)
 class Scene:
     """A whole scene.
 
@@ -209,6 +210,11 @@ class Scene:
     reported_types: str = PAPER_TYPES
     limits: WorkLimits = WorkLimits()
     allow_implausible: bool = False
+
+    def __repr__(self) -> str:
+        """Return the scene in one line."""
+        of = f"{number_of('sensor', len(self.sensors))}, {number_of('target', len(self.targets))}"
+        return f"<Scene {self.name}: {of}, tracker {self.tracker.name}, {self.duration_s:g} s, seed {self.seed}>"
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -144,7 +144,7 @@ def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tu
 REACH_S = 1.0
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Innovations(Columns):
     """One row per tick of a target's track in force: target, time since ignition, geometry, and the NIS.
 

@@ -16,7 +16,7 @@ from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class StateErrors(Columns):
     """One row per tick of a target's track in force, while the truth is known.
 
@@ -41,7 +41,7 @@ class StateErrors(Columns):
     impact_m: FloatArray
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class PointErrors(Columns):
     """One row per target with a track: errors of its last launch and impact estimates, two degrees of freedom.
 

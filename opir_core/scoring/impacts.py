@@ -34,7 +34,7 @@ OLDEST_S = 5.0
 _SAME = 1e-6
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class ImpactScores(Columns):
     """Scores of predicted impacts, one row per tick of a target's track in force.
 

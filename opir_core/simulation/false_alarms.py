@@ -29,7 +29,7 @@ from opir_core.simulation.measurement import classified, classifier_inputs, conf
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class _Placed(Columns):
     """A window's false alarms: time, sensor, scan, id, direction, sensor position and random numbers."""
 

@@ -26,7 +26,7 @@ from opir_core.simulation.output_checks import (
 BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Hits(Columns):
     """Looks of a window that detect: row among the looks, pair, scan, time, detection count so far, P_d.
 

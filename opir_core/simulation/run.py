@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from attrs import field, frozen
 
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import Problem, SceneError, number_of
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.plan import Plan, compile_plan
@@ -47,8 +47,9 @@ class Run:
         """Return the scene with the counts, in one line."""
         counts, scene = self.summary["counts"], self.plan.scene
         return (
-            f"<Run of {scene.name}: {counts['detections']} detections of {counts['targets']} targets"
-            f" by {counts['sensors']} sensors, {counts['tracks']} tracks, {scene.duration_s:g} s, seed {scene.seed}>"
+            f"<Run of {scene.name}: {number_of('detection', counts['detections'])}"
+            f" of {number_of('target', counts['targets'])} by {number_of('sensor', counts['sensors'])},"
+            f" {number_of('track', counts['tracks'])}, {scene.duration_s:g} s, seed {scene.seed}>"
         )
 
     def _repr_html_(self) -> str:

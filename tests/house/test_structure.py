@@ -96,7 +96,6 @@ def test_no_imports_run_in_a_circle() -> None:
 LAZY_IMPORTS = 50
 
 
-@pytest.mark.slow
 def test_few_imports_stand_inside_functions() -> None:
     lazy = [
         f"{module}:{inner.lineno}"
@@ -130,7 +129,6 @@ def test_modules_are_as_long_as_one_subject() -> None:
     assert not {name: size for name, size in sizes.items() if size > LONGEST_MODULE}
 
 
-@pytest.mark.slow
 def test_functions_are_short() -> None:
     assert not [
         f"{path.relative_to(ROOT)}:{node.name}"

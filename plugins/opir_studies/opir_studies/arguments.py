@@ -27,9 +27,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
         " detection_by_time)",
     )
-    parser.add_argument(
-        "-o", "--out", metavar="FOLDER", help="folder of the study (default: the file's name, with -study)"
-    )
+    parser.add_argument("-o", "--out", metavar="FOLDER", help="where the study goes (default: its name, with -study)")
     parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
     parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")
     parser.add_argument(

@@ -46,7 +46,7 @@ _GROUND_M_S = 600.0
 FEW_PAIRS = 128
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GatedPairs(Columns):
     """Gated pairs of a track and a line of sight, in the tangent plane of the predicted direction.
 

@@ -151,7 +151,7 @@ HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Clusters(Columns):
     """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of scans.
 
@@ -167,7 +167,7 @@ class Clusters(Columns):
     is_part: BoolArray
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class TrackCandidates(Columns):
     """Candidates for new tracks: position (n, 3) in ECEF, m, time, and number of sensors.
 

@@ -93,7 +93,7 @@ def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     return range_m
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Fixes(Columns):
     """Triangulated positions (n, 3), m, their information (n, 3, 3), 1/m², and least sums of squared residuals (n,).
 

@@ -41,7 +41,7 @@ LONGEST_BURN_S = 250.0
 _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class ArcFits(Columns):
     """Arcs, one row per track: number, time of the first emission, s, and the inertial state then, m and m/s.
 

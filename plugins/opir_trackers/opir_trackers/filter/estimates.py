@@ -120,7 +120,7 @@ def twice(rows: FloatArray) -> FloatArray:
     return rows[:, None].repeat(2, axis=1)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class ModeEstimates(Columns):
     """Estimates of tracks at one time, one row each: mean and information root of each mode, and mode probabilities.
 

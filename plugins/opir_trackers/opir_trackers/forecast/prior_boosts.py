@@ -33,7 +33,7 @@ STEP_S = 2.0
 _PARTS = 20
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class BoostPrograms(Columns):
     """What the thrust of boosts (n,) does.
 

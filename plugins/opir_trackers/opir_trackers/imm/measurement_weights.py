@@ -34,7 +34,7 @@ _LEAST_SHARE = 5e-3
 LEAST_WEIGHT = 1e-6
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class AmbiguousMeasurements(Columns):
     """Lines that may be part of measurements, one row each: measurement, line and scan.
 

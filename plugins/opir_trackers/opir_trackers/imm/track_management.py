@@ -30,7 +30,7 @@ _DUPLICATE_GATE = 27.9
 _ENOUGH_SCANS = 4
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class SharedDetections(Columns):
     """Recent detections by track number, sensor, scan and time: one row each."""
 
@@ -132,7 +132,7 @@ _FASTEST_M_S = 20e3
 _SURE_SIGMAS = 3.0
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class TrackTable(Columns):
     """Properties of tracks besides their estimates, one row each.
 
