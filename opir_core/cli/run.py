@@ -43,7 +43,9 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     where_events = "write events here as JSON lines, or columns if PATH ends in .parquet (- for standard output)"
     where.add_argument("-o", "--out", metavar="PATH", help=where_events)
     where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
-    where_truth = "write the truth here, as columns if PATH ends in .parquet (default: beside the events, as they are)"
+    where_truth = (
+        "write the truth here, as columns if PATH ends in .parquet (default: beside the events, in their format)"
+    )
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
     parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")

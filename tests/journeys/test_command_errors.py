@@ -198,7 +198,7 @@ def test_a_missing_package_of_this_project_is_named(
         ),
     ],
 )
-def test_an_unknown_option_is_told_with_the_usage_of_its_command(
+def test_an_unknown_option_is_refused_with_the_usage_of_its_command(
     folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], usage: str, error: str
 ) -> None:
     with pytest.raises(SystemExit) as left:

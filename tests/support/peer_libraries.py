@@ -8,7 +8,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-#: What the distributions of the extra install.
+#: The packages that the distributions of the extra install, as they are imported.
 NAMES = (
     "astropy",
     "axe_playwright_python",
@@ -32,14 +32,14 @@ IMPORT = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)
 
 
 def imported_by(file: Path) -> set[str]:
-    """Return the names of NAMES that a file of tests imports, itself or through a module of tests/support."""
+    """Return the libraries of NAMES that a file of tests imports, itself or through a module of tests/support."""
     modules = set(IMPORT.findall(file.read_text(encoding="utf-8")))
     return modules.intersection(NAMES).union(*(of_support().get(module, ()) for module in modules))
 
 
 @cache
 def of_support() -> dict[str, set[str]]:
-    """Return the names of NAMES that each module beside this one imports itself."""
+    """Return the libraries of NAMES that each module beside this one imports itself."""
     return {
         file.stem: set(IMPORT.findall(file.read_text(encoding="utf-8"))).intersection(NAMES)
         for file in Path(__file__).parent.glob("*.py")
@@ -48,5 +48,5 @@ def of_support() -> dict[str, set[str]]:
 
 @cache
 def missing() -> frozenset[str]:
-    """Return the names of NAMES that cannot be imported here."""
+    """Return the libraries of NAMES that cannot be imported here."""
     return frozenset(name for name in NAMES if find_spec(name) is None)

@@ -5,7 +5,7 @@ import pytest
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.columns import Columns, names_of
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks
 
 
@@ -35,10 +35,8 @@ def test_columns_without_rows(record: type[Columns]) -> None:
 
 
 def test_one_row_and_columns_of_matrices() -> None:
-    tracks = Tracks.concatenate([Tracks.empty()])
-    shown = repr(
-        Tracks(*(np.zeros((1, *column.shape[1:])) for column in map(tracks.__getattribute__, Tracks.__slots__[:-1])))
-    )
+    empty = Tracks.empty()
+    shown = repr(Tracks(*(np.zeros((1, *getattr(empty, name).shape[1:])) for name in names_of(Tracks))))
     assert shown.startswith("<Tracks: 1 row of tick_s, track, state[6], state_covariance[6, 6], ")
 
 

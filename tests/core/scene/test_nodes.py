@@ -1,13 +1,13 @@
-"""The order in which the errors of a scene are told."""
+"""Errors of a scene are reported in the order of their lines."""
 
 from opir_core.scene.reading.nodes import Complaint, ordered
 
 
 def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None:
-    told = [
+    errors = [
         Complaint("no place"),
         Complaint("late", (1_000_000, 1)),
         Complaint("right", (3, 9)),
         Complaint("left", (3, 2)),
     ]
-    assert [one.message for one in ordered([*told, told[0]])] == ["left", "right", "late", "no place"]
+    assert [one.message for one in ordered([*errors, errors[0]])] == ["left", "right", "late", "no place"]
