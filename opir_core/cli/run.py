@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[str, Path | None]]:
     """Return the scene, the outcome of its run, and the paths of its files."""
     host = Host.discover()
-    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_file(_DEFAULT_OUT)}]",))
+    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_output_to(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
     events = _first_file(scene)
     truth = _beside(events, arguments.truth, f".truth{PARQUET if events and has_columns(events) else '.jsonl'}")
@@ -117,11 +117,11 @@ def _ended_by_sigterm() -> Iterator[None]:
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Return the override of `--out` or `--sink`."""
     if arguments.out is not None:
-        return (f"outputs=[{_file(arguments.out)}]",)
+        return (f"outputs=[{_output_to(arguments.out)}]",)
     return (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
 
 
-def _file(path: str) -> str:
+def _output_to(path: str) -> str:
     """Return the output that writes events to a path."""
     sink = "parquet" if has_columns(Path(path)) else "jsonl"
     return f"{{{sink}: {{path: {json.dumps(path)}}}}}"
