@@ -42,7 +42,7 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvaged_at_start
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 BEGIN, END = "<!-- campaign: begin -->", "<!-- campaign: end -->"
 HEAD = "| trial | tried | survived | events | reported as lost | lost unreported |\n|---|--:|--:|--:|--:|--:|"

@@ -20,7 +20,7 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import compile_plan
 from opir_core.planning.visibility import visible_now
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 FLEETS = {
     "DSP": ["DSP"],

@@ -34,7 +34,7 @@ from result_files import write_csv
 
 import opir_core as opir
 from opir_core.builtin.class_flights import EPHEMERIS_TOLERANCE_M
-from opir_core.scene.reading import scene_mapping
+from opir_core.reading import scene_mapping
 from opir_core.scoring.errors import ground_error
 
 #: Modules that build trajectories to `EPHEMERIS_TOLERANCE_M`.

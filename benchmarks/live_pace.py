@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.host.host import Host
 from opir_core.live.loops import limit_pauses
 from opir_core.live.running import LiveRun, LiveSettings, LiveStatus
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene, scene_from_mapping, scene_mapping
+from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Scene
 
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "raid_100.yaml"

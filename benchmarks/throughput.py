@@ -23,7 +23,7 @@ from figures import keep
 import opir_core as opir
 from opir_core.output.delivery import deliver
 from opir_core.planning.plan import Plan
-from opir_core.scene.reading import scene_mapping
+from opir_core.reading import scene_mapping
 from opir_core.simulation.run import plan_windows
 
 

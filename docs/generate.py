@@ -15,10 +15,10 @@ from attrs import asdict, fields
 from modelled import modelled_pages
 
 from opir_core.cli.main import main as opir
-from opir_core.plugin.components import CATALOGUE, Component, Constellation, plural
-from opir_core.plugin.host import Host
+from opir_core.host.components import CATALOGUE, Component, Constellation, plural
+from opir_core.host.host import Host
+from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import field_rows, named_values, shown
-from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
 from opir_core.scene.target_classes import TargetClass
 

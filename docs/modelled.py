@@ -9,10 +9,10 @@ import io
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.host import Host
+from opir_core.host.components import CATALOGUE, Component
+from opir_core.host.host import Host
+from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import FieldRow, field_rows
-from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag, SpoolConfig
 
 

@@ -11,12 +11,12 @@ from opir_core._version import __version__
 
 if TYPE_CHECKING:
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
+    from opir_core.host.host import Host
     from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
     from opir_core.output.saved_runs import load_run
     from opir_core.planning.plan import Plan, compile_plan
-    from opir_core.plugin.host import Host
-    from opir_core.scene.reading import load_scene, scene_from_mapping
+    from opir_core.reading import load_scene, scene_from_mapping
     from opir_core.scene.scene import Scene
     from opir_core.simulation.engine import Engine
     from opir_core.simulation.run import Run, plan_windows, run_of_plan, simulate, windows
@@ -28,8 +28,8 @@ _HOMES = {
     "interfaces.records": "DetectionTruth Detections Tracks Window",
     "output.saved_runs": "load_run",
     "planning.plan": "Plan compile_plan",
-    "plugin.host": "Host",
-    "scene.reading": "load_scene scene_from_mapping",
+    "host.host": "Host",
+    "reading": "load_scene scene_from_mapping",
     "scene.scene": "Scene",
     "simulation.engine": "Engine",
     "simulation.run": "Run plan_windows run_of_plan simulate windows",

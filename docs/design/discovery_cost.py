@@ -1,7 +1,7 @@
 """What finding plugins costs: reading metadata files directly, against asking `importlib.metadata`.
 
 Each way is timed in fresh interpreters that have imported what every run imports anyway; medians are printed. It
-settled why `opir_core/plugin/discovery.py` reads directories itself.
+settled why `opir_core/host/discovery.py` reads directories itself.
 """
 
 import json
@@ -18,7 +18,7 @@ WAYS = {
         "from importlib.metadata import entry_points; entry_points(group='opir'); entry_points(group='opir.components')"
     ),
     "metadata files": (
-        "from opir_core.plugin.discovery import distributions_with; distributions_with(('opir', 'opir.components'))"
+        "from opir_core.host.discovery import distributions_with; distributions_with(('opir', 'opir.components'))"
     ),
 }
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig, PosteriorConfig, WeightedConfig
 from opir_core.errors import ModelError, nearest
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin.components import NoConfig
 from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import Exposures
-from opir_core.plugin.components import NoConfig
 from opir_core.scene.scene import MAXIMUM_BANDS, SOURCE_TYPES
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import is_probability

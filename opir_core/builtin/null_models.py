@@ -6,10 +6,10 @@ import numpy as np
 from attrs import define, frozen
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
-from opir_core.plugin.components import NoConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.radiometric_models import (

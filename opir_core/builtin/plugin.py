@@ -20,7 +20,7 @@ from opir_core.builtin.configs import (
     TableConfig,
     WeightedConfig,
 )
-from opir_core.plugin.components import (
+from opir_core.host.components import (
     AtmosphereModel,
     BackgroundModel,
     ClassifierModel,
@@ -31,7 +31,7 @@ from opir_core.plugin.components import (
     TargetModel,
     TrackerModel,
 )
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.hookspecs import hookimpl
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from functools import partial
 
-from opir_core.plugin.components import SensorModel
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.components import SensorModel
+from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.fields import with_defaults
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 from opir_core.sensors.sensor_components import scanning_sensor

@@ -12,11 +12,11 @@ from typing import Any
 
 from opir_core.builtin.configs import JsonlConfig, MemoryConfig
 from opir_core.errors import SinkError, reason_of, way_to_write
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count, encoder_blocks, event_counter, only_encodable
-from opir_core.plugin.components import NoConfig
 
 
 class MemorySink:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.target_classes import TargetClass, core_target_classes
 
 

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from opir_core.classification.configs import SpectralConfig
-from opir_core.plugin.components import ClassifierModel
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.components import ClassifierModel
+from opir_core.host.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import ModelContext

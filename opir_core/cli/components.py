@@ -10,10 +10,10 @@ from attrs import asdict, frozen
 
 from opir_core.cli.terminal import table
 from opir_core.errors import PluginError, nearest_names
-from opir_core.plugin.components import CATALOGUE, Constellation, Offered, Provenance
-from opir_core.plugin.error_messages import PACKAGES, way_to_install
-from opir_core.plugin.host import Host
-from opir_core.plugin.registry import PluginRow
+from opir_core.host.components import CATALOGUE, Constellation, Offered, Provenance
+from opir_core.host.error_messages import PACKAGES, way_to_install
+from opir_core.host.host import Host
+from opir_core.host.registry import PluginRow
 from opir_core.scene.field_rows import REQUIRED, field_rows, named_values, plain, shown
 from opir_core.scene.target_classes import TargetClass
 

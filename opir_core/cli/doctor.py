@@ -23,10 +23,10 @@ from attrs import asdict, frozen
 from opir_core._version import __version__
 from opir_core.cli.terminal import table
 from opir_core.errors import OpirError, reason_of
+from opir_core.host.error_messages import PACKAGES
+from opir_core.host.host import Host
 from opir_core.output.sink_thread import WITHOUT_SPOOL
-from opir_core.plugin.error_messages import PACKAGES
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 from opir_core.scene.scene import Choice
 
 OK, WARN, FAIL = "ok", "warn", "fail"

@@ -3,7 +3,7 @@
 import sys
 
 from opir_core.errors import ModelError, OpirError
-from opir_core.plugin.error_messages import described_error
+from opir_core.host.error_messages import described_error
 
 
 def report(error: BaseException) -> int:

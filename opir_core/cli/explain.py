@@ -8,9 +8,9 @@ from typing import Any
 
 from opir_core.cli.scene_arguments import add_scene_arguments, check_of, plan_of, scene_of
 from opir_core.cli.terminal import grouped, table
+from opir_core.host.host import Host
+from opir_core.host.registry import warn
 from opir_core.planning.plan import Plan
-from opir_core.plugin.host import Host
-from opir_core.plugin.registry import warn
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.plan_warnings import plan_warnings

@@ -17,9 +17,9 @@ from attrs import frozen
 
 from opir_core._version import __version__
 from opir_core.errors import PluginError, with_article
-from opir_core.plugin.components import plural
-from opir_core.plugin.discovery import core_sources, installed_sources
-from opir_core.plugin.host import Host
+from opir_core.host.components import plural
+from opir_core.host.discovery import core_sources, installed_sources
+from opir_core.host.host import Host
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _LONGEST = 40

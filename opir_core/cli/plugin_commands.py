@@ -5,13 +5,13 @@ from collections.abc import Collection
 from typing import Any
 
 from opir_core.errors import PluginError
-from opir_core.plugin import error_messages
-from opir_core.plugin.components import Provenance
-from opir_core.plugin.contributions import Contributions, InvalidPlugin
-from opir_core.plugin.discovery import COMMAND_HOOK, Source
-from opir_core.plugin.error_messages import Search, described_error
-from opir_core.plugin.host import Host
-from opir_core.plugin.registry import Registry, warn
+from opir_core.host import error_messages
+from opir_core.host.components import Provenance
+from opir_core.host.contributions import Contributions, InvalidPlugin
+from opir_core.host.discovery import COMMAND_HOOK, Source
+from opir_core.host.error_messages import Search, described_error
+from opir_core.host.host import Host
+from opir_core.host.registry import Registry, warn
 
 #: The owners of every command that plugins have added.
 Owners = dict[str, list[Provenance]]

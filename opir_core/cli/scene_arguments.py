@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from opir_core.cli.terminal import grouped, told_if_slow
 from opir_core.errors import SceneError
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.host.host import Host
+from opir_core.reading import load_scene
 from opir_core.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from opir_core.detection.configs import SnrConfig
-from opir_core.plugin.components import DetectionModel
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.components import DetectionModel
+from opir_core.host.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import ModelContext

@@ -11,6 +11,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, kind_of
+from opir_core.host.boundary import InvalidOutput
 from opir_core.interfaces.radiometric_models import (
     Background,
     Paths,
@@ -19,7 +20,6 @@ from opir_core.interfaces.radiometric_models import (
     radiances_and_clutter_w_m2_sr,
     transmittances,
 )
-from opir_core.plugin.boundary import InvalidOutput
 
 #: Rounding of a transmittance that models interpolate.
 _ROUNDING = 1e-9

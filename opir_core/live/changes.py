@@ -18,12 +18,12 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, IndexArray, IntArray
 from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.flight.burns import joined_burns_s
+from opir_core.host.host import Host
 from opir_core.planning.plan import Plan, compile_plan, with_targets
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
-from opir_core.plugin.host import Host
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.plausibility import REMEDY, implausible_values
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Choice, Scene
 from opir_core.simulation.engine import Engine
 

@@ -14,10 +14,10 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError
+from opir_core.host.host import Host
 from opir_core.interfaces.records import Window
 from opir_core.live.changes import PastError, plan_of_lap
 from opir_core.planning.plan import Plan
-from opir_core.plugin.host import Host
 from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.shifting import shifted

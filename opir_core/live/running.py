@@ -10,6 +10,9 @@ from typing import Any
 from attrs import evolve, frozen
 
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.host.error_messages import described_error
+from opir_core.host.host import Host
+from opir_core.host.registry import warn
 from opir_core.interfaces.records import Window
 from opir_core.live.changes import (
     BusyError,
@@ -28,10 +31,7 @@ from opir_core.live.watchdog import Progress, RunningCall, progress_of
 from opir_core.output.delivery import counter_of, opened_sink
 from opir_core.output.sink_thread import WITHOUT_SPOOL, SinkThread
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin.error_messages import described_error
-from opir_core.plugin.host import Host
-from opir_core.plugin.registry import warn
-from opir_core.scene.reading import scene_mapping
+from opir_core.reading import scene_mapping
 from opir_core.scene.scene import WAIT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.report_order import ReportOrder, quiet_window

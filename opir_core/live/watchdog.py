@@ -14,7 +14,7 @@ from typing import Protocol
 
 from attrs import field, frozen
 
-from opir_core.plugin.error_messages import place_of_frame
+from opir_core.host.error_messages import place_of_frame
 
 #: Longest interval, s, between two checks of a run.
 CHECK_S = 0.5

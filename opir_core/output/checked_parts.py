@@ -5,10 +5,10 @@ from typing import Any
 
 from opir_core.arrays import BoolArray
 from opir_core.errors import OpirError, SinkError, kind_of
+from opir_core.host.boundary import blamed_call
 from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, PartialEncoder, TrackEncoder
 from opir_core.interfaces.protocols import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Window
-from opir_core.plugin.boundary import blamed_call
 
 
 class CheckedPart:

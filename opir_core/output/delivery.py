@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from attrs import frozen
 
 from opir_core.errors import SinkError
+from opir_core.host.boundary import check_hint, owner_text
+from opir_core.host.components import EventEncoder
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
@@ -18,8 +20,6 @@ from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
 from opir_core.output.transaction import OutputFiles
 from opir_core.planning.plan import Plan, built
-from opir_core.plugin.boundary import check_hint, owner_text
-from opir_core.plugin.components import EventEncoder
 from opir_core.scene.scene import Choice
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
+from opir_core.host.components import SinkModel
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.output.delivery import has_columns
@@ -28,10 +30,8 @@ from opir_core.output.run_files import (
 from opir_core.output.tracks_file import read_tracks
 from opir_core.output.transaction import finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin.components import SinkModel
-from opir_core.plugin.host import Host
 from opir_core.random_streams.detection_ids import uuid_words
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import Run
 from opir_core.simulation.summary import Tally
 

@@ -14,11 +14,11 @@ from typing import Any
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
+from opir_core.host.error_messages import described_error
 from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, ParkingSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
-from opir_core.plugin.error_messages import described_error
 
 #: Maximum number of windows in the queue of a sink of a live run without a spool.
 QUEUED_WINDOWS = 200

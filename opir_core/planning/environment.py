@@ -10,6 +10,8 @@ from attrs import evolve, frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.gravity_and_drag import height_m
 from opir_core.geometry.vectors import length
+from opir_core.host.components import SignatureModel
+from opir_core.host.host import Host
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.radiometric_models import (
@@ -32,8 +34,6 @@ from opir_core.interfaces.radiometric_models import (
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.reflection import ReflectedSunlight, shadow_times_s
 from opir_core.planning.targets import Targets
-from opir_core.plugin.components import SignatureModel
-from opir_core.plugin.host import Host
 from opir_core.radiometry.viewing import views
 from opir_core.scene.scene import DEFAULT_SIGNATURE, Choice, Scene
 from opir_core.scene.target_classes import TargetClass

@@ -12,6 +12,8 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, kind_of, number_of
+from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
@@ -23,8 +25,6 @@ from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.work import Workload
-from opir_core.plugin.boundary import PluginErrors, blamed_call, check_hint, owner_text
-from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass

@@ -7,8 +7,8 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.errors import ModelError
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Sensor
-from opir_core.plugin.host import Host
 from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Scene
 from opir_core.scene.target_classes import TargetClass
 

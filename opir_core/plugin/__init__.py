@@ -6,8 +6,7 @@ Protocols, contexts and records are imported on first use, so that discovering a
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.plugin.components import (
+from opir_core.host.components import (
     AtmosphereModel,
     BackgroundModel,
     ClassifierModel,
@@ -27,7 +26,8 @@ from opir_core.plugin.components import (
     TargetModel,
     TrackerModel,
 )
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.hookspecs import hookimpl
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.scene.fields import FieldInfo, cited, flag, named, nested, number, text, with_defaults
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.scene.target_classes import Ballistic, BoostProfile, EquilibriumGlide, OrbitInsertion, Plume, TargetClass
@@ -42,6 +42,7 @@ from opir_core.sensors.sensor_components import (
 )
 
 if TYPE_CHECKING:
+    from opir_core.host.host import Host
     from opir_core.interfaces.contexts import (
         EncoderContext,
         ModelContext,
@@ -107,7 +108,6 @@ if TYPE_CHECKING:
         Metric,
         MetricContext,
     )
-    from opir_core.plugin.host import Host
 
 #: The module of each name that is imported on first use.
 _HOMES = {
@@ -130,7 +130,7 @@ _HOMES = {
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
-        "plugin.host": "Host",
+        "host.host": "Host",
     }.items()
     for name in names.split()
 }

@@ -1,11 +1,11 @@
-"""The core's radiometry plugin: plumes, atmospheres, backgrounds and sources, listed in `plugin.discovery`."""
+"""The core's radiometry plugin: plumes, atmospheres, backgrounds and sources, listed in `host.discovery`."""
 
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin.components import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.components import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel
+from opir_core.host.hookspecs import hookimpl
 from opir_core.radiometry.configs import EarthConfig, LowtranConfig, PlumeConfig
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin.components import Constellation, SensorModel
+from opir_core.host.components import Constellation, SensorModel
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 if TYPE_CHECKING:

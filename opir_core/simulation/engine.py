@@ -13,6 +13,7 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.host.boundary import PluginErrors
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Measured
@@ -20,7 +21,6 @@ from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Win
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Pairs
-from opir_core.plugin.boundary import PluginErrors
 from opir_core.random_streams.detection_ids import stream_key_words
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.random_streams.philox import uniforms_of

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from opir_core._version import __version__
+from opir_core.host.components import Constellation, EventEncoder
 from opir_core.interfaces.optional import FromFiles
 from opir_core.planning.plan import Plan
-from opir_core.plugin.components import Constellation, EventEncoder
 from opir_core.random_streams.philox import SCHEME
-from opir_core.scene.reading import scene_hash, scene_mapping
+from opir_core.reading import scene_hash, scene_mapping
 from opir_core.scene.target_classes import TargetClass
 
 #: Version of the manifest format.

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from opir_core.errors import PluginError
-from opir_core.plugin.error_messages import way_to_install
+from opir_core.host.error_messages import way_to_install
 
 #: Rows of the table.
 _LISTED = 12

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from opir_core.arrays import BoolArray
+from opir_core.host.boundary import PluginErrors
+from opir_core.host.host import Host
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.plan import plan_parts, scan_starts
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.work import Workload
-from opir_core.plugin.boundary import PluginErrors
-from opir_core.plugin.host import Host
 from opir_core.scene.scene import Scene
 from opir_core.simulation.plan_warnings import CheckedScene, aligned_pairs
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
+from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_core.planning.plan import Plan
-from opir_core.plugin.boundary import blamed_call, check_hint, owner_text
 from opir_core.simulation.output_checks import outline
 
 _NS = 1_000_000_000

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.builtin.null_models import NoTracker
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.components import NoConfig
+from opir_core.host.host import Host
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import (
@@ -26,8 +28,6 @@ from opir_core.planning.pair_compiler import compile_pairs
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.solar_exclusion import solar_exclusions
 from opir_core.planning.targets import join_targets
-from opir_core.plugin.components import NoConfig
-from opir_core.plugin.host import Host
 from opir_core.random_streams.detection_ids import stream_key, uuid8_words
 from opir_core.scene.scene import UNKNOWN_TYPE, Choice, Scene
 from opir_core.sensors.scan_patterns import AlignedScan

@@ -16,12 +16,12 @@ from skyfield.keplerlib import propagate
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits import highly_elliptical_elements, walker_pattern
 from opir_core.orbits.orbit_models import TwoBodyMotion
 from opir_core.planning.visibility import visible_now
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 for package in ("opir_heo", "opir_leo"):
     # Where the plugins are not installed, their sources are tested.

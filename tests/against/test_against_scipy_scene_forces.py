@@ -18,7 +18,7 @@ from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import ZonalField
 from opir_core.geometry import Geodetic, geodetic_to_ecef
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 
 EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 FIELD = ZonalField()

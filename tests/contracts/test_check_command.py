@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from opir_core.cli.main import main
-from opir_core.plugin.components import CATALOGUE
+from opir_core.host.components import CATALOGUE
 from opir_core.testing.contracts import HOMES, conformance_results, contract_for, contract_of
 from opir_core.testing.contracts.contract import test_names as names_of
 from opir_core.testing.json_schema import schema_errors

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from repository import ROOT
 
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 from opir_core.testing.contracts import HOMES
 
 TESTS = ROOT / "tests"

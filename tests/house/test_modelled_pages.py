@@ -10,12 +10,12 @@ import pytest
 from attrs import fields, has
 from repository import ROOT
 
-from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.host import Host
+from opir_core.host.components import CATALOGUE, Component
+from opir_core.host.host import Host
 from opir_core.radiometry.source_configs import SourceConfig
+from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import FieldRow, field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
-from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag, SpoolConfig
 from opir_core.sensors.radiometer import RadiometerConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig

@@ -12,9 +12,9 @@ from repository import ROOT
 
 sys.path.insert(0, str(ROOT))
 from benchmarks.skipping import ADDED, FILLED, PARTS, SAME, Part, Use, used
+from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import run_of_plan
 

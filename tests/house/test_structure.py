@@ -19,11 +19,11 @@ VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "mis
 #: Modules that may lie flat in the core.
 FLAT = {"__init__", "__main__", "_version", "arrays", "constants", "errors"}
 
-#: The floors of the core, from the lowest: a module imports from its own floor and from those below. `scene/reading` is
-#: above `plugin`, for a scene names components; `plugin` itself, the door for plugin authors, is above the sensor kit.
+#: The floors of the core, from the lowest: a module imports from its own floor and from those below. `reading` is above
+#: `host`, for a scene names components; the door for plugin authors, `plugin`, only re-exports.
 FLOORS = (
     *("_version", "constants", "errors", "arrays", "geometry", "scene", "flight", "interfaces", "orbits"),
-    *("random_streams", "plugin", "radiometry", "scene.reading", "planning", "detection", "classification"),
+    *("random_streams", "host", "radiometry", "reading", "planning", "detection", "classification"),
     *("estimation", "sensors", "simulation", "output", "scoring", "builtin", "live", "testing", "cli"),
 )
 
@@ -47,8 +47,7 @@ CORE_MODULES = {module_of(path): path for path in sorted(CORE.rglob("*.py"))}
 
 
 def floor_of(module: str) -> str:
-    inside = module.removeprefix("opir_core.")
-    return "scene.reading" if inside.startswith("scene.reading") else inside.partition(".")[0]
+    return module.removeprefix("opir_core.").partition(".")[0]
 
 
 def imports_of(path: Path) -> Iterator[str]:
@@ -167,11 +166,11 @@ def test_the_core_names_no_constellation_no_tracker_package_no_web_and_no_broker
 
 #: The hook `opir_trackers` has the name of a package.
 WHERE_HOOKS_ARE_NAMED = {
-    "opir_core.plugin.components",
-    "opir_core.plugin.hookspecs",
+    "opir_core.host.components",
+    "opir_core.host.hookspecs",
     "opir_core.testing.contracts",
     "opir_core.builtin.plugin",
-    "opir_core.scene.reading.scene_schema",
+    "opir_core.reading.scene_schema",
 }
 
 

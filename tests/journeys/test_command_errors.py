@@ -10,7 +10,7 @@ from repository import EXAMPLES
 
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, OpirError, PluginError, SceneError, SinkError
-from opir_core.plugin import discovery
+from opir_core.host import discovery
 
 EXAMPLE = EXAMPLES / "first_light.yaml"
 

@@ -10,8 +10,8 @@ import pytest
 from attrs import fields
 from repository import EXAMPLES
 
-from opir_core.plugin.components import Component
-from opir_core.plugin.host import Host
+from opir_core.host.components import Component
+from opir_core.host.host import Host
 
 
 def opir(*words: str) -> subprocess.CompletedProcess[str]:

@@ -11,8 +11,8 @@ import pytest
 
 from opir_core.geometry import gmst_rad
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.scene.reading import scene_from_mapping
-from opir_core.scene.reading.scene_schema import epoch_us_of_text, text_of_epoch_us
+from opir_core.reading import scene_from_mapping
+from opir_core.reading.scene_schema import epoch_us_of_text, text_of_epoch_us
 from opir_core.simulation.run import Run, simulate
 
 EPOCH = "2026-04-01T12:00:00Z"

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from opir_core.errors import SceneError
 from opir_core.geometry import Geodetic, geodesic_direct, geodetic_to_ecef, is_occluded
+from opir_core.host.host import Host
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import Run, simulate
 
 pytestmark = pytest.mark.filterwarnings("error")

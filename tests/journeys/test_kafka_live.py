@@ -11,9 +11,9 @@ from kafka_broker import dead_address, messages
 from repository import EXAMPLES
 from waiting import until
 
+from opir_core.host.host import Host
 from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
 STOP_S = 5.0

@@ -13,7 +13,7 @@ from repository import EXAMPLES
 
 from opir_core.cli.main import main
 from opir_core.cli.new_plugin import KINDS
-from opir_core.plugin.components import CATALOGUE
+from opir_core.host.components import CATALOGUE
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 

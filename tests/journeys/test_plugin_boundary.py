@@ -13,11 +13,11 @@ from rogue_components import Deed, raising, rogue_host
 
 import opir_core as opir
 from opir_core.errors import ModelError
+from opir_core.host.host import Host
 from opir_core.output.delivery import deliver
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin import Delivery, NoConfig, TrackerModel, hookimpl, number
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 SNR = {"detection": "snr", "background": "none"}
 
@@ -196,7 +196,7 @@ PRINTING = """
 import os, sys
 from rogue_components import rogue_host
 from opir_core.cli.main import main
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 
 def loud(answer):
     print("noise of a plugin")

@@ -13,9 +13,9 @@ import pytest
 import yaml
 from repository import ROOT
 
-from opir_core.plugin.discovery import CORE_PLUGINS
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.host.discovery import CORE_PLUGINS
+from opir_core.host.host import Host
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import plan_windows, simulate
 from opir_core.testing.bench import encoder_of, planned
 

@@ -19,11 +19,11 @@ from kafka_broker import messages
 from serve_process import Nursery, nursery
 from waiting import until
 
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 from opir_core.simulation.engine import Engine
 
 KILLS, RUNS = 20, 8

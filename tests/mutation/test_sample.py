@@ -84,7 +84,7 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytes
 
 def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_path: Path) -> None:
     files = {
-        "opir_core/plugin/host.py": "PLUGINS = ['opir_core.builtin.sinks']",
+        "opir_core/host/host.py": "PLUGINS = ['opir_core.builtin.sinks']",
         "opir_core/builtin/sinks.py": "",
         "plugins/opir_dsp/opir_dsp/plugin.py": "from opir_core.builtin import sinks",
         "tests/support/scenes.py": "FLEETS = ['opir_dsp']",
@@ -92,7 +92,7 @@ def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_pa
     }
     write(tmp_path, files)
     assert distances("opir_core/builtin/sinks.py", imports_of(tmp_path, files)) == {
-        "opir_core/plugin/host.py": 1,
+        "opir_core/host/host.py": 1,
         "plugins/opir_dsp/opir_dsp/plugin.py": 1,
         "tests/support/scenes.py": 2,
         "tests/plugins/test_fleets.py": 3,

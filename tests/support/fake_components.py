@@ -6,6 +6,8 @@ from typing import Any
 
 from attrs import Factory, frozen
 
+from opir_core.host.discovery import Selection
+from opir_core.host.host import Host
 from opir_core.plugin import (
     AtmosphereModel,
     BackgroundModel,
@@ -27,8 +29,6 @@ from opir_core.plugin import (
     number,
     text,
 )
-from opir_core.plugin.discovery import Selection
-from opir_core.plugin.host import Host
 
 
 @frozen(kw_only=True)

@@ -19,7 +19,7 @@ from opir_http.service import Service
 from opir_http.serving import server_of, service_of
 from waiting import within
 
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 
 JSON = {"Content-Type": "application/json"}
 

@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin.host import Host
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from attrs import evolve
 
+from opir_core.host.components import CATALOGUE
+from opir_core.host.host import Host
 from opir_core.plugin import hookimpl
-from opir_core.plugin.components import CATALOGUE
-from opir_core.plugin.host import Host
 
 #: Takes what the method returns when it behaves, and returns what it returns here, or raises.
 Deed = Callable[[Any], Any]

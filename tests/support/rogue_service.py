@@ -9,7 +9,7 @@ import sys
 from rogue_components import Hang, raising, rogue_host
 
 from opir_core.cli.main import main
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 
 if __name__ == "__main__":
     hook, sound, method, name, *words = sys.argv[1:]

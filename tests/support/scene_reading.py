@@ -7,9 +7,9 @@ import pytest
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import SceneError
+from opir_core.host.host import Host
 from opir_core.plugin import TrackerModel, hookimpl
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 
 HOST = fake_host()

@@ -11,7 +11,7 @@ from opir_trackers.imm.tracker import imm_tracker
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.

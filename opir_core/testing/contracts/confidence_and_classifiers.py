@@ -5,9 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.host.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.bench import classifier_inputs
 from opir_core.testing.contracts.contract import (

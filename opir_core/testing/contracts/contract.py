@@ -13,12 +13,12 @@ import numpy as np
 from attrs import fields
 
 from opir_core.arrays import FloatArray
-from opir_core.plugin.components import Component
-from opir_core.plugin.host import Host
+from opir_core.host.components import Component
+from opir_core.host.host import Host
+from opir_core.reading.nodes import InvalidNode, Node
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.structuring import class_reader
 from opir_core.scene.fields import info_of
-from opir_core.scene.reading.nodes import InvalidNode, Node
-from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.structuring import class_reader
 from opir_core.testing.bench import BenchRun, bench_host, bench_run
 from opir_core.testing.execution_monitor import LOOP_STEPS, outside_inputs, steps_per_row
 

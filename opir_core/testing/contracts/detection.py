@@ -6,9 +6,9 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.host.components import Component, DetectionModel
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
-from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.contracts.contract import (
     count_excess,
     rate_excess,

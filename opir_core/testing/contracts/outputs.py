@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields_dict
 
+from opir_core.host.components import Component, EventEncoder, SinkModel
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.optional import BufferingSink, MonitoredSink, TrackEncoder
 from opir_core.interfaces.protocols import Delivery, Encoder, Sink
@@ -19,7 +20,6 @@ from opir_core.output.delivery import opened_sink
 from opir_core.output.events import SCHEMA_VERSION, TRACKS_VERSION, schema
 from opir_core.output.events.encoder_input import event_counter, only_encodable
 from opir_core.planning.plan import Plan
-from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice
 from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned

@@ -8,6 +8,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.components import AtmosphereModel, BackgroundModel, Component, SignatureModel, SourceModel
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
@@ -22,7 +23,6 @@ from opir_core.interfaces.radiometric_models import (
     Transmittance,
     Views,
 )
-from opir_core.plugin.components import AtmosphereModel, BackgroundModel, Component, SignatureModel, SourceModel
 from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_core.testing.contracts.contract import (
     Contract,

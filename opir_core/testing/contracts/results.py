@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from attrs import evolve
 
+from opir_core.host.components import Component, ExecutorModel, ExporterModel, MetricModel
 from opir_core.interfaces.results import (
     Executor,
     ExecutorContext,
@@ -17,7 +18,6 @@ from opir_core.interfaces.results import (
     Metric,
     MetricContext,
 )
-from opir_core.plugin.components import Component, ExecutorModel, ExporterModel, MetricModel
 from opir_core.simulation.run import Run, run_of_plan
 from opir_core.testing.bench import bench_scene, planned
 from opir_core.testing.contracts.contract import (

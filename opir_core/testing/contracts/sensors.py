@@ -10,9 +10,9 @@ import numpy as np
 from attrs import fields_dict
 
 from opir_core.arrays import FloatArray
+from opir_core.host.components import Component, Constellation, SensorModel
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.protocols import Sensor
-from opir_core.plugin.components import Component, Constellation, SensorModel
 from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability

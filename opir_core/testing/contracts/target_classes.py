@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.plugin.components import TargetModel
+from opir_core.host.components import TargetModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import BoostProfile, OrbitInsertion, TargetClass
 from opir_core.testing.bench import bench_scene

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.host.components import Component, TargetModel
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.optional import FreeFlight, WithBurns
 from opir_core.interfaces.protocols import Trajectories
-from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.scene.target_classes import TargetClass
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene

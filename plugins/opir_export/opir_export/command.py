@@ -10,11 +10,11 @@ from typing import Any
 from opir_core import load_run
 from opir_core.cli.terminal import table
 from opir_core.errors import ModelError, OpirError, Problem, SceneError
+from opir_core.host.error_messages import described_error
 from opir_core.plugin import Exporter, ExporterContext, ExporterModel, Host
-from opir_core.plugin.error_messages import described_error
-from opir_core.scene.reading.loading import overridden
-from opir_core.scene.reading.nodes import InvalidNode, Node
-from opir_core.scene.reading.structuring import class_reader
+from opir_core.reading.loading import overridden
+from opir_core.reading.nodes import InvalidNode, Node
+from opir_core.reading.structuring import class_reader
 
 _HERE = "command line"
 _SCENES = {".yaml", ".yml"}

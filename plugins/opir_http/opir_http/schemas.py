@@ -8,8 +8,8 @@ from attrs import fields
 from opir_core.builtin.configs import BallisticConfig
 from opir_core.interfaces.records import IMPACT_METHODS
 from opir_core.output.events import detection_schema
+from opir_core.reading.targets import ID_RULE
 from opir_core.scene.fields import FieldInfo, info_of
-from opir_core.scene.reading.targets import ID_RULE
 from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, REPORTED_TYPES, WorkLimits
 from opir_core.scene.target_classes import core_target_classes
 from opir_http.settings import HttpSettings

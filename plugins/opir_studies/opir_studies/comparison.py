@@ -10,11 +10,11 @@ from attrs import evolve
 
 from opir_core.arrays import IntArray
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run

@@ -13,9 +13,9 @@ from attrs import evolve
 
 from opir_core.cli.terminal import grouped, table
 from opir_core.errors import Problem, SceneError, nearest
-from opir_core.scene.reading.nodes import InvalidNode
-from opir_core.scene.reading.plain_data import data_of_node
-from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_core.reading.nodes import InvalidNode
+from opir_core.reading.plain_data import data_of_node
+from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study

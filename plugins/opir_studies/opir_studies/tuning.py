@@ -8,9 +8,9 @@ from statistics import median
 from attrs import evolve, field, frozen
 
 from opir_core.errors import Problem, SceneError, nearest
+from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run, run_of_plan
 from opir_studies.differences import MEASURES, OF_TRACKS, RunAnswers, answers_of, differences, over_runs, unanswered

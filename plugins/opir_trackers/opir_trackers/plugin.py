@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from opir_core.plugin.components import TrackerModel
-from opir_core.plugin.hookspecs import hookimpl
+from opir_core.host.components import TrackerModel
+from opir_core.host.hookspecs import hookimpl
 from opir_trackers.configs import ImmConfig, KeplerArcConfig
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from geographiclib.geodesic import Geodesic
 
 from opir_core.errors import SceneError
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 LAUNCH = (34.0, -120.0)
 

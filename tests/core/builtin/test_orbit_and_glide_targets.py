@@ -9,9 +9,9 @@ from opir_trackers import plugin as trackers
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_eci
+from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.scorecard import scorecard
 from opir_core.simulation.run import run_of_plan

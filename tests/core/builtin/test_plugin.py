@@ -11,10 +11,10 @@ from repository import ROOT
 from opir_core.builtin import plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.errors import ModelError
+from opir_core.host.components import CATALOGUE
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.plugin import NoConfig, ScanningSensorConfig
-from opir_core.plugin.components import CATALOGUE
 from opir_core.scene.fields import info_of
 
 HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")

@@ -18,7 +18,7 @@ from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.optional import FreeFlight
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import load_scene, scene_from_mapping
+from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.simulation.run import simulate
 
 EXAMPLE = EXAMPLES / "pacific_test_range.yaml"

@@ -8,9 +8,9 @@ import pytest
 from repository import ROOT
 
 import opir_core as opir
+from opir_core.host.host import Host
 from opir_core.interfaces.radiometric_models import SignatureContext
 from opir_core.planning.environment import REFERENCE_ALTITUDE_M, REFERENCE_BURN_S, REFERENCE_TIME_S
-from opir_core.plugin.host import Host
 
 PAGE = (ROOT / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")

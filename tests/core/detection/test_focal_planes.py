@@ -22,8 +22,8 @@ from opir_core.radiometry import (
     noise_gain,
     signal_gain,
 )
+from opir_core.reading.canonical import scene_mapping
 from opir_core.scene.field_rows import named_values
-from opir_core.scene.reading.canonical import scene_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.interpolation import ProbabilityInterpolant

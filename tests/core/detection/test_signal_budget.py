@@ -6,7 +6,7 @@ from scipy.constants import c, h
 
 import opir_core as opir
 from opir_core.planning.looks import Looks
-from opir_core.scene.reading.canonical import scene_mapping
+from opir_core.reading.canonical import scene_mapping
 
 SENSORS = [
     {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0},

@@ -7,10 +7,10 @@ from live_scene import LATER, batch, lines, mapping
 from waiting import until
 
 from opir_core.errors import SceneError
+from opir_core.host.host import Host
 from opir_core.live import running
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 
 @pytest.fixture(scope="module")

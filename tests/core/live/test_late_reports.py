@@ -10,10 +10,10 @@ from live_scene import lines
 from waiting import until
 
 import opir_core as opir
+from opir_core.host.host import Host
 from opir_core.interfaces.records import Detections
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
 from opir_core.simulation.run import plan_windows
 
 

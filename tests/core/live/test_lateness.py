@@ -8,9 +8,9 @@ from opir_http.metrics import metrics_text
 from opir_http.service import Service
 from opir_http.settings import HttpSettings
 
+from opir_core.host.host import Host
 from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 NS = 1_000_000_000
 #: Real time that each cycle takes, s, after it was due; a cycle of 0.1 s that takes longer delays the next.

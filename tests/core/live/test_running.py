@@ -10,13 +10,13 @@ from live_scene import LATER, NS, batch, lines, mapping
 from waiting import until
 
 from opir_core.errors import SceneError
+from opir_core.host.host import Host
 from opir_core.interfaces.records import Tracks
 from opir_core.live import running
 from opir_core.live.changes import BusyError, Change, PastError, RefusedError, launch_change
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 

@@ -10,13 +10,13 @@ from attrs import evolve
 from waiting import until
 
 from opir_core.errors import SinkError
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
 from opir_core.output.sink_thread import QUEUED_WINDOWS, SinkThread
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 

@@ -13,10 +13,10 @@ from live_scene import mapping
 from rogue_components import Hang, raising, rogue_host
 from waiting import until
 
+from opir_core.host.host import Host
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.live.watchdog import Notifier, Progress, Watchdog
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 QUICK = LiveSettings(speed=50.0, cycle_ns=10_000_000, unready_after_s=0.2, dead_after_s=0.6)
 

@@ -7,11 +7,11 @@ import pytest
 from attrs import asdict, frozen
 
 from opir_core.orbits import OrbitConfig
+from opir_core.reading.nodes import InvalidNode
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.strict_yaml import node_of_yaml
+from opir_core.reading.structuring import class_reader
 from opir_core.scene.fields import nested
-from opir_core.scene.reading.nodes import InvalidNode
-from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.strict_yaml import node_of_yaml
-from opir_core.scene.reading.structuring import class_reader
 
 LINE_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
 LINE_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"

@@ -27,7 +27,7 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvaged_at_start, spool_state
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls")]
 

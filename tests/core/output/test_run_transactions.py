@@ -23,7 +23,7 @@ from opir_core.output.run_files import read_manifest
 from opir_core.output.saved_runs import load_run
 from opir_core.output.transaction import OutputFiles, finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 SCENE = {
     "scene": "small",

@@ -14,6 +14,7 @@ from waiting import until
 
 from opir_core.builtin.sinks import LineFile, MemorySink
 from opir_core.errors import SinkError
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.optional import TrackEncoder
 from opir_core.interfaces.protocols import Delivery, Encoder
@@ -28,8 +29,7 @@ from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 

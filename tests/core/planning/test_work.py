@@ -13,7 +13,7 @@ from opir_core.planning.looks import Looks, look_times_ns
 from opir_core.planning.plan import compile_plan
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.work import EVENT_BYTES, Work, most_looks
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 
 NS = 1_000_000_000
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from opir_core.errors import ModelError
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
 from opir_core.geometry.occlusion import grazing_height_m
+from opir_core.host.components import NoConfig
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
-from opir_core.plugin.components import NoConfig
-from opir_core.plugin.host import Host
 from opir_core.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_core.radiometry.configs import CloudConfig, LowtranConfig
 from opir_core.radiometry.lowtran import LowtranAtmosphere, lowtran_atmosphere, parts_of, shell_air_mass

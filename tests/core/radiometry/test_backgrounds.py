@@ -10,10 +10,10 @@ from opir_core.errors import ModelError
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
 from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.geometry.sun import sun_ecef_m
+from opir_core.host.components import NoConfig
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Structure, Views
-from opir_core.plugin.components import NoConfig
-from opir_core.plugin.host import Host
 from opir_core.radiometry.configs import (
     CloudConfig,
     EarthConfig,

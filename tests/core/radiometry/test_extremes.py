@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
@@ -12,7 +13,6 @@ from opir_core.interfaces.radiometric_models import (
     SignatureContext,
     SourceContext,
 )
-from opir_core.plugin.host import Host
 from opir_core.radiometry.aperture import irradiance_at_aperture, minimum_detectable_intensity
 from opir_core.radiometry.viewing import views
 

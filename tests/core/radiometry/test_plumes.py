@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import opir_core
 from opir_core.errors import ModelError
+from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SignatureContext
-from opir_core.plugin.host import Host
 from opir_core.radiometry import planck
 from opir_core.radiometry import plume as plume_module
 from opir_core.radiometry.configs import PlumeConfig

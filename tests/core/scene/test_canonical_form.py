@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples import examples
-from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
+from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.scene import Scene
 
 HOST = fake_host()

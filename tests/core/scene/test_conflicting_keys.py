@@ -10,10 +10,10 @@ from attrs import evolve, fields, frozen
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import PluginError, SceneError
+from opir_core.host.host import Host
 from opir_core.plugin import Constellation, SensorModel, hookimpl, number
-from opir_core.plugin.host import Host
+from opir_core.reading import scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.fields import info_of, with_defaults
-from opir_core.scene.reading import scene_from_mapping, scene_hash, scene_mapping
 
 
 @frozen(kw_only=True)

@@ -8,11 +8,11 @@ from fake_components import fake_host, good_mapping
 from repository import EXAMPLES
 
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin import NoConfig, TrackerModel, hookimpl
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
+from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import simulate

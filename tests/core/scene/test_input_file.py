@@ -14,8 +14,8 @@ from opir_core.orbits.configs import OmmFileConfig
 from opir_core.orbits.orbit_models import omm_of_file
 from opir_core.radiometry.emitters import rows_of_csv
 from opir_core.radiometry.source_configs import FireConfig
+from opir_core.reading import load_scene
 from opir_core.scene.input_file import NotAFileError, file_bytes
-from opir_core.scene.reading import load_scene
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX pipes")
 

@@ -6,7 +6,7 @@ from fake_components import fake_host
 from repository import DATA
 
 from opir_core.errors import SceneError
-from opir_core.scene.reading import load_scene, strict_yaml
+from opir_core.reading import load_scene, strict_yaml
 
 FOLDER = DATA / "bad_scenes"
 SCENES = sorted(path.name for path in FOLDER.glob("*.yaml"))

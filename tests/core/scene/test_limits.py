@@ -7,7 +7,7 @@ import pytest
 from scene_reading import HOST, PAGE, problems
 
 from opir_core.errors import SceneError
-from opir_core.scene.reading import load_scene, nodes, scene_from_mapping
+from opir_core.reading import load_scene, nodes, scene_from_mapping
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_a_file_that_is_too_large(tmp_path: Path) -> None:
 
 
 def test_a_file_of_too_many_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.scene.reading.strict_yaml.MAXIMUM_VALUES", 1000)
+    monkeypatch.setattr("opir_core.reading.strict_yaml.MAXIMUM_VALUES", 1000)
     path = tmp_path / "scene.yaml"
     path.write_text("scene: [" + "1, " * 2000 + "]")
     with pytest.raises(SceneError, match="there are more than 1000 values"):
@@ -36,14 +36,14 @@ def test_a_file_of_too_many_values(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_mapping_of_too_many_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.scene.reading.plain_data.MAXIMUM_VALUES", 1000)
+    monkeypatch.setattr("opir_core.reading.plain_data.MAXIMUM_VALUES", 1000)
     with pytest.raises(SceneError, match="there are more than 1000 values"):
         scene_from_mapping({"scene": [1] * 2000}, host=HOST)
 
 
 def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.scene.reading.targets.MAXIMUM_TARGETS", 1)
-    monkeypatch.setattr("opir_core.scene.reading.scene_builder.MAXIMUM_SENSORS", 1)
+    monkeypatch.setattr("opir_core.reading.targets.MAXIMUM_TARGETS", 1)
+    monkeypatch.setattr("opir_core.reading.scene_builder.MAXIMUM_SENSORS", 1)
     assert problems() == ["sensors: there are more than 1 sensors", "targets: there are 2 targets; at most 1 are read"]
 
 

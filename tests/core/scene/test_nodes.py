@@ -1,6 +1,6 @@
 """Errors of a scene are reported in the order of their lines."""
 
-from opir_core.scene.reading.nodes import Complaint, ordered
+from opir_core.reading.nodes import Complaint, ordered
 
 
 def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None:

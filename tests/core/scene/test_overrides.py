@@ -8,7 +8,7 @@ from attrs import evolve
 from fake_components import good_mapping
 from scene_reading import HOST, PAGE, problems, read
 
-from opir_core.scene.reading import load_scene, scene_from_mapping
+from opir_core.reading import load_scene, scene_from_mapping
 
 
 @pytest.mark.parametrize(

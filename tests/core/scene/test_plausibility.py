@@ -7,13 +7,13 @@ from attrs import fields, frozen
 from live_scene import mapping
 
 from opir_core.cli.main import main
+from opir_core.host.components import CATALOGUE, Component
+from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin import TrackerModel, number
-from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.host import Host
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.field_rows import field_rows
 from opir_core.scene.plausibility import implausible_defaults, implausible_settings, implausible_values
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
 from opir_core.simulation.plan_warnings import plan_warnings
 
 

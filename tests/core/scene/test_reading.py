@@ -13,9 +13,9 @@ from fake_components import Ballistic, Launch, Place, Scanner, good_mapping
 from scene_reading import HOST, PAGE, host_with_tracker, plugin_of, problems, read
 
 from opir_core.errors import PluginError, SceneError
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
+from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
 from opir_core.scene.fields import number
-from opir_core.scene.reading import load_scene, scene_from_mapping, scene_mapping
 
 
 @pytest.fixture
@@ -177,7 +177,7 @@ def test_the_installed_plugins_are_used_where_no_host_is_given(monkeypatch: pyte
 
 
 def test_reading_imports_no_numbers() -> None:
-    code = "import sys, opir_core.scene.reading; print(*sys.modules)"
+    code = "import sys, opir_core.reading; print(*sys.modules)"
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=paths).stdout
     heavy = {"numpy", "scipy", "msgspec", "json", "hashlib", "difflib", "asyncio", "opir_core.builtin.plugin"}

@@ -7,10 +7,10 @@ import pytest
 from opir_trackers import plugin as trackers
 
 from opir_core.errors import SceneError
+from opir_core.host.host import Host
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_classes
 from opir_core.simulation.run import run_of_plan, simulate

@@ -7,11 +7,11 @@ import pytest
 from attrs import evolve
 
 from opir_core.errors import PluginError, SceneError
+from opir_core.host.host import Host
 from opir_core.planning.environment import make_environment
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin import BoostProfile, Plume, TargetClass, hookimpl
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_class, core_target_classes
 from opir_core.simulation.run import simulate

@@ -7,7 +7,7 @@ from scored_scene import SCENE
 
 from opir_core.cli.score import as_text
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
 from opir_core.scoring.errors import point_errors, state_errors

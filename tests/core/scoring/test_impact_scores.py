@@ -13,7 +13,7 @@ from opir_core import ImpactRegion
 from opir_core.cli.score import as_text
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scoring import RunEvidence, impact_scores, ownership, scorecard
 from opir_core.scoring.impacts import PHASES
 from opir_core.testing.doubles import stub_estimates

@@ -12,7 +12,7 @@ from opir_core.cli.score import as_text
 from opir_core.errors import Problem, SceneError
 from opir_core.output.tracks_file import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.evidence import RunEvidence, evidence_of_files, ownership
 from opir_core.scoring.scorecard import ScoreSettings

@@ -7,7 +7,7 @@ from late_scene import late_scene
 
 import opir_core as opir
 from opir_core.interfaces.protocols import ReportingStage
-from opir_core.scene.reading import scene_mapping
+from opir_core.reading import scene_mapping
 from opir_core.sensors.reporting import ReportingConfig, ReportingStageConfig
 
 

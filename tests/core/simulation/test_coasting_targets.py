@@ -8,7 +8,7 @@ from opir_core.flight import propagate, propagate_kepler
 from opir_core.flight.forces import J2
 from opir_core.geometry import eci_to_ecef
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 
 LOW = {
     "circular": {"altitude_km": 1500.0, "inclination_deg": 30.0, "lon_asc_node_deg": -150.0, "arg_latitude_deg": 20.0}

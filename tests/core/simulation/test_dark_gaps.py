@@ -10,12 +10,12 @@ from scipy.interpolate import CubicHermiteSpline
 
 from opir_core import simulate
 from opir_core.cli.main import main
+from opir_core.host.host import Host
 from opir_core.live.changes import launch_change, without_finished_targets
 from opir_core.planning.environment import make_environment
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import compile_plan
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import run_of_plan

@@ -5,7 +5,7 @@ from attrs import evolve, fields
 
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 from opir_core.simulation.tracker_clock import rows_of
 

@@ -18,12 +18,12 @@ import opir_core.plugin
 from opir_core.builtin.classification import confusion_classifier
 from opir_core.builtin.configs import ConfusionConfig, ConstantConfig
 from opir_core.builtin.detection import constant_detection
+from opir_core.host.components import CATALOGUE
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin.components import CATALOGUE
-from opir_core.plugin.host import Host
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.fields import field_infos
-from opir_core.scene.reading import scene_from_mapping
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.sensors import scan_patterns
 

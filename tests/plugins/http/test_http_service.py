@@ -20,7 +20,7 @@ from waiting import until, within
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.simulation.engine import Engine
 
 

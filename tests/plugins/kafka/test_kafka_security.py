@@ -24,7 +24,7 @@ from spool_transports import ENCODER, SENSORS, window
 from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
 from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
 SECRET = "correct horse battery staple"

@@ -31,7 +31,7 @@ from opir_core.output.delivery import deliver
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.transport_sink import Policy
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
 

@@ -17,8 +17,8 @@ from study_scene import SCENE
 import opir_core as opir
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.plugin.host import Host
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.host.host import Host
+from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run
 

@@ -6,7 +6,7 @@ from opir_trackers.imm.track_management import are_below_ground, are_uncertain, 
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import load_scene
+from opir_core.reading import load_scene
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.consistency import nees
 from opir_core.scoring.evidence import ownership, true_states

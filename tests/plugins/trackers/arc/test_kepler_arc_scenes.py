@@ -5,7 +5,7 @@ import pytest
 
 from opir_core import simulate
 from opir_core.planning.plan import compile_plan
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
 

@@ -13,7 +13,7 @@ from opir_trackers.imm.history_assignment import assigned_histories
 from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
-from opir_core.scene.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import simulate
 
 KEPLER = Forces(zonal=())

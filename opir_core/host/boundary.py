@@ -11,8 +11,8 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import ModelError, OpirError
-from opir_core.plugin.error_messages import described_error, is_of_plugin
-from opir_core.plugin.host import Host
+from opir_core.host.error_messages import described_error, is_of_plugin
+from opir_core.host.host import Host
 from opir_core.scene.scene import Choice, Scene
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from attrs import fields, has
 
+from opir_core.reading.scene_schema import CHOICES, text_of_epoch_us
 from opir_core.scene.fields import alternatives
-from opir_core.scene.reading.scene_schema import CHOICES, text_of_epoch_us
 from opir_core.scene.scene import PAPER_TYPES, Choice, Scene, SceneSensor, SceneTarget, WorkLimits
 
 

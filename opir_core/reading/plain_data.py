@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from itertools import count
 from typing import Any
 
-from opir_core.scene.reading.nodes import (
+from opir_core.reading.nodes import (
     MAXIMUM_DEPTH,
     MAXIMUM_DIGITS,
     MAXIMUM_VALUES,
@@ -15,7 +15,7 @@ from opir_core.scene.reading.nodes import (
     Node,
     SwitchWord,
 )
-from opir_core.scene.reading.strict_yaml import quoted_value
+from opir_core.reading.strict_yaml import quoted_value
 
 _TOO_LONG = 10**MAXIMUM_DIGITS
 

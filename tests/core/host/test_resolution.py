@@ -9,9 +9,9 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.plugin.components import Constellation, EventEncoder, Provenance, SensorModel, TrackerModel
-from opir_core.plugin.hookspecs import hookimpl
-from opir_core.plugin.host import Host
+from opir_core.host.components import Constellation, EventEncoder, Provenance, SensorModel, TrackerModel
+from opir_core.host.hookspecs import hookimpl
+from opir_core.host.host import Host
 
 DSP = """
 @frozen
@@ -244,7 +244,7 @@ def encoder():
 
 def test_there_is_no_host_but_those_that_are_made():
     code = (
-        "import gc, opir_core, opir_core.plugin.host as h, opir_core.plugin, pluggy\n"
+        "import gc, opir_core, opir_core.host.host as h, opir_core.plugin, pluggy\n"
         "alive = [o for o in gc.get_objects() if isinstance(o, (h.Host, pluggy.PluginManager))]\n"
         "assert alive == [], alive\n"
         "kept = h.Host.discover()\n"

@@ -12,12 +12,12 @@ from types import EllipsisType
 from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
-from opir_core.plugin import error_messages
-from opir_core.plugin.components import CATALOGUE, Offered, PluginFailure, Provenance
-from opir_core.plugin.contributions import Contributions
-from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
-from opir_core.plugin.error_messages import Search
-from opir_core.plugin.registry import PluginRow, Registry, outcome_of, warn
+from opir_core.host import error_messages
+from opir_core.host.components import CATALOGUE, Offered, PluginFailure, Provenance
+from opir_core.host.contributions import Contributions
+from opir_core.host.discovery import Selection, Source, core_sources, installed_sources, selected
+from opir_core.host.error_messages import Search
+from opir_core.host.registry import PluginRow, Registry, outcome_of, warn
 
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"

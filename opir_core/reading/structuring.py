@@ -14,8 +14,7 @@ from attrs import NOTHING, Attribute, fields, frozen, has
 from cattrs import Converter
 
 from opir_core.errors import nearest_names
-from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
-from opir_core.scene.reading.nodes import (
+from opir_core.reading.nodes import (
     UNREADABLE,
     ErrorCollector,
     InvalidNode,
@@ -25,8 +24,9 @@ from opir_core.scene.reading.nodes import (
     key_step,
     shown_text,
 )
-from opir_core.scene.reading.plain_data import data_of_node
-from opir_core.scene.reading.strict_yaml import is_decimal_text, is_on
+from opir_core.reading.plain_data import data_of_node
+from opir_core.reading.strict_yaml import is_decimal_text, is_on
+from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 
 #: Takes a node and its type (which the reader knows already); returns the value or raises `InvalidNode`.
 Reader = Callable[[Node, Any], Any]

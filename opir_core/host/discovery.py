@@ -27,7 +27,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core._version import __version__
-from opir_core.plugin.components import CATALOGUE, Provenance
+from opir_core.host.components import CATALOGUE, Provenance
 
 _CORE = re.compile(r"opir[-_.]+core\s*(?:\[[^]]*\])?\s*\(?((?:[~=!<>][^;@()]*)?)\)?\s*(?:;(.*))?", re.IGNORECASE)
 _CLAUSE = re.compile(r"(~=|==|!=|<=|>=|<|>)\s*v?(\d+(?:\.\d+)*)(\.\*)?")

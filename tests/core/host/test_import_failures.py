@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from opir_core.errors import PluginError
-from opir_core.plugin.components import PluginFailure, Provenance
-from opir_core.plugin.host import Host
+from opir_core.host.components import PluginFailure, Provenance
+from opir_core.host.host import Host
 
 FAULTS = {
     "a missing dependency": (

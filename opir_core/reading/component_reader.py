@@ -8,12 +8,11 @@ from attrs import NOTHING, Factory, fields, frozen
 
 from opir_core.errors import PluginError
 from opir_core.errors import nearest as nearest_words
-from opir_core.plugin.boundary import is_interruption
-from opir_core.plugin.components import CATALOGUE
-from opir_core.plugin.error_messages import described_error
-from opir_core.plugin.host import Host
-from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
-from opir_core.scene.reading.nodes import (
+from opir_core.host.boundary import is_interruption
+from opir_core.host.components import CATALOGUE
+from opir_core.host.error_messages import described_error
+from opir_core.host.host import Host
+from opir_core.reading.nodes import (
     Complaint,
     ErrorCollector,
     InvalidNode,
@@ -23,8 +22,8 @@ from opir_core.scene.reading.nodes import (
     shown_text,
     under,
 )
-from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.structuring import (
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.structuring import (
     ClassReader,
     Home,
     UnreadableTypeError,
@@ -34,6 +33,7 @@ from opir_core.scene.reading.structuring import (
     refusal,
     required,
 )
+from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
@@ -154,12 +154,12 @@ class ComponentReader:
 
     def home_elsewhere(self, key: str, is_near: bool) -> str:
         """Return where in a scene a key belongs; not looked up if a known key is similar."""
-        from opir_core.scene.reading.misplaced_keys import home_elsewhere
+        from opir_core.reading.misplaced_keys import home_elsewhere
 
         return "" if is_near else home_elsewhere(key, self._host)
 
     def _home(self, component: Any, settings: Settings, key: str, is_near: bool) -> str:
-        from opir_core.scene.reading.misplaced_keys import home_of
+        from opir_core.reading.misplaced_keys import home_of
 
         of_kind = home_of(key, self._host, component, is_chosen="model" in settings.other_keys)
         return of_kind or self.home_elsewhere(key, is_near)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from attrs import evolve
 
 from opir_core.constants import ZONAL_FORCES
-from opir_core.scene.reading.component_reader import ComponentReader, Settings, component_name
-from opir_core.scene.reading.nodes import (
+from opir_core.reading.component_reader import ComponentReader, Settings, component_name
+from opir_core.reading.nodes import (
     MAXIMUM_ID_LENGTH,
     MAXIMUM_SOURCES,
     MAXIMUM_TARGETS,
@@ -19,8 +19,8 @@ from opir_core.scene.reading.nodes import (
     shown_text,
     under,
 )
-from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
-from opir_core.scene.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
+from opir_core.reading.scene_schema import DEFAULT_TARGET_MODEL
+from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
 from opir_core.scene.scene import Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
 from opir_core.scene.target_classes import TargetClass
 

@@ -9,10 +9,10 @@ from repository import ROOT
 
 from opir_core._version import __version__
 from opir_core.errors import PluginError
-from opir_core.plugin.discovery import core_specifier, error_of_requirement
-from opir_core.plugin.error_messages import PACKAGES
-from opir_core.plugin.host import Host
-from opir_core.plugin.registry import PluginRow
+from opir_core.host.discovery import core_specifier, error_of_requirement
+from opir_core.host.error_messages import PACKAGES
+from opir_core.host.host import Host
+from opir_core.host.registry import PluginRow
 
 
 @pytest.mark.parametrize(

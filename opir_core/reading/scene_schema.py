@@ -6,8 +6,8 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 from opir_core.scene.fields import flag, nested, number, text
-from opir_core.scene.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, PLAUSIBLE_DURATION_S, WorkLimits
 
 #: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 if TYPE_CHECKING:
-    from opir_core.plugin import components as c
+    from opir_core.host import components as c
     from opir_core.scene.target_classes import TargetClass
 
 PROJECT = "opir"

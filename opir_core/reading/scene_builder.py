@@ -8,13 +8,13 @@ from typing import Any
 
 from attrs import evolve
 
-from opir_core.plugin.components import Constellation
-from opir_core.plugin.host import Host
-from opir_core.scene.reading.component_reader import ComponentReader, Settings, component_name
-from opir_core.scene.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, Node, index_step, key_step, under
-from opir_core.scene.reading.scene_schema import CHOICES, SceneFile, epoch_us_of_text
-from opir_core.scene.reading.structuring import block_of, class_reader, items_of, nearest, refusal, unknown_key
-from opir_core.scene.reading.targets import ID_RULE, Identifier, SourceReader, TargetReader, is_id, read_forces
+from opir_core.host.components import Constellation
+from opir_core.host.host import Host
+from opir_core.reading.component_reader import ComponentReader, Settings, component_name
+from opir_core.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, Node, index_step, key_step, under
+from opir_core.reading.scene_schema import CHOICES, SceneFile, epoch_us_of_text
+from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, refusal, unknown_key
+from opir_core.reading.targets import ID_RULE, Identifier, SourceReader, TargetReader, is_id, read_forces
 from opir_core.scene.scene import Choice, Scene, SceneSensor, SpoolConfig
 
 _MODELS = "opir_sensor_models"

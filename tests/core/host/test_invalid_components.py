@@ -4,8 +4,8 @@ import warnings
 
 import pytest
 
-from opir_core.plugin.contributions import MAXIMUM_COMPONENTS
-from opir_core.plugin.host import Host
+from opir_core.host.contributions import MAXIMUM_COMPONENTS
+from opir_core.host.host import Host
 
 NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 

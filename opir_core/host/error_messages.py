@@ -8,8 +8,8 @@ from types import FrameType
 from attrs import frozen
 
 from opir_core.errors import nearest, nearest_names, with_article
-from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance, plural
-from opir_core.plugin.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
+from opir_core.host.components import CATALOGUE, PluginFailure, Provenance, plural
+from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
 
 _LONGEST_WORDS = 300
 _CORE = PurePath(__file__).parent.parent

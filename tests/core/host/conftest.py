@@ -10,10 +10,10 @@ from textwrap import dedent, indent
 import pytest
 
 from opir_core.errors import PluginError
-from opir_core.plugin import discovery
-from opir_core.plugin.components import DetectionModel, NoConfig, PluginFailure, Provenance
-from opir_core.plugin.hookspecs import hookimpl
-from opir_core.plugin.host import Host
+from opir_core.host import discovery
+from opir_core.host.components import DetectionModel, NoConfig, PluginFailure, Provenance
+from opir_core.host.hookspecs import hookimpl
+from opir_core.host.host import Host
 
 #: What plugins here import: no `*`, which would import numpy.
 HEADER = (

@@ -6,10 +6,10 @@ from functools import cache
 from attrs import fields, frozen
 
 from opir_core.errors import PluginError
-from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.host import Host
+from opir_core.host.components import CATALOGUE, Component
+from opir_core.host.host import Host
+from opir_core.reading.scene_schema import CHOICES, SceneFile
 from opir_core.scene.field_rows import field_rows
-from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
 
 #: Maximum number of models that one message names.
 _MOST_NAMED = 5

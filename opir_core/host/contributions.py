@@ -15,10 +15,10 @@ import pluggy
 from attrs import frozen, has
 
 from opir_core.errors import kind_of, nearest, with_article
-from opir_core.plugin.components import CATALOGUE, Component, Constellation, Offered, plural
-from opir_core.plugin.discovery import COMMAND_HOOK, Offer
-from opir_core.plugin.error_messages import described_error, one_line
-from opir_core.plugin.hookspecs import PROJECT, CatalogueHooks, ExtensionHooks
+from opir_core.host.components import CATALOGUE, Component, Constellation, Offered, plural
+from opir_core.host.discovery import COMMAND_HOOK, Offer
+from opir_core.host.error_messages import described_error, one_line
+from opir_core.host.hookspecs import PROJECT, CatalogueHooks, ExtensionHooks
 from opir_core.scene.target_classes import TargetClass
 
 #: Maximum number of components that one hook of one plugin yields.

@@ -7,9 +7,8 @@ from copy import deepcopy
 from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
-from opir_core.plugin.host import Host
-from opir_core.scene.input_file import file_bytes
-from opir_core.scene.reading.nodes import (
+from opir_core.host.host import Host
+from opir_core.reading.nodes import (
     MAXIMUM_FILE_BYTES,
     UNREADABLE,
     Complaint,
@@ -22,11 +21,12 @@ from opir_core.scene.reading.nodes import (
     ordered,
     shown_text,
 )
-from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.scene_builder import SceneBuilder
-from opir_core.scene.reading.scene_schema import CHOICES
-from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
-from opir_core.scene.reading.structuring import block_of
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.scene_builder import SceneBuilder
+from opir_core.reading.scene_schema import CHOICES
+from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_core.reading.structuring import block_of
+from opir_core.scene.input_file import file_bytes
 from opir_core.scene.scene import Scene
 
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "UTF-8", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}

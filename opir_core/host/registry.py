@@ -5,10 +5,10 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
-from opir_core.plugin.contributions import Contributions, InvalidPlugin, contributions_of
-from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Selection, Source
-from opir_core.plugin.error_messages import described_error, unknown_plugin
+from opir_core.host.components import CATALOGUE, PluginFailure, Provenance
+from opir_core.host.contributions import Contributions, InvalidPlugin, contributions_of
+from opir_core.host.discovery import COMMAND_HOOK, Offer, Selection, Source
+from opir_core.host.error_messages import described_error, unknown_plugin
 
 
 @frozen(kw_only=True)

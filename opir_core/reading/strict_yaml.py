@@ -2,7 +2,7 @@
 
 PyYAML's parser supplies events; nothing of its constructors or resolvers is used. Aliases, anchors, tags, merge keys,
 directives, second documents, duplicate keys and keys that are not text are refused, and so is all that
-`opir_core.scene.reading.strict_yaml` refuses. Nesting and the number of values are bounded while reading, so no text
+`opir_core.reading.strict_yaml` refuses. Nesting and the number of values are bounded while reading, so no text
 is costly.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from attrs import evolve
 
-from opir_core.scene.reading.nodes import (
+from opir_core.reading.nodes import (
     MAXIMUM_DEPTH,
     MAXIMUM_DIGITS,
     MAXIMUM_VALUES,

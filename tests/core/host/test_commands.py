@@ -7,7 +7,7 @@ import pytest
 
 from opir_core.cli.plugin_commands import added_commands
 from opir_core.errors import PluginError
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 
 MISMATCH = "its entry points in group opir.components differ from what it offers: "
 

@@ -9,7 +9,7 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 
 FLEET = """
 @hookimpl
@@ -27,7 +27,7 @@ MISMATCH = "its entry points in group opir.components differ from what it offers
 ASK = """
 import json, sys, types
 from opir_core.plugin import NoConfig, TrackerModel, hookimpl
-from opir_core.plugin.host import Host
+from opir_core.host.host import Host
 core = types.ModuleType("core")
 core.opir_trackers = hookimpl(specname="opir_trackers")(lambda: [TrackerModel(name="t", summary="s", build=print)])
 sys.modules["opir_core.builtin.plugin"] = core

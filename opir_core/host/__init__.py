@@ -1,0 +1,1 @@
+"""The host: hooks, components, discovery, resolution, and the boundary around what plugins raise."""
