@@ -4,11 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from opir_photons.radiometry.plume import plume_table
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
 from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
-from opir_core.radiometry.plume import plume_table
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.simulation.run import Run
 

@@ -27,6 +27,7 @@ import msgspec
 import numpy as np
 from attrs import evolve
 from figures import keep
+from opir_testing import stub_sensor
 
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.contexts import EncoderContext
@@ -44,7 +45,6 @@ from opir_core.output.events.text import (
 )
 from opir_core.random_streams.detection_ids import stream_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.testing import stub_sensor
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = 10

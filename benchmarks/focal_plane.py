@@ -14,11 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from focal_plane_images import Floats, Images, Outputs, centroid_errors, filtered, shares
-from result_files import BLUE, GREY, ORANGE, Row, column, markdown_table, read_csv, svg_plot, write_csv
-from scipy.special import ndtr
-
-from opir_core.detection import cfar_loss, cfar_probability_of_detection, cfar_threshold
-from opir_core.radiometry import (
+from opir_photons.detection import cfar_loss, cfar_probability_of_detection, cfar_threshold
+from opir_photons.radiometry import (
     FrameDifference,
     SpatialTransfer,
     centroid_sigma_rad,
@@ -27,7 +24,9 @@ from opir_core.radiometry import (
     noise_gain,
     signal_gain,
 )
-from opir_core.radiometry.focal_plane import centroid_factor_rad, photon_centroid_variance
+from opir_photons.radiometry.focal_plane import centroid_factor_rad, photon_centroid_variance
+from result_files import BLUE, GREY, ORANGE, Row, column, markdown_table, read_csv, svg_plot, write_csv
+from scipy.special import ndtr
 
 READ_E, LEAST_BACKGROUND_E = 20.0, 2e4
 #: Reference cells of a threshold: the other places of a frame.

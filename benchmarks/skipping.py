@@ -56,16 +56,18 @@ FOCAL_PLANE = "sensors[0].focal_plane=notional"
 PLAIN_SENSOR = "model: DSP, id: DSP-1, orbital_slot_deg: -135.0"
 
 PARTS = (
-    Part("radiometry", (SNR,), ("opir_core.radiometry", "opir_core.detection.snr")),
+    Part("radiometry", (SNR,), ("opir_photons.radiometry", "opir_photons.detection.snr")),
     Part("noise-only false alarms", (SNR,), ("opir_core.simulation.false_alarms",)),
     Part("interpolated P_d", (SNR,), ("opir_core.simulation.interpolation", "opir_core.simulation.refinement")),
-    Part("atmosphere", (AIR,), ("opir_core.radiometry.lowtran", "opir_core.radiometry.long_paths"), CHANGED, (SNR,)),
-    Part("cloud", ("atmosphere.cloud={top_km: 5}",), ("opir_core.radiometry.clouds",), CHANGED, (SNR, AIR), True),
-    Part("background", ("background=earth",), ("opir_core.radiometry.earth",), CHANGED, (SNR,)),
+    Part(
+        "atmosphere", (AIR,), ("opir_photons.radiometry.lowtran", "opir_photons.radiometry.long_paths"), CHANGED, (SNR,)
+    ),
+    Part("cloud", ("atmosphere.cloud={top_km: 5}",), ("opir_photons.radiometry.clouds",), CHANGED, (SNR, AIR), True),
+    Part("background", ("background=earth",), ("opir_photons.radiometry.earth",), CHANGED, (SNR,)),
     Part(
         "false sources",
         ("sources=[{id: fires, model: flares, at: [{lat_deg: 32.0, lon_deg: -102.0}]}]",),
-        ("opir_core.radiometry.sources", "opir_core.radiometry.emitters"),
+        ("opir_photons.radiometry.sources", "opir_photons.radiometry.emitters"),
         ADDED,
         (SNR,),
     ),
@@ -73,7 +75,7 @@ PARTS = (
     Part(
         "focal plane",
         (FOCAL_PLANE,),
-        ("opir_core.radiometry.focal_plane",),
+        ("opir_photons.radiometry.focal_plane",),
         CHANGED,
         (SNR,),
         True,

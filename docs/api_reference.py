@@ -17,13 +17,13 @@ PUBLIC = (
     "opir_core.flight",
     "opir_core.geometry",
     "opir_core.orbits",
-    "opir_core.radiometry",
-    "opir_core.detection",
+    "opir_photons.radiometry",
+    "opir_photons.detection",
     "opir_core.scoring",
     "opir_core.output",
     "opir_core.live",
     "opir_core.plugin",
-    "opir_core.testing",
+    "opir_testing",
 )
 
 _HEAD = """# Python API

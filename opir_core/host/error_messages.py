@@ -36,6 +36,15 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "sensor_models.LEO-WIDE",
     ),
     "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
+    "opir-photons": (
+        "atmosphere_models.lowtran",
+        "background_models.earth",
+        "classifiers.spectral",
+        "commands.physics",
+        "detection_models.snr",
+        "signature_models.plume",
+        *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),
+    ),
     "opir-report": ("commands.report",),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
@@ -53,6 +62,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "metrics.launch_error",
         "metrics.tracks",
     ),
+    "opir-testing": ("commands.check", "commands.new-plugin"),
     "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),
 }
 

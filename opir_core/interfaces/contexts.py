@@ -44,20 +44,33 @@ class TargetContext:
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
 
 
+@frozen(eq=False)
+class Surroundings:
+    """What a model of light is built from: the scene with its choices, the host that has their components, and what is
+    built already. An `opir_core.Plan` has these attributes too.
+    """
+
+    scene: Any
+    host: Any
+    sensors: tuple[Sensor, ...]
+    targets: Any
+    sources: tuple[Any, ...]
+
+
 @frozen(kw_only=True)
 class ModelContext:
     """The context of detection models; with the built `detection` of classifiers; with the `classifier` of confidence
     models.
 
-    `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`. `class_names` are the target
-    classes of launches and the types of other hot sources, by default those of `target_type_code`; `target_class`
-    returns the target class of a name, by default the core's. `reported_types` are the names of the types that may be
-    reported, of which `REPORTED_TYPES` are the first.
+    Of the `surroundings` a model of light builds its environment. `class_names` are the target classes of launches and
+    the types of other hot sources, by default those of `target_type_code`; `target_class` returns the target class of a
+    name, by default the core's. `reported_types` are the names of the types that may be reported, of which
+    `REPORTED_TYPES` are the first.
     """
 
     sensors: tuple[Sensor, ...]
     target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
-    make_environment: Callable[[], Any] | None = field(default=None, eq=False)
+    surroundings: Surroundings | None = field(default=None, eq=False)
     detection: DetectionProbability | None = field(default=None, eq=False)
     classifier: Classifier | None = field(default=None, eq=False)
     class_names: tuple[str, ...] = field(default=(), eq=False)

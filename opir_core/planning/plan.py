@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
-from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
+from opir_core.interfaces.contexts import ModelContext, SensorContext, Surroundings, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
@@ -32,7 +32,6 @@ from opir_core.scene.target_classes import TargetClass
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.radiometric_models import Sources
-    from opir_core.planning.environment import RadiometricEnvironment
 
 _NS = 1_000_000_000
 
@@ -217,21 +216,13 @@ def _models(
         class_names=targets.class_names,
         target_class=partial(host.component, TargetClass),
         reported_types=reported_types(scene, host),
-        make_environment=partial(_environment, scene, host, sensors, targets, sources),
+        surroundings=Surroundings(scene, host, sensors, targets, sources),
     )
     detection = built(host, scene.detection, context)
     context = evolve(context, detection=detection)
     classifier = built(host, scene.classification, context)
     confidence = built(host, scene.confidence, evolve(context, classifier=classifier))
     return {"detection": detection, "classifier": classifier, "confidence": confidence}
-
-
-def _environment(
-    scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
-) -> "RadiometricEnvironment":
-    from opir_core.planning.environment import make_environment
-
-    return make_environment(scene, host, sensors, targets, sources)
 
 
 def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
@@ -289,7 +280,7 @@ def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sour
     """Return what is built of each block of `sources`."""
     if not scene.sources:
         return ()
-    from opir_core.planning.environment import make_sources
+    from opir_core.planning.sources import make_sources
 
     return make_sources(scene, host, sensors)
 

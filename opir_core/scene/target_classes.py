@@ -205,9 +205,15 @@ def core_profiles() -> Mapping[str, BoostProfile]:
 
 
 @cache
+def plume_table() -> Mapping[str, Any]:
+    """Return the table of the core's plumes as it is in `plumes.json`, with its bands and its notes."""
+    return MappingProxyType(_read("plumes.json"))
+
+
+@cache
 def core_plumes() -> Mapping[str, Plume]:
     """Return the plumes of the core's classes, by the name of the profile."""
-    table = _read("plumes.json")
+    table = plume_table()
     body_k = table["body_temperature_k"]
     return MappingProxyType(
         {

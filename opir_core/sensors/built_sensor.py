@@ -6,7 +6,6 @@ from typing import Any
 
 from attrs import asdict, fields_dict
 
-from opir_core.detection.threshold import threshold_sigma
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ReportingStage, ScanPattern, Sensor
 from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
@@ -116,4 +115,7 @@ def _reference(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> int:
 def _threshold(config: ScanningSensorConfig) -> float:
     if config.false_alarm_probability is None:
         return config.threshold_sigma
-    return float(threshold_sigma(config.false_alarm_probability))
+    # Imported here: sensors without a false-alarm probability need no scipy.
+    from scipy.special import ndtri
+
+    return -float(ndtri(config.false_alarm_probability))

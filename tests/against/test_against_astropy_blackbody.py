@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from astropy.constants import sigma_sb
 from astropy.modeling.physical_models import BlackBody
-
-from opir_core.radiometry.planck import band_radiance, planck_photon_radiance, planck_radiance
+from opir_photons.radiometry.planck import band_radiance, planck_photon_radiance, planck_radiance
 
 WAVELENGTHS_UM = np.linspace(1.0, 30.0, 300)
 

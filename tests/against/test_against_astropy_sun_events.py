@@ -12,10 +12,10 @@ from astropy import units
 from astropy.coordinates import ITRS, get_body
 from astropy.time import Time
 from astropy.utils import iers
+from opir_testing import stub_sensor
 from scipy.interpolate import CubicSpline
 
 from opir_core.orbits import KeplerConfig, OrbitConfig, eclipse_intervals, orbit_of, outage_intervals
-from opir_core.testing import stub_sensor
 
 MU, OMEGA = 3.986004418e14, 7.292115e-5
 RADII = np.array([6378137.0, 6378137.0, 6378137.0 * (1.0 - 1.0 / 298.257223563)])

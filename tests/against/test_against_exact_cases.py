@@ -76,7 +76,7 @@ def test_inputs_that_once_lost_digits(name: str) -> None:
 
 
 def test_correlation_at_infinity_and_of_no_number() -> None:
-    from opir_core.radiometry import structure_correlation
+    from opir_photons.radiometry import structure_correlation
 
     assert structure_correlation([np.inf, np.nan], 1.0, 3.0).tolist()[0] == 0.0
     assert np.isnan(structure_correlation(np.nan, 1.0, 3.0))

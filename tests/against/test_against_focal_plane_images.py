@@ -14,8 +14,7 @@ sys.path.append(str(ROOT / "benchmarks"))
 
 from focal_plane import CENTROIDS, Noise, crossed, expected, settings
 from focal_plane_images import centroid_errors, filtered
-
-from opir_core.radiometry import centroid_sigma_rad
+from opir_photons.radiometry import centroid_sigma_rad
 
 SIGMAS, FRAMES = 3.9, 200
 SETTINGS = list(settings())

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_photons.radiometry.configs import CLIMATES, LowtranConfig
+from opir_photons.radiometry.long_paths import RADIUS_M, LimbTable, akima, bent_lowest_m
+from opir_photons.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtran_atmosphere, node_tables
 from repository import DATA
 from scipy.interpolate import Akima1DInterpolator
 
 import opir_core
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
-from opir_core.radiometry.configs import CLIMATES, LowtranConfig
-from opir_core.radiometry.long_paths import RADIUS_M, LimbTable, akima, bent_lowest_m
-from opir_core.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtran_atmosphere, node_tables
 
 TABLE = Path(opir_core.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
 WEIGHTINGS = {"flat": "tau_flat", "blackbody-1500K": "tau_bb1500"}

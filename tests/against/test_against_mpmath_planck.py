@@ -3,8 +3,7 @@
 import mpmath as mp
 import numpy as np
 import pytest
-
-from opir_core.radiometry.planck import (
+from opir_photons.radiometry.planck import (
     band_photon_radiance,
     band_radiance,
     band_radiance_slope,

@@ -11,10 +11,10 @@ from functools import cache
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_photons.detection import cumulative_probability, latency_cdf, latency_mean, latency_quantile
 from scipy.stats import binom
 
 import opir_core as opir
-from opir_core.detection import cumulative_probability, latency_cdf, latency_mean, latency_quantile
 from opir_core.simulation.engine import Engine
 
 #: Section 3.4: scan period (s) and probability of detection per scan of an ICBM-class target.

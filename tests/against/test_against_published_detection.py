@@ -5,10 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from repository import DATA
-from scipy.stats import binom
-
-from opir_core.detection import (
+from opir_photons.detection import (
     false_alarm_probability,
     log_probability_of_detection,
     m_of_n_probability,
@@ -16,6 +13,8 @@ from opir_core.detection import (
     required_snr,
     threshold_sigma,
 )
+from repository import DATA
+from scipy.stats import binom
 
 CASES = json.loads((DATA / "reference_cases.json").read_text())
 ROWS = {

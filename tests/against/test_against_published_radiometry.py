@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from opir_photons.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity
+from opir_photons.radiometry.planck import FIRST_RADIATION_W_UM4_M2_SR, SECOND_RADIATION_UM_K, band_radiance
 from repository import DATA
-
-from opir_core.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity
-from opir_core.radiometry.planck import FIRST_RADIATION_W_UM4_M2_SR, SECOND_RADIATION_UM_K, band_radiance
 
 CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 

@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from opir_testing.contracts import HOMES, conformance_results, contract_for, contract_of
+from opir_testing.contracts.contract import test_names as names_of
+from opir_testing.json_schema import schema_errors
 
 from opir_core.cli.main import main
 from opir_core.host.components import CATALOGUE
-from opir_core.testing.contracts import HOMES, conformance_results, contract_for, contract_of
-from opir_core.testing.contracts.contract import test_names as names_of
-from opir_core.testing.json_schema import schema_errors
 
 pytest_plugins = ["pytester"]
 
@@ -93,7 +93,7 @@ def test_json_has_every_verdict(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 CONTRACT_FILE = """
-from opir_core.testing import ConfidenceContract
+from opir_testing import ConfidenceContract
 
 class TestMoody(ConfidenceContract):
     name = "{name}"
@@ -129,7 +129,7 @@ def test_the_pytest_plugin_imports_nothing_of_the_simulation(tmp_path: Path) -> 
     (tmp_path / "test_nothing.py").write_text(
         "def test_nothing():\n    import sys\n    assert 'numpy' not in sys.modules\n"
     )
-    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "opir_core.testing.pytest_plugin"]
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "opir_testing.pytest_plugin"]
     alone = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     done = subprocess.run([*words, "."], cwd=tmp_path, env=alone, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from opir_core.testing import ConstellationContract, SensorContract
+from opir_testing import ConstellationContract, SensorContract
 
 
 class TestDsp(ConstellationContract):

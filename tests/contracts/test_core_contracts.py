@@ -4,10 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import pytest
-from repository import DATA
-
-from opir_core.interfaces.protocols import Band
-from opir_core.testing import (
+from opir_testing import (
     AtmosphereContract,
     BackgroundContract,
     ClassifierContract,
@@ -21,7 +18,10 @@ from opir_core.testing import (
     TargetContract,
     TrackerContract,
 )
-from opir_core.testing.bench import TARGETS
+from opir_testing.bench import TARGETS
+from repository import DATA
+
+from opir_core.interfaces.protocols import Band
 
 
 class TestGenericScanner(SensorContract):

@@ -4,10 +4,10 @@ import ast
 from collections.abc import Iterator
 
 import pytest
+from opir_testing.contracts import HOMES
 from repository import ROOT
 
 from opir_core.host.host import Host
-from opir_core.testing.contracts import HOMES
 
 TESTS = ROOT / "tests"
 

@@ -1,7 +1,8 @@
 """The core's target classes pass the conformance tests of their hook."""
 
+from opir_testing import TargetClassContract
+
 from opir_core.scene.target_classes import core_target_classes
-from opir_core.testing import TargetClassContract
 
 
 class TestIcbm(TargetClassContract):

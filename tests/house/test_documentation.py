@@ -101,9 +101,9 @@ def test_generated_pages_are_fresh() -> None:
 
 #: What users import: these packages, and of them what their `__all__` lists.
 PUBLIC = {
-    *("opir_core", "opir_core.flight", "opir_core.geometry", "opir_core.orbits", "opir_core.radiometry"),
-    *("opir_core.detection", "opir_core.scoring", "opir_core.output", "opir_core.live", "opir_core.plugin"),
-    "opir_core.testing",
+    *("opir_core", "opir_core.flight", "opir_core.geometry", "opir_core.orbits", "opir_photons.radiometry"),
+    *("opir_photons.detection", "opir_core.scoring", "opir_core.output", "opir_core.live", "opir_core.plugin"),
+    "opir_testing",
 }
 EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
 

@@ -8,11 +8,11 @@ from typing import Any, get_type_hints
 
 import pytest
 from attrs import fields, has
+from opir_photons.radiometry.source_configs import SourceConfig
 from repository import ROOT
 
 from opir_core.host.components import CATALOGUE, Component
 from opir_core.host.host import Host
-from opir_core.radiometry.source_configs import SourceConfig
 from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import FieldRow, field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY

@@ -74,7 +74,7 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
     loaded = modules_of(
         command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
     )
-    assert not {name for name in loaded if name.startswith("opir_core.radiometry")}
+    assert not {name for name in loaded if name.startswith("opir_photons.radiometry")}
 
 
 @pytest.mark.slow

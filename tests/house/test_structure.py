@@ -168,7 +168,7 @@ def test_the_core_names_no_constellation_no_tracker_package_no_web_and_no_broker
 WHERE_HOOKS_ARE_NAMED = {
     "opir_core.host.components",
     "opir_core.host.hookspecs",
-    "opir_core.testing.contracts",
+    "opir_testing.contracts",
     "opir_core.builtin.plugin",
     "opir_core.reading.scene_schema",
 }

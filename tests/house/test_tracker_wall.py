@@ -150,7 +150,7 @@ def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
         "from opir_core.scene.target_classes import core_profiles",
         "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from opir_core.flight.aiming import Aim",
         "def late():\n    from opir_core.builtin.targets import ballistic_targets",
-        "from opir_core.classification.synthetic_looks import synthetic_launches",
+        "from opir_photons.classification.synthetic_looks import synthetic_launches",
         "from importlib import import_module\nimport_module('opir_core.flight.boost')",
         "open('opir_core/data/class_profiles.json')",
         "path = folder / 'stagings.json'",

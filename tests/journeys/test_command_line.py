@@ -9,11 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from repository import EXAMPLES
 
 import opir_core
 from opir_core.cli.main import main
-from opir_core.detection.confirmation import false_confirmation_probability, gate_radius_cells
 
 FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
 PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")

@@ -15,8 +15,7 @@ import pytest
 from http_service import serving
 from opir_http.openapi import document
 from opir_http.tracks import TRAIL, TrackDocuments
-
-from opir_core.testing.doubles import stub_estimates, stub_regions
+from opir_testing.doubles import stub_estimates, stub_regions
 
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 

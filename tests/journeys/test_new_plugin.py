@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from opir_testing.commands.new_plugin import KINDS
 from repository import EXAMPLES
 
 from opir_core.cli.main import main
-from opir_core.cli.new_plugin import KINDS
 from opir_core.host.components import CATALOGUE
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}

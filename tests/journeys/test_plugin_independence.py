@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 import yaml
+from opir_testing.bench import encoder_of, planned
 from repository import ROOT
 
 from opir_core.host.discovery import CORE_PLUGINS
 from opir_core.host.host import Host
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import plan_windows, simulate
-from opir_core.testing.bench import encoder_of, planned
 
 PLUGINS = sorted(
     path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml") if "entry-points" in path.read_text("utf-8")

@@ -47,7 +47,7 @@ def test_a_mutant_is_told_with_its_line_before_and_after() -> None:
     [
         ("opir_core/flight/kepler.py", "tests/core/flight"),
         ("opir_core/flight/tables/csv.py", "tests/core/flight"),
-        ("opir_core/testing/contracts/trackers.py", "tests/contracts"),
+        ("plugins/opir_testing/opir_testing/contracts/trackers.py", "tests/contracts"),
         ("opir_core/arrays.py", None),
         ("plugins/opir_trackers/opir_trackers/gating.py", "tests/plugins/trackers"),
         ("plugins/opir_trackers/opir_trackers/imm/histories.py", "tests/plugins/trackers/imm"),

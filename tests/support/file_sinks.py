@@ -6,10 +6,11 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from opir_testing import stub_sensor
+
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
 from opir_core.interfaces.protocols import Encoder
-from opir_core.testing import stub_sensor
 
 
 def encoder() -> Encoder:
@@ -29,8 +30,8 @@ def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]
         "from opir_core.errors import SinkError\n"
         "from opir_core.output.events.forge import ForgeEncoder\n"
         "from opir_core.interfaces.contexts import EncoderContext\n"
-        "from opir_core.testing import stub_sensor\n"
-        "from opir_core.testing.doubles import stub_window\n"
+        "from opir_testing import stub_sensor\n"
+        "from opir_testing.doubles import stub_window\n"
         "encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))\n"
     )
     # As for a user: what is printed waits in Python's buffer.

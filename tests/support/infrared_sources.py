@@ -1,11 +1,11 @@
 """What tests of sources have in common: a context, a region, random fields, and what a sensor is sent."""
 
 import numpy as np
+from opir_photons.radiometry.source_configs import FieldConfig, RegionConfig
 
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SourceContext
-from opir_core.radiometry.source_configs import FieldConfig, RegionConfig
 
 SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
 HERE = ({"lat_deg": 10.0, "lon_deg": 20.0},)

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_window
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext
@@ -19,8 +21,6 @@ from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import Policy, TransportSink
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_window
 
 SENSORS = tuple(stub_sensor(f"S-{number}") for number in range(5))
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0))

@@ -8,7 +8,6 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.containment_ellipse import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
-from opir_core.planning.environment import RadiometricEnvironment, make_environment
 from opir_core.scene.target_classes import TargetClass
 from opir_core.scoring.errors import last_rows, place_of
 from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_run, ownership, rows_in_force
@@ -44,12 +43,6 @@ class RunFacts:
     def truth(self) -> list[dict[str, object]]:
         """The true launch, burnout and impact of each launch."""
         return [dict(each) for each in self.plan.targets.truth()][: self.launches]
-
-    @cached_property
-    def environment(self) -> RadiometricEnvironment:
-        """Signatures, atmosphere and background of the scene."""
-        plan = self.plan
-        return make_environment(plan.scene, plan.host, plan.sensors, plan.targets, plan.sources)
 
     def right_code(self, target: int) -> int:
         """Return the code of the type that detections of a target should report, -1 if the run reports no such type."""

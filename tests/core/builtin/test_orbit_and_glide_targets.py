@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
@@ -15,7 +16,6 @@ from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.scorecard import scorecard
 from opir_core.simulation.run import run_of_plan
-from opir_core.testing.bench import bench_scene
 
 HOST = Host.of(trackers)
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -80.6, "time_s": 5.0}

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 from file_sinks import encoder, python, sink
+from opir_testing.doubles import stub_window
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.interfaces.protocols import Delivery
-from opir_core.testing.doubles import stub_window
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")

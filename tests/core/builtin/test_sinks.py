@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 from file_sinks import encoder, python, sink
+from opir_testing.doubles import stub_window
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.output.events import encoder_input
 from opir_core.scene.fields import field_infos
-from opir_core.testing.doubles import stub_window
 
 
 def never() -> Encoder:

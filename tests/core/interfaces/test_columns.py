@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from attrs import frozen
+from opir_testing.doubles import stub_window
 
 from opir_core.interfaces.columns import Columns
-from opir_core.testing.doubles import stub_window
 
 
 @frozen(eq=False)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_testing.doubles import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.testing.doubles import stub_regions
 
 
 def around(place: tuple[float, float], angle_rad: float, bearing_rad: FloatArray) -> FloatArray:

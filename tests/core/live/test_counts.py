@@ -1,9 +1,9 @@
 """Counts of a live run: what each sensor has detected, and when last."""
 
 import numpy as np
+from opir_testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 from opir_core.live.status import Counts
-from opir_core.testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 
 def test_a_sensor_that_has_detected_nothing_has_no_last_detection() -> None:

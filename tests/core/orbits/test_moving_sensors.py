@@ -7,13 +7,13 @@ import pytest
 from attrs import fields
 from hypothesis import given
 from hypothesis import strategies as st
+from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 from examples import examples
 from opir_core.interfaces.records import Detections
 from opir_core.orbits import circular_elements, highly_elliptical_elements, slot_elements
 from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit, TwoBodyMotion
 from opir_core.simulation.engine import Engine
-from opir_core.testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 #: A burn across the seam of two spans.
 IGNITION_S = SPAN_S - 15.0

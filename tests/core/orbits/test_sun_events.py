@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from opir_testing import stub_sensor
 
 from opir_core.geometry import is_sunlit, nadir_angle_rad
 from opir_core.geometry.sun import sun_ecef_m
 from opir_core.orbits import CircularConfig, OrbitConfig, eclipse_intervals, orbit_of, outage_intervals
 from opir_core.orbits.sun_events import cap_overlap_sr
-from opir_core.testing import stub_sensor
 
 EQUINOX = np.datetime64("2026-03-20T12:00:00")
 DAY_S = 86400.0

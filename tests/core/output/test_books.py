@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from opir_testing.doubles import stub_window
 from waiting import until
 
 from opir_core.errors import SinkError
@@ -14,7 +15,6 @@ from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import pump
 from opir_core.output.sink_thread import SinkThread, balanced
-from opir_core.testing.doubles import stub_window
 
 FIGURES = st.integers(-20, 40)
 COUNTS = dict.fromkeys(("delivered", "spooled", "dropped", "withheld", "recovered"), FIGURES)

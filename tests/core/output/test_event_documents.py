@@ -7,6 +7,8 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_estimates, stub_window
 from repository import ROOT
 
 from opir_core.geometry import geodetic_to_ecef
@@ -15,8 +17,6 @@ from opir_core.interfaces.protocols import Band
 from opir_core.output.events import detection_schema
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.random_streams.detection_ids import stream_key, uuid8_words
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_estimates, stub_window
 
 REFERENCE = ROOT / "docs" / "reference"
 PAGE = (REFERENCE / "detection-event.md").read_text(encoding="utf-8")

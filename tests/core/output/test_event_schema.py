@@ -6,6 +6,8 @@ from typing import Any
 
 import jsonschema
 import pytest
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_estimates, stub_window
 
 from opir_core.estimation.containment_ellipse import CONTAINMENT
 from opir_core.interfaces.contexts import EncoderContext
@@ -19,8 +21,6 @@ from opir_core.output.events.estimates import (
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_classes
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_estimates, stub_window
 
 SCHEMA = detection_schema()
 

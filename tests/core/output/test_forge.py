@@ -13,6 +13,7 @@ from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from opir_testing.doubles import stub_estimates, stub_window
 
 from examples import examples
 from opir_core.errors import ModelError
@@ -25,7 +26,6 @@ from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import timestamp_text, unix_microseconds
 from opir_core.random_streams.detection_ids import uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.testing.doubles import stub_estimates, stub_window
 
 VALIDATOR = jsonschema.Draft202012Validator(
     detection_schema(), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER

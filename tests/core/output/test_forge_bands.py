@@ -11,6 +11,9 @@ from attrs import evolve
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from opir_testing import stub_sensor
+from opir_testing.bench import encoder_of
+from opir_testing.doubles import stub_window
 
 import opir_core as opir
 from opir_core.interfaces.contexts import EncoderContext
@@ -21,9 +24,6 @@ from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import number_texts, significant
 from opir_core.simulation.run import plan_windows
-from opir_core.testing import stub_sensor
-from opir_core.testing.bench import encoder_of
-from opir_core.testing.doubles import stub_window
 
 SENSORS = (
     stub_sensor("TWO", -75.5, bands=(Band("SWIR", 2.5, 3.0), Band('"M"', 4.2, 4.45))),

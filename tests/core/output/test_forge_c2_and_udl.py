@@ -12,6 +12,8 @@ from forge_events import refuse_constant
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_estimates, stub_window
 
 from examples import examples
 from opir_core.cli.main import main
@@ -27,8 +29,6 @@ from opir_core.output.events.text import timestamp_text, unix_microseconds
 from opir_core.output.events.udl import UdlEncoder
 from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_estimates, stub_window
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (

@@ -9,6 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from opir_testing import stub_sensor
+from opir_testing.bench import encoder_of
+from opir_testing.doubles import stub_estimates, stub_window
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
@@ -20,9 +23,6 @@ from opir_core.output.events.estimates import time_texts
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import plan_windows
-from opir_core.testing import stub_sensor
-from opir_core.testing.bench import encoder_of
-from opir_core.testing.doubles import stub_estimates, stub_window
 
 EPOCH_US = 1_775_044_800_000_000
 CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US)

@@ -8,11 +8,11 @@ import pytest
 from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from opir_testing.doubles import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
 from opir_core.output.geojson import geometry_of, region_document, region_from_document, region_texts
-from opir_core.testing.doubles import stub_regions
 
 EARTH_RADIUS_KM = 6371.0088
 PLACES = [

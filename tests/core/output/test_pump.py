@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from opir_testing.doubles import stub_window
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
-from opir_core.testing.doubles import stub_window
 
 
 class Recorder:

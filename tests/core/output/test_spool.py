@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from attrs import evolve
 from forked_processes import killed_at_random
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_estimates, stub_regions, stub_window
 from spool_transports import (
     ENCODER,
     MIB,
@@ -37,8 +39,6 @@ from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowB
 from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 
 
 def test_the_stand_keeps_the_protocol() -> None:

@@ -8,6 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_testing.doubles import stub_estimates, stub_regions, stub_window
 from scored_scene import SCENE
 from spool_transports import MIB, QUICK, SENSORS, Holding
 from waiting import until
@@ -31,7 +32,6 @@ from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
-from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 
 AIM = {"lat_deg": 32.0, "lon_deg": -124.0}
 EPOCH_US = 1_775_044_800_000_000

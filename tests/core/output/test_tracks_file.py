@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import fields
+from opir_testing.doubles import stub_estimates, stub_regions
 
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.output import TracksFile, read_tracks
-from opir_core.testing.doubles import stub_estimates, stub_regions
 
 RNG = np.random.default_rng(7)
 REGIONS = stub_regions(9.0, 167.7, 120.0)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from attrs import frozen
 from numpy.typing import NDArray
+from opir_photons.environment import Ascents, ascents
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.environment import Ascents, ascents
 from opir_core.planning.targets import Targets
 
 Array = NDArray[np.float64]

@@ -3,17 +3,18 @@
 from unittest import mock
 
 import numpy as np
+import opir_photons.reflection
 import pytest
 from attrs import evolve
+from opir_photons.radiometry import band_radiance, solar_irradiance
+from opir_photons.reflection import shadow_times_s
 
 import opir_core as opir
-import opir_core.planning.reflection
+import opir_core.geometry.sun
 from opir_core.geometry import ecef_to_geodetic, local_axes, sun_position_ecef_m, sunlit_fraction
 from opir_core.interfaces.radiometric_models import Paths
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.looks import Looks
-from opir_core.planning.reflection import shadow_times_s
-from opir_core.radiometry import band_radiance, solar_irradiance
 from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 LOW = {
@@ -147,7 +148,7 @@ def test_interpolated_probabilities_hold_through_the_shadows_edges():
 def test_without_followed_bodies_nobody_asks_for_the_sun():
     plumes = {**SENSOR, "follows_bodies": False, "solar_exclusion_deg": 0.0}
     with (
-        mock.patch.object(opir_core.planning.reflection, "sun_ecef_m") as sun,
+        mock.patch.object(opir_photons.reflection, "sun_ecef_m") as sun,
         mock.patch.object(opir_core.geometry.sun, "sun_position_eci_m") as deeper,
     ):
         plan = planned(sensors=(plumes,))

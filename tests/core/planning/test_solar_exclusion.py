@@ -9,6 +9,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from attrs import evolve, fields
+from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 from snr_scene import scene as snr_scene
 
 import opir_core.orbits.sun_events
@@ -25,7 +26,6 @@ from opir_core.planning.visibility import visible_now
 from opir_core.sensors.scan_patterns import AlignedScan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
-from opir_core.testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 EPOCH = np.datetime64("2026-03-20T11:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))

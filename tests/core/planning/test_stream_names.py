@@ -2,8 +2,7 @@
 
 import numpy as np
 from attrs import evolve
-
-from opir_core.testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
+from opir_testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 
 def test_sensors_are_named_by_id_and_by_how_often_their_scans_were_numbered_anew():

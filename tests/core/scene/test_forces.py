@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_components import fake_host, good_mapping
+from opir_testing import SilentTracker
 from repository import EXAMPLES
 
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
@@ -16,7 +17,6 @@ from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_
 from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import simulate
-from opir_core.testing import SilentTracker
 
 ONE_TARGET, THREE_TARGETS = EXAMPLES / "first_light.yaml", EXAMPLES / "pacific_test_range.yaml"
 AIR = {"density_kg_m3": 1.2, "scale_height_m": 7000.0}

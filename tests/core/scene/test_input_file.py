@@ -7,13 +7,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from opir_photons.radiometry.emitters import rows_of_csv
+from opir_photons.radiometry.source_configs import FireConfig
 from scene_reading import HOST, PAGE
 
 from opir_core.errors import OpirError
 from opir_core.orbits.configs import OmmFileConfig
 from opir_core.orbits.orbit_models import omm_of_file
-from opir_core.radiometry.emitters import rows_of_csv
-from opir_core.radiometry.source_configs import FireConfig
 from opir_core.reading import load_scene
 from opir_core.scene.input_file import NotAFileError, file_bytes
 

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from opir_testing.bench import bench_run, bench_scene
+from opir_testing.json_schema import schema_errors
 from opir_trackers import plugin as trackers
 
 from opir_core.errors import SceneError
@@ -14,8 +16,6 @@ from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_classes
 from opir_core.simulation.run import run_of_plan, simulate
-from opir_core.testing.bench import bench_run, bench_scene
-from opir_core.testing.json_schema import schema_errors
 
 HOST = Host.of(trackers)
 LAUNCH = {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}

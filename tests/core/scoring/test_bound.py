@@ -6,6 +6,7 @@ from math import factorial
 
 import numpy as np
 import pytest
+from opir_testing import stub_sensor
 from repository import DATA
 
 from opir_core.flight import propagate_kepler
@@ -20,7 +21,6 @@ from opir_core.scoring.bound import (
     state_bound,
 )
 from opir_core.scoring.errors import bias_turns
-from opir_core.testing import stub_sensor
 
 
 def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():

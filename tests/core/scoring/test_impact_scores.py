@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
+from opir_testing.doubles import stub_estimates
 from scipy.stats import chi2
 
 from opir_core import ImpactRegion
@@ -16,7 +17,6 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring import RunEvidence, impact_scores, ownership, scorecard
 from opir_core.scoring.impacts import PHASES
-from opir_core.testing.doubles import stub_estimates
 
 LANDS = {
     "id": "LANDS",

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from opir_testing.doubles import stub_estimates
 from scored_scene import SCENE
 
 from opir_core.cli.main import main
@@ -17,7 +18,6 @@ from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.evidence import RunEvidence, evidence_of_files, ownership
 from opir_core.scoring.scorecard import ScoreSettings
 from opir_core.simulation.run import run_of_plan
-from opir_core.testing.doubles import stub_estimates
 
 
 def synthetic(track, target):

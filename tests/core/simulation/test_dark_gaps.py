@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from opir_photons.environment import make_environment
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
@@ -12,7 +13,6 @@ from opir_core import simulate
 from opir_core.cli.main import main
 from opir_core.host.host import Host
 from opir_core.live.changes import launch_change, without_finished_targets
-from opir_core.planning.environment import make_environment
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping

@@ -8,6 +8,14 @@ import pytest
 from attrs import evolve, fields
 from hypothesis import given
 from hypothesis import strategies as st
+from opir_testing import (
+    CertainDetection,
+    CountingTracker,
+    VerticalTargets,
+    stub_plan,
+    stub_scene,
+    stub_sensor,
+)
 
 from examples import examples
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -18,14 +26,6 @@ from opir_core.planning.sightlines import Blocked
 from opir_core.sensors.scan_patterns import AlignedScan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import window_edges_ns
-from opir_core.testing import (
-    CertainDetection,
-    CountingTracker,
-    VerticalTargets,
-    stub_plan,
-    stub_scene,
-    stub_sensor,
-)
 
 
 def targets(count: int = 3, seed: int = 5) -> VerticalTargets:

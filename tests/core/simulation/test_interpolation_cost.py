@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from opir_photons.radiometry.earth import EarthBackground
+from opir_photons.radiometry.lowtran import LowtranAtmosphere
+from opir_photons.radiometry.plume import PlumeSignatures
 from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.radiometric_models import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.planning.looks import Looks
-from opir_core.radiometry.earth import EarthBackground
-from opir_core.radiometry.lowtran import LowtranAtmosphere
-from opir_core.radiometry.plume import PlumeSignatures
 from opir_core.simulation.interpolation import ProbabilityInterpolant
 from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
 

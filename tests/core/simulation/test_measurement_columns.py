@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, frozen
+from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
+from opir_testing.doubles import stub_window
 from repository import EXAMPLES
 
 import opir_core as opir
@@ -21,8 +23,6 @@ from opir_core.planning.sensor_states import PointingBias
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
-from opir_core.testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
-from opir_core.testing.doubles import stub_window
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
 EXAMPLE = EXAMPLES / "pacific_test_range.yaml"

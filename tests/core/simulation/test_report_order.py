@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
+from opir_testing.bench import encoder_of
+from opir_testing.doubles import stub_estimates
 
 import opir_core as opir
 from opir_core.arrays import IntArray
@@ -13,8 +15,6 @@ from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import Run, plan_windows, run_of_plan
-from opir_core.testing.bench import encoder_of
-from opir_core.testing.doubles import stub_estimates
 
 MIXED = (UNEVEN, CONSTANT, "paper-ground-chain", "none")
 

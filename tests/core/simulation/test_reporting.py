@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from attrs import evolve
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
+from opir_photons.detection import latency_mean
+from opir_testing import stub_sensor
+from opir_testing.doubles import stub_window
 from scipy.stats import gamma, kstest
 
 import opir_core as opir
-from opir_core.detection import latency_mean
 from opir_core.interfaces.protocols import ReportingStage
 from opir_core.interfaces.records import Detections
 from opir_core.simulation import engine as engine_module
 from opir_core.simulation.reporting import LATE_CHANCE, ReportingDelays, release_lag_ns, stage_latency_s
-from opir_core.testing import stub_sensor
-from opir_core.testing.doubles import stub_window
 
 #: Two-sided 99.9 % of a normal distribution.
 Z = 3.2905

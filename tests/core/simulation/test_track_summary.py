@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_testing.doubles import stub_estimates, stub_regions
 
 from opir_core.cli.run import _track_cells
 from opir_core.interfaces.records import Tracks
 from opir_core.simulation.summary import LatestTracks
-from opir_core.testing.doubles import stub_estimates, stub_regions
 
 TRACK = stub_estimates(
     1,

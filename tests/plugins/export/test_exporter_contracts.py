@@ -1,6 +1,6 @@
 """The exporters pass the conformance tests of their hook."""
 
-from opir_core.testing import ExporterContract
+from opir_testing import ExporterContract
 
 
 class TestParquetExporter(ExporterContract):

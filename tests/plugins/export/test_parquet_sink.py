@@ -9,6 +9,7 @@ import pytest
 from exported_runs import SCENE, short_run
 from opir_export.parquet_sink import ParquetSink
 from opir_export.settings import ParquetSinkConfig
+from opir_testing import SinkContract
 from pyarrow import parquet
 from repository import EXAMPLES
 
@@ -16,7 +17,6 @@ import opir_core
 from opir_core.cli.main import main
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.simulation.run import plan_windows
-from opir_core.testing import SinkContract
 
 
 class TestParquetSink(SinkContract):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from opir_http import service
 from opir_http.settings import HttpSettings
-
-from opir_core.testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
+from opir_testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 
 class RunWithBacklog:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot
+from opir_photons.detection import latency_cdf
 from opir_report import RunPlots
 from opir_report.plots.confidence import confidences
 from opir_report.plots.consistency import nees_history, region_history
@@ -19,7 +20,6 @@ from scored_scene import SCENE
 
 import opir_core as opir
 from opir_core.cli.score import as_text
-from opir_core.detection import latency_cdf
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.evidence import true_states
 

@@ -3,11 +3,11 @@
 import pytest
 from opir_dask.executor import DaskExecutor
 from opir_studies import LostTasksError, Study, sweep
+from opir_testing import ExecutorContract
 from study_scene import PERIOD, SCENE
 from study_tasks import doubled_or_always_killed, doubled_or_killed
 
 from opir_core.errors import OpirError
-from opir_core.testing import ExecutorContract
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 

@@ -9,10 +9,10 @@ from opir_studies.metrics.detection_metrics import (
     LatencyMetric,
     time_words,
 )
+from opir_testing import MetricContract
 from study_scene import SCENE
 
 import opir_core
-from opir_core.testing import MetricContract
 
 
 class TestLatency(MetricContract):

@@ -5,9 +5,8 @@ from itertools import islice
 
 import pytest
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
+from opir_testing import ExecutorContract
 from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, is_beside, own_number, threads
-
-from opir_core.testing import ExecutorContract
 
 
 class TestSerial(ExecutorContract):

@@ -11,6 +11,7 @@ from opir_studies.metrics.track_metrics import (
     TracksMetric,
     impact_region_metric,
 )
+from opir_testing import MetricContract
 from pyproj import Geod
 from scored_scene import SCENE
 from study_scene import SCENE as UNTRACKED
@@ -18,7 +19,6 @@ from study_scene import SCENE as UNTRACKED
 import opir_core
 from opir_core.plugin import MetricContext
 from opir_core.scoring.impacts import PHASES
-from opir_core.testing import MetricContract
 
 
 class TestTracks(MetricContract):

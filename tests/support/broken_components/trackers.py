@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
+from opir_testing.doubles import stub_regions
 
 from broken_components.offers import mutant
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin import TrackerModel
-from opir_core.testing.doubles import stub_regions
 
 
 class OneTrack:

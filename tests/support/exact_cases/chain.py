@@ -6,12 +6,12 @@ of opir one after the other, as the engine does, and in 40 digits.
 
 import mpmath as mp
 import numpy as np
+import opir_photons.detection as detection
+import opir_photons.radiometry as radiometry
 
-import opir_core.detection as detection
 import opir_core.flight as flight
 import opir_core.geometry as geometry
 import opir_core.orbits as orbits
-import opir_core.radiometry as radiometry
 from exact_cases import draws
 from exact_cases.detection import cumulative, tail
 from exact_cases.flight import MU, orbital_position

@@ -5,8 +5,8 @@ from types import ModuleType
 
 import mpmath as mp
 import numpy as np
+import opir_photons.detection as detection
 
-import opir_core.detection as detection
 import opir_core.scoring as scoring
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
@@ -407,7 +407,7 @@ CASES = (
 
 LEFT_OUT = {
     "detection": {
-        "RatioGates": "an integral to a stated tolerance (tests/core/detection/test_band_rules.py)",
+        "RatioGates": "an integral to a stated tolerance (tests/plugins/photons/detection/test_band_rules.py)",
     },
     "scoring": {
         **dict.fromkeys(

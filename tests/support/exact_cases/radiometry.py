@@ -4,15 +4,15 @@ from functools import cache
 
 import mpmath as mp
 import numpy as np
+import opir_photons.radiometry as radiometry
+from opir_photons.radiometry import lowtran
+from opir_photons.radiometry.long_paths import BEND, CLIMBS, HIGHEST_ROOT, HIGHEST_SLANT, RADIUS_M, TOP_M
 
-import opir_core.radiometry as radiometry
 from exact_cases import draws
 from exact_cases.measure import Case, bound_of
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_core.interfaces.protocols import Band
-from opir_core.radiometry import lowtran
-from opir_core.radiometry.long_paths import BEND, CLIMBS, HIGHEST_ROOT, HIGHEST_SLANT, RADIUS_M, TOP_M
 
 with mp.workdps(60):
     H, K, C = mp.mpf("6.62607015e-34"), mp.mpf("1.380649e-23"), mp.mpf(SPEED_OF_LIGHT_M_S)

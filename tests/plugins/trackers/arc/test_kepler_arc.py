@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from opir_testing.doubles import stub_sensor
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
@@ -17,7 +18,6 @@ from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci, ecef_to_geodetic, eci_to_ecef, geodetic_to_ecef
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.geometry.sphere import great_circle_m
-from opir_core.testing.doubles import stub_sensor
 
 SLOTS_DEG = np.array([-150.0, -90.0])
 SIGMA_RAD = 2e-5

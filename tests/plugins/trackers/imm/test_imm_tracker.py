@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_testing.doubles import stub_sensor, stub_window
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
@@ -17,7 +18,6 @@ from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
-from opir_core.testing.doubles import stub_sensor, stub_window
 
 SENSORS = (stub_sensor("WEST", -30.0), stub_sensor("EAST", 40.0), stub_sensor("FAR", 70.0))
 KEPLER = Forces(zonal=())

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from opir_testing.doubles import stub_sensor
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.sensors import Biases
 
 from opir_core.estimation import square_root
 from opir_core.estimation.motion import BOOST, COAST
-from opir_core.testing.doubles import stub_sensor
 
 SENSORS = Biases.of([stub_sensor("A", 0.0), stub_sensor("B", 90.0)])
 LOOK_RAD = SENSORS.sensors[0].line_of_sight_sigma_rad

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from drawn_flights import flown
+from opir_testing.doubles import stub_sensor
 from opir_trackers.imm.report import type_log_likelihoods, type_posterior
 from tracked_flights import last_told, usual
 
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
-from opir_core.testing.doubles import stub_sensor
 
 
 def test_each_sensor_counts_once_for_the_type() -> None:

@@ -1,0 +1,44 @@
+"""What is built of a scene's `sources`, and the bands and the atmosphere in which they shine."""
+
+from collections.abc import Sequence
+from functools import cache, partial
+from typing import Any
+
+from opir_core.host.host import Host
+from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.interfaces.radiometric_models import AtmosphereContext, SourceContext, Sources, Transmittance
+from opir_core.scene.scene import Choice, Scene
+
+
+def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
+    """Return the distinct bands of sensors, in order of first use."""
+    return tuple(dict.fromkeys(band for sensor in sensors for band in sensor.bands))
+
+
+def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
+    """Return what is built of each block of a scene's `sources`."""
+    bands, made = distinct_bands(sensors), list[Sources]()
+    make_atmosphere = cache(partial(scene_atmosphere, scene, host, bands))
+    for source in scene.sources:
+        context = SourceContext(
+            bands=bands,
+            id=source.id,
+            path=source.model.path,
+            epoch_us=scene.epoch_us,
+            duration_s=scene.duration_s,
+            seed=scene.seed,
+            make_atmosphere=make_atmosphere,
+        )
+        made.append(_built(host, source.model, context))
+    return tuple(made)
+
+
+def scene_atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:
+    """Return the atmosphere of a scene for bands."""
+    context = AtmosphereContext(bands=bands, path=scene.atmosphere.path, seed=scene.seed)
+    made: Transmittance = _built(host, scene.atmosphere, context)
+    return made
+
+
+def _built(host: Host, choice: Choice, context: object) -> Any:
+    return host.component(choice.hook, choice.name, choice.path).build(choice.config, context)

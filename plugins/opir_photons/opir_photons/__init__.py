@@ -1,0 +1,1 @@
+"""Models of light for opir: sources, plumes, air, background, focal planes, detection and classification by signal."""

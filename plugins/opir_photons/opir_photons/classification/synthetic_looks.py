@@ -1,0 +1,278 @@
+"""Synthetic launches and hot sources: positions, trajectories and brightness drawn from stated priors.
+
+They are independent of the scene: draws are from a low-discrepancy sequence (Kronecker's, of the generalised golden
+ratio), the same in every scene, for a satellite of the sensor's radius over the equator, uniform in longitude. Their
+measurements use the scene's own atmosphere and background.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+from scipy.special import ndtri
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.flight.aiming import aim
+from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, boost_profile
+from opir_core.geometry import Geodetic, ecef_to_geodetic, elevation_rad, geodetic_to_ecef
+from opir_core.geometry.vectors import components, vector
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.targets import Targets
+from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
+from opir_core.scene.target_classes import BoostProfile
+from opir_photons.radiometry.configs import PlumeConfig
+from opir_photons.radiometry.planck import band_radiance
+from opir_photons.radiometry.plume import plume_signatures
+
+_RADIUS_M = 6.371e6
+
+#: Class profiles, type by type, and the type of each as a code into `TARGET_TYPES`.
+PROFILES = tuple(name for kind in TARGET_TYPES for name in PROFILES_BY_TYPE[kind])
+PROFILE_TYPE = np.array([code for code, kind in enumerate(TARGET_TYPES) for _ in PROFILES_BY_TYPE[kind]])
+
+#: Number of profiles of the type of each profile; all are equally frequent.
+_PROFILES_OF_TYPE = np.bincount(PROFILE_TYPE)[PROFILE_TYPE]
+
+#: Looks per burn.
+MOMENTS = 40
+
+#: Brightness draws per launch.
+DRAWS = 4
+
+#: Least sine of the elevation, and longest range of a launch, m.
+_LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
+
+#: Margin of ranges inside a profile's limits, since positions are on a sphere.
+_WITHIN = 1.01
+
+
+class SourceKind(NamedTuple):
+    """A kind of hot source other than missiles: a grey body; `area_m2` is the median of emissivity times area.
+
+    It shines for `shining_s` on average.
+    """
+
+    name: str
+    coldest_k: float
+    hottest_k: float
+    area_m2: float
+    area_log_sigma: float
+    lowest_m: float
+    highest_m: float
+    shining_s: float
+
+
+#: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with notional spreads.
+#: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s.
+KINDS = (
+    SourceKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
+    SourceKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
+    SourceKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
+    SourceKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3, 2.0),
+)
+
+
+@frozen(eq=False)
+class SyntheticPlumes:
+    """Plumes of launches (n,) with the intensities of their class profiles, along their trajectories."""
+
+    plumes: Signatures
+    profile: IndexArray
+    path: BoostPath
+
+    def intensity_w_sr(
+        self,
+        band: int,
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return radiant intensities (n,), W/sr."""
+        columns = (self.profile[target], time_since_ignition_s, altitude_m, aspect_rad)
+        return self.plumes.intensity_w_sr(band, *columns)
+
+    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+        """Return the angles (n,) between the direction of flight and the sensor, rad; at rest the direction is up."""
+        _, velocity = self.path.state(target.astype(np.int64), time_s)
+        length = np.sqrt(np.square(velocity).sum(axis=1))
+        moves = length > 0.0
+        way = np.where(moves[:, None], velocity / np.where(moves, length, 1.0)[:, None], self.path.plane.up[target])
+        aspect: FloatArray = np.arccos(np.clip((way * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
+        return aspect
+
+
+@frozen(eq=False)
+class SyntheticSources:
+    """Hot sources (n,): in-band intensities (bands, n), W/sr, isotropic and constant."""
+
+    peak_w_sr: FloatArray
+
+    def intensity_w_sr(
+        self,
+        band: int,
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return radiant intensities (n,), W/sr."""
+        intensity: FloatArray = self.peak_w_sr[band][target]
+        return intensity
+
+    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+        """Return zeros (n,): sources are isotropic."""
+        return np.zeros(len(target))
+
+
+@frozen(eq=False)
+class SyntheticLooks:
+    """Synthetic looks with signatures; `number` (n,) is the profile or kind, `share` (n,) the relative frequency of a
+    look among those of its number. Looks at launches are launch by launch, `MOMENTS` each, in order of time.
+    """
+
+    exposures: Exposures
+    signatures: Signatures
+    targets: Targets
+    number: IntArray
+    share: FloatArray
+    step_s: FloatArray
+
+
+def synthetic_launches(radius_m: float, plumes: Signatures, launches: int) -> SyntheticLooks:
+    """Return looks at launches of every profile from satellites at a distance from the Earth's centre, m."""
+    profiles = [boost_profile(name) for name in PROFILES for _ in range(launches)]
+    drawn = low_discrepancy_points(len(profiles), 5)
+    sensor_m, site = _sites(radius_m, drawn[:, :3])
+    flight = aim(site, _aims(site, profiles, drawn[:, 3:5]), 0.0, profiles)
+    good = np.flatnonzero(flight.converged)
+    profile = np.repeat(np.arange(len(PROFILES), dtype=np.int32), launches)
+    number, launch = np.repeat(profile[good].astype(np.int64), MOMENTS), np.repeat(good, MOMENTS)
+    step_s = flight.burnout_s[launch] / MOMENTS
+    time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
+    flown = np.bincount(profile[good], minlength=len(PROFILES)) * _PROFILES_OF_TYPE
+    return SyntheticLooks(
+        exposures=_exposures(launch, time_s, flight.path.state(launch, time_s)[0], sensor_m[launch]),
+        signatures=SyntheticPlumes(
+            plumes=plumes,
+            profile=profile,
+            path=flight.path,
+        ),
+        targets=_targets(len(profiles)),
+        number=number,
+        share=step_s / flown[number],
+        step_s=step_s,
+    )
+
+
+def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: float) -> FloatArray:
+    """Return brightness factors (DRAWS, launches, width) of a sensor's bands: common to all bands, times one per band.
+
+    They depend on the position of a band in its sensor only, not on other sensors.
+    """
+    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(DRAWS, launches, -1)
+    factors: FloatArray = np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
+    return factors
+
+
+def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> SyntheticLooks:
+    """Return looks at hot sources of every kind, `count` of each."""
+    drawn = low_discrepancy_points(len(KINDS) * count, 6)
+    number = np.repeat(np.arange(len(KINDS)), count)
+    columns = np.array([kind[1:] for kind in KINDS], dtype=np.float64)[number].T
+    coldest, hottest, area, sigma, lowest, highest, _ = columns
+    sensor_m, site = _sites(radius_m, drawn[:, :3])
+    height_m = lowest + (highest - lowest) * drawn[:, 3]
+    temperature_k = coldest + (hottest - coldest) * drawn[:, 4]
+    shown_m2 = area * np.exp(sigma * ndtri(drawn[:, 5]))
+    peak = [shown_m2 * band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
+    place_m = geodetic_to_ecef(site.latitude_rad, site.longitude_rad, height_m)
+    rows, none = np.arange(len(number)), np.zeros(len(number))
+    return SyntheticLooks(
+        exposures=_exposures(rows, none, place_m, sensor_m),
+        signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
+        targets=_targets(len(number)),
+        number=number,
+        share=np.full(len(number), 1.0 / count),
+        step_s=none,
+    )
+
+
+def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
+    """Return points (count, dimensions) of Kronecker's low-discrepancy sequence in (0, 1)^dimensions.
+
+    Its steps are powers of 1/φ, with φ the positive root of x^(d+1) = x + 1.
+    """
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1.0))
+    steps = (1.0 / root) ** np.arange(1, dimensions + 1)
+    points: FloatArray = np.remainder(0.5 + (1.0 + np.arange(count))[:, None] * steps, 1.0)
+    return np.clip(points, 1e-9, 1.0 - 1e-9)
+
+
+def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
+    """Return satellites over the equator (n, 3), and ground points uniform in the sine of the satellite's elevation."""
+    turn = 2.0 * np.pi * drawn[:, 0]
+    up = vector(np.cos(turn), np.sin(turn), np.zeros(len(turn)))
+    east = vector(-np.sin(turn), np.cos(turn), np.zeros(len(turn)))
+    elevation = np.arcsin(_LOWEST_SINE + (1.0 - _LOWEST_SINE) * drawn[:, 1])
+    angle = np.arccos(np.clip(_RADIUS_M * np.cos(elevation) / radius_m, -1.0, 1.0)) - elevation
+    bearing = 2.0 * np.pi * drawn[:, 2]
+    level = np.sin(bearing)[:, None] * east + np.cos(bearing)[:, None] * np.array([0.0, 0.0, 1.0])
+    foot = _RADIUS_M * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * level)
+    place = ecef_to_geodetic(foot)
+    return radius_m * up, Geodetic(place.latitude_rad, place.longitude_rad, np.zeros(len(turn)))
+
+
+def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
+    """Return aim points: uniform in direction and in the logarithm of range, within the profile's limits."""
+    least = np.array([_WITHIN * profile.minimum_range_m for profile in profiles])
+    most = np.array([min(profile.maximum_range_m, _FARTHEST_M) / _WITHIN for profile in profiles])
+    angle = least * (most / least) ** drawn[:, 0] / _RADIUS_M
+    heading = 2.0 * np.pi * drawn[:, 1]
+    sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(angle) * np.cos(heading)
+    latitude = np.arcsin(np.clip(sine, -1.0, 1.0))
+    across = np.sin(heading) * np.sin(angle) * np.cos(site.latitude_rad)
+    longitude = site.longitude_rad + np.arctan2(across, np.cos(angle) - np.sin(site.latitude_rad) * sine)
+    return Geodetic(latitude, longitude, np.zeros(len(angle)))
+
+
+def class_plumes(bands: Sequence[Band]) -> Signatures:
+    """Return the plumes of the class profiles, with the signature model's defaults."""
+    context = SignatureContext(
+        bands=tuple(bands),
+        ids=PROFILES,
+        paths=tuple(f"classification: {name}" for name in PROFILES),
+        types=tuple(TARGET_TYPES[code] for code in PROFILE_TYPE),
+        profiles=PROFILES,
+        burn_time_s=np.array([boost_profile(name).burn_time_s for name in PROFILES]),
+    )
+    return plume_signatures([PlumeConfig()] * len(PROFILES), context)
+
+
+def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray) -> Exposures:
+    away = [here - there for here, there in zip(components(place_m), components(sensor_m), strict=True)]
+    none = np.zeros(len(target), dtype=np.int32)
+    return Exposures(
+        time_s=time_s,
+        emission_time_s=time_s,
+        scan=np.zeros(len(target), dtype=np.int64),
+        sensor=none,
+        target=target.astype(np.int32),
+        range_m=np.sqrt(sum(part * part for part in away)),
+        elevation_sine=np.sin(elevation_rad(place_m, sensor_m)),
+        target_ecef_m=place_m,
+        sensor_ecef_m=sensor_m,
+    )
+
+
+def _targets(count: int) -> Targets:
+    """Return the columns of targets that a radiometric environment needs, all ignited at 0."""
+    zeros, none = np.zeros(count), np.zeros(count, dtype=np.int32)
+    code = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8)
+    return Targets((), code, zeros, np.full(count, math.inf), np.full(count, math.inf), (), none, none)

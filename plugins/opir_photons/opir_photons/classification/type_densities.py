@@ -1,0 +1,295 @@
+"""Densities of a sensor's measurements for each type and for other sources, computed when a scene is compiled."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces.columns import names_of
+from opir_core.interfaces.optional import Response
+from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.planning.visibility import visible_now
+from opir_core.scene.scene import TARGET_TYPES
+from opir_photons.classification.configs import SpectralConfig
+from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
+from opir_photons.classification.synthetic_looks import (
+    KINDS,
+    MOMENTS,
+    PROFILE_TYPE,
+    SyntheticLooks,
+    brightness,
+    class_plumes,
+    synthetic_launches,
+    synthetic_sources,
+)
+from opir_photons.detection.receivers import noise_chance
+from opir_photons.detection.snr import SnrDetection
+from opir_photons.detection.threshold import m_of_n_probability
+
+#: Edges of the elevation bins: sines of the sensor's elevation above the source's horizon.
+_EDGES = np.array([0.15, 0.35, 0.65])
+
+#: Least number of looks at a type in an elevation bin; with fewer, all elevations are used.
+_FEW = 50
+
+#: Parts of a burn, and step of the logarithm of brightness: each combination is one component.
+_STRETCHES, _STEP_LOG = 8, 0.7
+
+#: Weight of the class's spread in a component's covariance, in looks.
+_SMOOTHING = 4.0
+
+#: Hot sources of each kind; least mean number of seconds or sources that a type or kind is reported for.
+_SOURCES, _LEAST_SHARE = 768, 1e-9
+
+#: Rounding step of the logarithm of satellite radii: satellites of one fleet share their densities.
+_HEIGHT_STEP = 0.05
+
+#: Slack of P_d of synthetic looks.
+_SLACK = 1e-3
+
+_NS_PER_S, SECONDS_PER_DAY = 1e9, 86_400.0
+
+#: Looks at launches and at sources, by the satellite's distance from the Earth's centre, m.
+LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
+
+
+@frozen(eq=False)
+class TypeDensities:
+    """Densities of apparent intensities (irradiance times range²), W/sr, for each elevation bin.
+
+    Weights of `plumes` are seconds of a launch of their type; `log_seen_s` (bins, types) are logarithms of the sums of
+    these times P_d: a density over its sum is one given a detection. Densities of `others` (kinds of sources, then
+    noise) are given a detection.
+    """
+
+    width: int
+    plumes: Mixture
+    log_seen_s: FloatArray
+    others: Mixture
+    most_looks: float
+    rates: "EventRates"
+
+    def log_others(self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
+        """Return ln of the rates (n,) of events of no missile, with arguments as those of `Mixture.log_densities`.
+
+        A hot source shines for an exponentially distributed time: events of one that is detected ν times on average
+        have the number n of detections so far with probability exp(-n / ν) / ν. Components have their ν as their mean
+        count. A false alarm has as many detections as the sensor needs, and seldom more.
+        """
+        density, _ = self.others.log_densities(place, signal, variance, count)
+        noise = self.others.edges[-2]
+        mean = np.maximum(self.others.mean[-1, place, :noise], 1.0)
+        density[:, :noise] -= count[:, None] / mean + np.log(mean)
+        further = count - self.rates.needed
+        density[:, noise] += np.where(further >= 0.0, further * self.rates.log_again, -np.inf)
+        return log_sum(self.others.by_class(density) + self.rates.log_other)
+
+
+@frozen(eq=False)
+class EventRates:
+    """Rates at which a sensor reports detections of types and of other sources, and the detections of false alarms.
+
+    `log_type` (types,) and `log_other` (kinds and noise,) are logarithms of rates, 1/s. A false alarm consists of
+    `needed` detections; each further one has a probability with the logarithm `log_again`.
+    """
+
+    log_type: FloatArray
+    log_other: FloatArray
+    needed: int
+    log_again: float
+
+    @classmethod
+    def of(
+        cls,
+        config: SpectralConfig,
+        detection: SnrDetection,
+        number: int,
+        sensor: Sensor,
+        seen_s: FloatArray,
+        chance: FloatArray,
+    ) -> "EventRates":
+        """Return the rates of a sensor that sees launches for (types,) s, and sources with mean P_d (kinds,)."""
+        per_s = _NS_PER_S / sensor.scan.period_ns
+        launches = np.array([config.prior[name] for name in TARGET_TYPES]) * config.launches_per_day / SECONDS_PER_DAY
+        present = np.array([config.sources_in_view.get(kind.name, 0.0) for kind in KINDS])
+        others = np.append(present * chance, detection.rate_per_scan[number]) * per_s
+        with np.errstate(divide="ignore"):
+            return cls(
+                log_type=np.log(launches * seen_s * per_s),
+                log_other=np.log(others),
+                needed=int(detection.confirmation[number, 0]),
+                log_again=float(np.log(detection.false_again[number])),
+            )
+
+
+@frozen(eq=False)
+class _Samples:
+    """Synthetic looks as measured by a sensor: apparent intensities (n, B), counts and their variance, P_d."""
+
+    signal: FloatArray
+    brightness: FloatArray
+    count: FloatArray
+    count_variance: FloatArray
+    chance: FloatArray
+    share: FloatArray
+    number: IntArray
+    stretch: IntArray
+    place: IntArray
+
+    def take(self, rows: Any) -> "_Samples":
+        return _Samples(*(getattr(self, name)[rows] for name in names_of(type(self))))
+
+
+def elevation_bin(elevation_sine: FloatArray) -> IntArray:
+    """Return the elevation bins (n,)."""
+    return np.searchsorted(_EDGES, elevation_sine).astype(np.int64)
+
+
+def canonical_radius_m(sensor: Sensor) -> float:
+    """Return a sensor's median distance from the Earth's centre over a day, m, rounded."""
+    position = sensor.orbit.position_ecef_m(np.linspace(0.0, 86_400.0, 97))
+    median = float(np.median(np.sqrt(np.square(position).sum(axis=1))))
+    return float(np.exp(np.round(np.log(median) / _HEIGHT_STEP) * _HEIGHT_STEP))
+
+
+def looks_by_radius(bands: Sequence[Band], launches: int) -> LooksByRadius:
+    """Return a function of a satellite's distance from the Earth's centre to looks at launches and sources, cached."""
+    plumes = class_plumes(bands)
+
+    @cache
+    def looks(radius_m: float) -> tuple[SyntheticLooks, SyntheticLooks]:
+        return synthetic_launches(radius_m, plumes, launches), synthetic_sources(radius_m, bands, _SOURCES)
+
+    return looks
+
+
+def type_densities(
+    detection: SnrDetection, number: int, sensor: Sensor, config: SpectralConfig, looks: LooksByRadius
+) -> TypeDensities:
+    """Return a sensor's densities: synthetic looks, measured through the scene's own atmosphere and background."""
+    spread = config.brightness_log_sigma, config.colour_log_sigma
+    flown, shining = looks(canonical_radius_m(sensor))
+    factors = brightness(len(flown.targets.type_code), len(sensor.bands), *spread)
+    launches = _measured(detection, number, sensor, flown, factors)
+    sources = _measured(detection, number, sensor, shining, np.ones((1, len(shining.targets.type_code), 1)))
+    shining_s = np.array([kind.shining_s for kind in KINDS])[sources.number]
+    sources = evolve(sources, count=sources.chance * shining_s * _NS_PER_S / sensor.scan.period_ns)
+    log_false = noise_chance(detection.receivers[number])
+    places = range(len(_EDGES) + 1)
+    types = [launches.take(PROFILE_TYPE[launches.number] == code) for code in range(len(TARGET_TYPES))]
+    kinds = [sources.take(sources.number == kind) for kind in range(len(KINDS))]
+    seen_s, chances = (np.exp([_log_chance(part) for part in parts]) for parts in (types, kinds))
+    return TypeDensities(
+        width=len(sensor.bands),
+        plumes=Mixture.of([[_components(_of_place(part, place), spread, 0.0) for part in types] for place in places]),
+        log_seen_s=np.array([[_log_chance(_of_place(part, place)) for part in types] for place in places]),
+        others=Mixture.of([_others([_of_place(part, place) for part in kinds], spread, log_false) for place in places]),
+        most_looks=float(launches.count.max(initial=1.0)),
+        rates=EventRates.of(config, detection, number, sensor, seen_s, chances),
+    )
+
+
+def _others(kinds: list[_Samples], spread: tuple[float, float], log_false: float) -> list[Components]:
+    """Return the components of each kind of source and of noise, given a detection."""
+    size = kinds[0].signal.shape[1] + 1
+    noise = Components(np.array([-log_false]), np.zeros((1, size)), np.zeros((1, size, size)))
+    return [*(_components(part, spread, -_log_chance(part)) for part in kinds), noise]
+
+
+def _log_chance(samples: _Samples) -> float:
+    return float(np.log(np.maximum(np.sum(samples.share * samples.chance), _LEAST_SHARE)))
+
+
+def looks_response(
+    detection: SnrDetection, number: int, sensor: Sensor, looks: SyntheticLooks
+) -> tuple[Response, BoolArray]:
+    """Return a sensor's expected measurements of synthetic looks (n,), and which of them it may see."""
+    exposures = evolve(looks.exposures, sensor=np.full(len(looks.exposures), number, dtype=np.int32))
+    none = np.zeros(len(looks.targets.type_code), dtype=np.int32)
+    environment = evolve(
+        detection.environment,
+        targets=looks.targets,
+        signatures=(looks.signatures,),
+        group=none,
+        place=np.arange(len(none), dtype=np.int32),
+    )
+    seen = visible_now(sensor, exposures.sensor_ecef_m, exposures.target_ecef_m)
+    return evolve(detection, environment=environment).response(exposures, slack=_SLACK), seen
+
+
+def _measured(
+    detection: SnrDetection, number: int, sensor: Sensor, looks: SyntheticLooks, factors: FloatArray
+) -> _Samples:
+    """Return a sensor's measurements of visible looks, for brightness factors (draws, objects, B or 1).
+
+    Shares are those of looks with M - 1 detections in the N - 1 scans before: others are not reported.
+    """
+    response, seen = looks_response(detection, number, sensor, looks)
+    exposures, width = looks.exposures, len(sensor.bands)
+    noise, area = response.noise_w_m2[:, :width], np.square(exposures.range_m)[:, None]
+    place, stretch = elevation_bin(exposures.elevation_sine), _stretch(looks)
+    parts = list[_Samples]()
+    receiver, (needed, scans) = detection.receivers[number], detection.confirmation[number].tolist()
+    slopes = receiver.slopes(noise, exposures.elevation_sine)
+    for factor in factors:
+        snr = response.snr[:, :width] * factor[exposures.target]
+        chance = np.where(seen, np.exp(receiver.rule.log_chances(snr, slopes, _SLACK)[0]), 0.0)
+        count, variance = _counts(chance, looks.step_s, sensor.scan.period_ns / _NS_PER_S)
+        share = looks.share / len(factors) * np.maximum(m_of_n_probability(chance, needed - 1, scans - 1), _LEAST_SHARE)
+        columns = (snr * noise * area, snr.sum(axis=1), count, variance, chance)
+        parts.append(_Samples(*columns, share, looks.number, stretch, place).take(seen))
+    return _Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names_of(_Samples)))
+
+
+def _stretch(looks: SyntheticLooks) -> IntArray:
+    """Return the part of the burn (n,) of looks at launches; 0 for sources."""
+    burns = np.arange(len(looks.exposures)) % MOMENTS * _STRETCHES // MOMENTS
+    return burns if looks.step_s.any() else np.zeros_like(burns)
+
+
+def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance (n,) of the detection count of an object at a detection, this one included.
+
+    A look at random in a step has half of the step's looks before it, less half a look: itself. The variance is not
+    reduced by that half look and is up to 0.25 too high.
+    """
+    if not step_s.any():
+        return np.ones_like(chance), np.ones_like(chance)
+    looks = (step_s / period_s).reshape(-1, MOMENTS)
+    hit = chance.reshape(-1, MOMENTS)
+    mean, variance = looks * hit, looks * hit * (1.0 - hit)
+    before = [np.cumsum(column, axis=1) - 0.5 * column for column in (mean, variance)]
+    # The first look is uniform over a period, a look uniform over its step of the burn.
+    blur = np.square(looks * hit) / 12.0 + 1.0 / 12.0
+    return (1.0 + before[0] - 0.5 * hit).ravel(), (before[1] + blur).ravel()
+
+
+def _of_place(samples: _Samples, place: int) -> _Samples:
+    here: BoolArray = samples.place == place
+    return samples.take(here) if np.count_nonzero(here) >= _FEW else samples
+
+
+def _components(samples: _Samples, spread: tuple[float, float], log_scale: float) -> Components:
+    """Return the components of a type or kind; weights are shares of looks times exp(log_scale)."""
+    step = np.floor(np.log(np.maximum(samples.brightness, 1e-3)) / _STEP_LOG).astype(np.int64)
+    cell = (samples.number * _STRETCHES + samples.stretch) * 1000 + step - step.min(initial=0)
+    weight, mean, covariance = cell_moments(samples.signal, samples.count, samples.share, cell)
+    _, row, times = np.unique(cell, return_inverse=True, return_counts=True)
+    covariance = _smoothed(covariance, mean, times, spread)
+    covariance[:, -1, -1] += np.bincount(row, samples.share * samples.count_variance) / weight
+    return Components(np.log(weight) + log_scale, mean, covariance)
+
+
+def _smoothed(covariance: FloatArray, mean: FloatArray, times: IntArray, spread: tuple[float, float]) -> FloatArray:
+    """Return covariances regularised by the spread of the class's brightness, for components of few looks."""
+    signal = mean[:, :-1]
+    wide = np.zeros_like(covariance)
+    wide[:, :-1, :-1] = min(spread[0], _STEP_LOG) ** 2 * signal[:, :, None] * signal[:, None, :] / 12.0
+    band = np.arange(signal.shape[1])
+    wide[:, band, band] += np.square(spread[1] * signal)
+    wide[:, -1, -1] = np.square(mean[:, -1] / _STRETCHES)
+    share = (_SMOOTHING / (times + _SMOOTHING))[:, None, None]
+    return (1.0 - share) * covariance + share * wide

@@ -1,0 +1,209 @@
+"""What a focal plane comes to for the detection model `snr`: noise, clutter, saturation and centroids.
+
+All is referred to irradiance at the aperture: noise is divided by the share of a source's light that the spatial filter
+passes, so the signal of a look is the target's whole irradiance. A CFAR threshold divides the SNR by its loss: noise is
+that much larger.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from attrs import frozen
+from numpy.polynomial import chebyshev
+from scipy.special import ndtr
+
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
+from opir_core.interfaces.protocols import Band, Radiometer
+from opir_core.interfaces.radiometric_models import Background, Structure, StructuredBackground
+from opir_photons.detection.cfar import cfar_loss
+from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
+from opir_photons.radiometry.focal_plane import (
+    airy_sigma_rad,
+    blurred_sigma_rad,
+    centroid_factor_rad,
+    electrons_per_w_m2,
+    ensquared_energy,
+    joined_centroid_variance,
+    noise_electrons,
+    noise_equivalent_irradiance,
+    photon_centroid_variance,
+)
+from opir_photons.radiometry.pixel_filters import filter_weights, noise_gain, signal_gain
+
+#: Logarithms of the ranges, m, of a clutter table: its middle, and half its width, for scenes 10 km to 1e6 km away.
+_MIDDLE, _HALF = 0.5 * math.log(1e9 * 1e4), 0.5 * math.log(1e9 / 1e4)
+#: Degree of a clutter table: to within 2e-4 of the amplitude.
+_DEGREE = 24
+#: Least signal over noise, and least irradiance, W/m², of a centroid: no division by zero.
+_LEAST = 1e-30
+
+
+@frozen(eq=False)
+class ClutterTable:
+    """Amplitudes left of a structure of unit rms, by range: a Chebyshev series in the logarithm of the range."""
+
+    coefficients: FloatArray
+
+    @classmethod
+    def of(
+        cls, structure: Structure, pixel_rad: float, transfer: SpatialTransfer, frames: FrameDifference | None
+    ) -> "ClutterTable":
+        """Return the table of a structure behind a filter."""
+        node = chebyshev.chebpts1(_DEGREE + 1)
+        scale = structure.scale_m / (np.exp(_MIDDLE + _HALF * node) * pixel_rad)
+        left = transfer.variance(scale, structure.exponent, frames)
+        logarithm = 0.5 * np.log(np.maximum(left, np.finfo(np.float64).tiny))
+        return cls(np.asarray(chebyshev.chebfit(node, logarithm, _DEGREE), dtype=np.float64))
+
+    def amplitude(self, range_m: FloatArray) -> FloatArray:
+        """Return the standard deviations (n,) left of a structure of unit rms at ranges (n,), m."""
+        place = np.clip((np.log(range_m) - _MIDDLE) / _HALF, -1.0, 1.0)
+        return np.asarray(np.exp(chebyshev.chebval(place, self.coefficients)))
+
+
+@frozen(eq=False)
+class FocalPlaneTerms:
+    """What a focal plane comes to, by band.
+
+    `filters` are the transfers of spot, pixel and spatial filter, `frames` is the temporal filter, all in pixels, which
+    are `pixel_rad` wide.
+    `photon_gain` is the factor on the variance of background photons, `clutter_gain` that on the amplitude of clutter
+    in a pixel; `clutter` (B, structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of
+    which a source puts `peak_share` into one pixel. A centroid in noise alone is off by `centroid_rad` over the SNR,
+    one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
+    """
+
+    pixel_rad: float
+    filters: tuple[SpatialTransfer, ...]
+    frames: FrameDifference | None
+    nei_w_m2: tuple[float, ...]
+    collection_m2_s: float
+    photon_gain: FloatArray
+    clutter_gain: FloatArray
+    clutter: tuple[tuple[ClutterTable, ...], ...]
+    well_w_m2: FloatArray
+    peak_share: FloatArray
+    centroid_rad: FloatArray
+    spot_rad: FloatArray
+    electron_w_m2: FloatArray
+
+    def clutter_w_m2_sr(self, rms: FloatArray, structure: IndexArray, range_m: FloatArray) -> FloatArray:
+        """Return clutter (B, n), W m⁻² sr⁻¹ in a pixel, of structures (n,) of radiances' rms (B, n) at ranges (n,)."""
+        clutter = rms * self.clutter_gain[:, None]
+        for number in np.unique(structure).tolist():
+            rows = np.flatnonzero(structure == number)
+            for band, tables in enumerate(self.clutter):
+                clutter[band, rows] *= tables[number].amplitude(range_m[rows])
+        return clutter
+
+    def clutter_correlation(self, structure: Structure, range_m: float, interval_s: FloatArray) -> FloatArray:
+        """Return the correlations (B, k) of clutter in one cell in scans that are intervals (k,), s, apart."""
+        scale = structure.scale_m / (range_m * self.pixel_rad)
+        return np.array([one.correlation(scale, structure.exponent, interval_s, self.frames) for one in self.filters])
+
+    def most_w_m2(self, behind_w_m2: FloatArray | float) -> FloatArray:
+        """Return the irradiances (B, n) of targets that fill a well, before a background in a pixel (B, n)."""
+        room = np.maximum(self.well_w_m2[:, None] - behind_w_m2, 0.0)
+        return np.asarray(room / self.peak_share[:, None])
+
+    def centroid_variance(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in noise (n, B), W/m²."""
+        best = np.full(len(snr), np.inf)
+        for band in range(snr.shape[1]):
+            signal, one = np.maximum(snr[:, band], _LEAST), self.spot_rad[band] ** 2
+            # One electron places a spot: the brightest pixel holds more.
+            white = np.minimum(np.square(self.centroid_rad[band] / signal), one)
+            photons = one * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], _LEAST)
+            np.minimum(best, np.minimum(joined_centroid_variance(white, photons), one), out=best)
+        return best
+
+
+@frozen(eq=False)
+class LineOfSightError:
+    """Standard deviations of lines of sight: `floor_rad`, and that of a centroid, with or without a focal plane."""
+
+    floor_rad: float
+    ifov_rad: float
+    plane: FocalPlaneTerms | None
+
+    def sigma_rad(self, snr: FloatArray, noise: FloatArray, best: FloatArray) -> FloatArray:
+        """Return standard deviations (n,) per axis, of signals (n, B), the `best` (n,), in noise (n, B), W/m²."""
+        if self.plane is None:
+            spread: FloatArray = self.ifov_rad / best
+            spread *= spread
+        else:
+            spread = self.plane.centroid_variance(snr, noise)
+        spread += self.floor_rad * self.floor_rad
+        return np.sqrt(spread, out=spread)
+
+
+def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background: Background) -> FocalPlaneTerms | None:
+    """Return what a radiometer's focal plane comes to in its bands, or None without one."""
+    if radiometer.focal_plane is None:
+        return None
+    structures = tuple(background.structures) if isinstance(background, StructuredBackground) else ()
+    middle_um = tuple(0.5 * (band.lower_um + band.upper_um) for band in bands)
+    return _terms(radiometer, radiometer.focal_plane, middle_um, structures)
+
+
+@lru_cache(maxsize=64)
+def _terms(
+    radiometer: Radiometer, plane: FocalPlaneConfig, middle_um: tuple[float, ...], structures: tuple[Structure, ...]
+) -> FocalPlaneTerms:
+    pixel, time_s, frames = radiometer.ifov_rad, plane.integration_time_ms * 1e-3, _frames(plane, radiometer.ifov_rad)
+    sigma = _sigma_rad(plane, np.array(middle_um))
+    filters = [filter_weights(plane.spatial_filter, plane.core_pixels, one, pixel) for one in sigma.tolist()]
+    spots = list(zip(filters, sigma.tolist(), strict=True))
+    passed = np.array([signal_gain(weights, one, pixel, plane.phase) for weights, one in spots])
+    noise = np.array([noise_gain(weights) for weights in filters])
+    frame_noise, loss = noise * (1.0 if frames is None else 2.0), _loss(radiometer.threshold, plane)
+    per_unit = electrons_per_w_m2(
+        middle_um, plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency, time_s
+    )
+    dark_e = plane.dark_current_e_s * time_s
+    pixel_e = noise_electrons(dark_e=dark_e, read_e=plane.read_noise_e * math.sqrt(plane.subframes))
+    computed = noise_equivalent_irradiance(pixel_e, per_unit, passed, frame_noise)
+    nei = computed if plane.nei == "computed" else np.array(radiometer.nei_w_m2)
+    transfers = [SpatialTransfer.of(weights, one / pixel) for weights, one in spots]
+    return FocalPlaneTerms(
+        pixel_rad=pixel,
+        filters=tuple(transfers),
+        frames=frames,
+        nei_w_m2=tuple((nei * loss).tolist()),
+        collection_m2_s=math.pi / 4.0 * plane.aperture_m**2 * _efficiency(plane) * time_s,
+        photon_gain=frame_noise * np.square(loss / passed),
+        clutter_gain=loss / passed,
+        clutter=tuple(tuple(ClutterTable.of(one, pixel, each, frames) for one in structures) for each in transfers),
+        well_w_m2=np.maximum(plane.well_capacity_e * plane.subframes - dark_e, 0.0) / per_unit,
+        peak_share=ensquared_energy(sigma, pixel, 1, plane.phase),
+        centroid_rad=centroid_factor_rad(sigma, pixel) * passed / (loss * np.sqrt(noise)),
+        spot_rad=np.sqrt(photon_centroid_variance(sigma, pixel)),
+        electron_w_m2=1.0 / per_unit,
+    )
+
+
+def _efficiency(plane: FocalPlaneConfig) -> float:
+    """Return the electrons per photon at the aperture."""
+    return plane.optics_transmission * plane.quantum_efficiency
+
+
+def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
+    """Return the CFAR loss at a threshold, standard deviations; 1 where the noise is known."""
+    return 1.0 if plane.reference_cells is None else float(cfar_loss(ndtr(-threshold), plane.reference_cells))
+
+
+def _sigma_rad(plane: FocalPlaneConfig, wavelength_um: FloatArray) -> FloatArray:
+    """Return the widths (B,) of spots, rad: diffraction, blur, jitter and drift."""
+    smear = plane.drift_urad_s * plane.integration_time_ms * 1e-3
+    blur = math.hypot(plane.blur_urad, plane.jitter_urad)
+    return blurred_sigma_rad(airy_sigma_rad(wavelength_um, plane.aperture_m), blur * 1e-6, smear * 1e-6)
+
+
+def _frames(plane: FocalPlaneConfig, pixel_rad: float) -> FrameDifference | None:
+    if plane.temporal_filter == "none":
+        return None
+    per_pixel = 1e-6 / pixel_rad
+    return FrameDifference(plane.lag_s, plane.registration_urad * per_pixel, plane.drift_urad_s * per_pixel)

@@ -1,0 +1,28 @@
+"""The detection model `snr`, imported for scenes that name it."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from opir_core.plugin import DetectionModel, hookimpl
+from opir_photons.detection.configs import SnrConfig
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.contexts import ModelContext
+    from opir_core.interfaces.protocols import DetectionProbability
+
+
+def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":
+    from opir_photons.detection.snr import snr_detection
+
+    return snr_detection(config, context)
+
+
+@hookimpl
+def opir_detection_models() -> Iterable[DetectionModel]:
+    """Yield `snr`."""
+    yield DetectionModel(
+        name="snr",
+        summary="signal over noise in each band against a threshold, and the sensor's rule over its bands",
+        config=SnrConfig,
+        build=_snr,
+    )

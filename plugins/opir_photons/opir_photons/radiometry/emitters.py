@@ -1,0 +1,173 @@
+"""Emitters as columns: from a list, from a CSV file, or drawn at random over a region."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from io import StringIO
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray
+from opir_core.errors import ModelError, Problem, SceneError
+from opir_core.interfaces.radiometric_models import SourceContext
+from opir_core.random_streams.philox import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.scene.input_file import file_bytes
+from opir_photons.radiometry.source_configs import (
+    FieldConfig,
+    SourceConfig,
+    emitter_complaint,
+    names_complaint,
+    own_fields,
+)
+
+#: The most emitters of one block.
+MOST_EMITTERS = 20_000
+
+#: The sphere on which densities are counted: as much surface as the ellipsoid (WGS 84's authalic radius), km.
+AUTHALIC_RADIUS_KM = 6371.007181
+
+Emitter = Mapping[str, float]
+
+
+@frozen(eq=False)
+class Emitters:
+    """Position, time and brightness of emitters: columns (n,) by the names of scenes."""
+
+    columns: Mapping[str, FloatArray]
+
+    def __len__(self) -> int:
+        return len(self.columns["lat_deg"])
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.columns[name]
+
+
+def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool = False) -> Emitters:
+    """Return the emitters of a block, with the values of the block where they have none of their own.
+
+    Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for an invalid file,
+    `ModelError` for more emitters than a block may have.
+    """
+    kind = type(config)
+    defaults = {name: getattr(config, name) for name in own_fields(kind)}
+    defaults["end_s"] = context.duration_s + 10.0 if config.end_s is None else config.end_s
+    if config.field is not None:
+        given = _drawn(config.field, config.area_m2, context, is_brief)
+        count = len(given["lat_deg"])
+        return Emitters({**{name: np.full(count, value) for name, value in defaults.items()}, **given})
+    rows = config.at if config.at is not None else rows_of_csv(str(config.csv), config, context.path)
+    if len(rows) > MOST_EMITTERS:
+        raise ModelError(f"{context.path}: {len(rows)} emitters; a block has at most {MOST_EMITTERS}")
+    names = ("lat_deg", "lon_deg", *defaults)
+    return Emitters(
+        {name: np.array([row.get(name, defaults.get(name)) for row in rows], dtype=np.float64) for name in names}
+    )
+
+
+def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emitter]:
+    """Return the emitters of a CSV file; raises `SceneError` with one message that names file and line."""
+    if not path:
+        raise SceneError([Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")])
+    try:
+        text = file_bytes(path).decode("utf-8-sig")
+        return [_emitter(row, number, block) for number, row in _numbered(StringIO(text), type(block))]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        message = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else message
+        raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
+    except ValueError as error:
+        raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
+
+
+def _numbered(file: Iterable[str], kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
+    """Return the lines of a CSV with their numbers, without empty ones and comments (#)."""
+    reader = csv.reader(file, strict=True)
+    header: list[str] | None = None
+    lines = []
+    for cells in reader:
+        stripped = [cell.strip() for cell in cells]
+        if not any(stripped) or stripped[0].startswith("#"):
+            continue
+        if header is None:
+            header = stripped
+            complaint = _header_complaint(header, kind)
+            if complaint:
+                raise ValueError(f"line {reader.line_num}: {complaint}")
+            continue
+        if len(stripped) != len(header):
+            raise ValueError(f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}")
+        lines.append((reader.line_num, dict(zip(header, stripped, strict=True))))
+    if header is None:
+        raise ValueError("line 1: a header with lat_deg and lon_deg is needed")
+    return lines
+
+
+def _header_complaint(header: list[str], kind: type) -> str | None:
+    named = [name for name in header if name]
+    if len(set(named)) < len(named):
+        return "a name stands twice in the header"
+    complaint = names_complaint(named, kind)
+    if complaint and len(header) == 1 and ";" in header[0]:
+        return "the header is one cell; commas separate cells"
+    return complaint and f"in the header {complaint}"
+
+
+def _emitter(row: Mapping[str, str], number: int, block: SourceConfig) -> Emitter:
+    emitter = {}
+    for name, text in row.items():
+        try:
+            if text:
+                emitter[name] = _number(text)
+        except ValueError:
+            raise ValueError(f"line {number}: {name}: {text!r} is not a number") from None
+    complaint = emitter_complaint(emitter, block)
+    if complaint:
+        raise ValueError(f"line {number}: {complaint}")
+    return emitter
+
+
+def _number(text: str) -> float:
+    """Return the number of a cell; Python's underscores are invalid."""
+    if "_" in text:
+        raise ValueError
+    return float(text)
+
+
+def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool) -> dict[str, FloatArray]:
+    """Return positions, areas and, for brief emitters, start times of a random field."""
+    region = field.region
+    sines = np.sin(np.radians([region.south_deg, region.north_deg]))
+    width_deg = (region.east_deg - region.west_deg) % 360.0 or 360.0
+    hours = context.duration_s / 3600.0 if is_brief else 1.0
+    surface_km2 = AUTHALIC_RADIUS_KM**2 * (sines[1] - sines[0]) * np.radians(width_deg)
+    count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
+    across, along, when = (_uniforms(context, name, count) for name in ("latitude", "longitude", "start"))
+    size = normal_pairs(_words(context, "area", count))[0]
+    drawn = {
+        "lat_deg": np.degrees(np.arcsin(np.clip(sines[0] + across * (sines[1] - sines[0]), -1.0, 1.0))),
+        "lon_deg": (region.west_deg + along * width_deg + 180.0) % 360.0 - 180.0,
+        "area_m2": area_m2 * np.exp(field.area_log_sigma * size),
+    }
+    return {**drawn, "start_s": when * context.duration_s} if is_brief else drawn
+
+
+def _poisson(mean: float, context: SourceContext) -> int:
+    """Return a Poisson-distributed number: the count of exponential intervals below the mean."""
+    if mean > MOST_EMITTERS:
+        raise ModelError(
+            f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}: lower"
+            " per_million_km2 or take a smaller region"
+        )
+    # Ten standard deviations above the mean: beyond once in 1e23 runs.
+    most = int(mean + 10.0 * np.sqrt(mean) + 40.0)
+    steps = -np.log1p(-_uniforms(context, "count", most))
+    return int(np.count_nonzero(np.cumsum(steps) < mean))
+
+
+def _uniforms(context: SourceContext, purpose: str, count: int) -> FloatArray:
+    return uniforms_of(_words(context, purpose, count))
+
+
+def _words(context: SourceContext, purpose: str, count: int) -> NDArray[np.uint64]:
+    return Stream(stream_key(context.seed, "source", context.id, purpose)).words(0, count)

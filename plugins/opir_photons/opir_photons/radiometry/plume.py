@@ -1,0 +1,258 @@
+"""The signature model `plume`: notional radiant intensity by class, thrust phase, altitude and aspect.
+
+Source: `opir_core/data/plumes.json`, which marks its notional values. Intensity is the product of the band's peak and
+factors for stage, rise at ignition, altitude and aspect. The factor of aspect is that of the projected area of a long
+body: at an angle a from the direction of flight √(sin² a + e² cos² a), with e its value end-on. After burnout only the
+body radiates, grey and at one temperature, and reflects sunlight as a diffuse sphere; earthshine is not modelled.
+
+The stages of a target with several burns are these, each with a rise at its ignition; otherwise stages share the burn
+equally and only the first rises. A number of stages that the configuration gives shares the burn equally, too.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.errors import ModelError
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
+from opir_core.scene.target_classes import Plume, core_plumes, core_target_class, plume_table
+from opir_photons.radiometry.configs import PlumeConfig
+from opir_photons.radiometry.planck import band_radiance
+
+#: Bands of hot combustion gases, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (Ludwig et al., Handbook of Infrared
+#: Radiation from Combustion Gases, NASA SP-3080, 1973; the edges of the hot bands are notional). The key is the band of
+#: the table that determines the gas.
+GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
+
+
+#: The most stages of a plume.
+_MOST_STAGES = 8
+
+
+@frozen(eq=False)
+class PlumeSignatures:
+    """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
+
+    The other columns are (n,), shapes by number; `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the
+    scale, its end and the ignition from which the intensity rises, s since the first ignition.
+    """
+
+    peak_w_sr: FloatArray
+    body_w_sr: FloatArray
+    body_reflecting_m2: FloatArray
+    burn_time_s: FloatArray
+    stages: IntArray
+    stage_scale: FloatArray
+    stage_end_s: FloatArray
+    stage_ignition_s: FloatArray
+    rise_time_s: FloatArray
+    nose_on: FloatArray
+    tail_on: FloatArray
+    shape: IntArray
+    shapes: tuple[tuple[FloatArray, FloatArray], ...]
+
+    def intensity_w_sr(
+        self,
+        band: int,
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return radiant intensities (n,) at the source, W/sr: 0 before ignition, the body's after burnout."""
+        intensity: FloatArray = self.intensities_w_sr((band,), target, time_since_ignition_s, altitude_m, aspect_rad)[0]
+        return intensity
+
+    def intensities_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return those of several bands (bands, n), which differ only in their peaks and bodies."""
+        thrust = self._thrust(target, time_since_ignition_s)
+        shape = thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+        late = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
+        intensities = np.empty((len(bands), len(target)))
+        for intensity, band in zip(intensities, bands, strict=True):
+            np.multiply(self.peak_w_sr[band].take(target), shape, out=intensity)
+            intensity[late] = self.body_w_sr[band].take(target[late])
+        return intensities
+
+    def reflecting_area_m2(self, target: IndexArray, time_since_ignition_s: FloatArray) -> FloatArray:
+        """Return albedo times cross-section (n,) of bodies, m²; 0 before burnout."""
+        is_late = time_since_ignition_s > self.burn_time_s[target]
+        return np.where(is_late, self.body_reflecting_m2[target], 0.0)
+
+    @property
+    def time_breakpoints_s(self) -> FloatArray:
+        """The ends of stages, the last of which is burnout, (n, 8) s since ignition."""
+        return self.stage_end_s
+
+    @property
+    def altitude_breakpoints_m(self) -> FloatArray:
+        """The altitudes at which the factor of altitude is given, (n, k) m."""
+        most = max(len(altitude_m) for altitude_m, _ in self.shapes)
+        padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]
+        return np.array(padded)[self.shape]
+
+    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+        """Return None: aspect is measured from the direction of flight."""
+        return None
+
+    def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        stage = np.zeros(len(target), dtype=np.int64)
+        for number in range(int(self.stages.max(initial=1)) - 1):
+            stage += time_s >= self.stage_end_s[target, number]
+        stage = np.minimum(stage, self.stages[target] - 1)
+        since_s = np.maximum(time_s - self.stage_ignition_s[target, stage], 0.0)
+        rise = -np.expm1(-since_s / np.maximum(self.rise_time_s[target], 1e-12))
+        burns = (time_s >= 0.0) & (time_s <= self.burn_time_s[target])
+        return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
+
+    def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
+        if len(self.shapes) == 1:
+            return np.interp(altitude_m, *self.shapes[0])
+        scale, shape = np.empty(len(target)), self.shape[target]
+        for number, points in enumerate(self.shapes):
+            rows = np.flatnonzero(shape == number)
+            scale[rows] = np.interp(altitude_m[rows], *points)
+        return scale
+
+    def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
+        cosine = np.cos(aspect_rad)
+        end_on = np.where(cosine > 0.0, self.nose_on[target], self.tail_on[target]) * cosine
+        shown: FloatArray = np.sqrt((1.0 - cosine) * (1.0 + cosine) + end_on * end_on)
+        return shown
+
+
+def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
+    """Return the plumes of all targets of the model; `ModelError` for a target with an unknown class of plume."""
+    plumes = [_default_plume(config, context, row) for row, config in enumerate(configs)]
+    burn_time_s = np.asarray(context.burn_time_s, dtype=np.float64)
+    burns = np.minimum(np.count_nonzero(np.isfinite(context.burns_s[..., 0]), axis=1), _MOST_STAGES).tolist()
+    of_flight = [config.stages is None and count > 1 for config, count in zip(configs, burns, strict=True)]
+    stages = np.array(
+        [
+            count if own else config.stages or plume.stages
+            for own, count, config, plume in zip(of_flight, burns, configs, plumes, strict=True)
+        ]
+    )
+    ends_s, ignitions_s = _stage_times(np.array(of_flight, dtype=np.bool_), stages, burn_time_s, context.burns_s)
+    shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
+    peaks = [
+        _peaks(config, plume, context, row) for row, (config, plume) in enumerate(zip(configs, plumes, strict=True))
+    ]
+    return PlumeSignatures(
+        peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
+        body_w_sr=_bodies(configs, plumes, context),
+        body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
+        burn_time_s=burn_time_s,
+        stages=stages,
+        stage_end_s=ends_s,
+        stage_ignition_s=ignitions_s,
+        stage_scale=np.array([_padded(config.stage_scale) for config in configs]),
+        rise_time_s=_column(configs, "rise_time_s"),
+        nose_on=_column(configs, "nose_on"),
+        tail_on=_column(configs, "tail_on"),
+        shape=np.array([shapes.index((config.altitude_km, config.altitude_scale)) for config in configs]),
+        shapes=tuple((np.array(km) * 1e3, np.array(scale)) for km, scale in shapes),
+    )
+
+
+def _stage_times(
+    of_flight: BoolArray, stages: IntArray, burn_time_s: FloatArray, burns_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of stages and the ignitions from which they rise, (n, 8) s: of the flight, or equal shares."""
+    number = np.arange(1, _MOST_STAGES + 1)
+    ends_s = burn_time_s[:, None] * np.minimum(number / stages[:, None], 1.0)
+    ignitions_s = np.zeros(ends_s.shape)
+    own = burns_s[of_flight, :_MOST_STAGES]
+    missing = ((0, 0), (0, _MOST_STAGES - own.shape[1]))
+    ends_s[of_flight] = np.pad(np.fmin(own[..., 1], burn_time_s[of_flight, None]), missing, mode="edge")
+    ignitions_s[of_flight] = np.pad(np.nan_to_num(own[..., 0]), missing)
+    return ends_s, ignitions_s
+
+
+def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: float, gas_k: float) -> float:
+    """Return the intensity, W/sr, in any band of a plume given by its intensities in the table's three bands.
+
+    `ValueError` where the continuum implied by LWIR exceeds the given SWIR or MWIR.
+    """
+    edges = plume_table()["bands_um"]
+    area = peaks["LWIR"] / _radiance(continuum_k, edges["LWIR"])
+    total = area * _radiance(continuum_k, (band.lower_um, band.upper_um))
+    for name, gas in GAS_BANDS_UM.items():
+        rest = peaks[name] - area * _radiance(continuum_k, edges[name])
+        if rest < 0.0:
+            raise ValueError(
+                f"the continuum that LWIR {peaks['LWIR']:g} W/sr implies at {continuum_k:g} K,"
+                f" {peaks[name] - rest:g} W/sr in {name}, is more than the {peaks[name]:g} W/sr of {name}"
+            )
+        total += (
+            rest * _radiance(gas_k, _overlap(gas, band)) / _radiance(gas_k, _overlap(gas, Band(name, *edges[name])))
+        )
+    # Bands with swapped edges are empty.
+    return max(total, 0.0)
+
+
+def _peaks(config: PlumeConfig, plume: Plume, context: SignatureContext, row: int) -> list[float]:
+    """Return the peak of one target in each band."""
+    peaks = {**plume.peak_w_sr, **config.peak_w_sr}
+    temperatures = (config.continuum_temperature_k, config.gas_temperature_k)
+    try:
+        return [config.scale * plume_intensity_w_sr(peaks, band, *temperatures) for band in context.bands]
+    except ValueError as error:
+        raise ModelError(f"{context.paths[row]}: {error}") from error
+
+
+def _bodies(configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: SignatureContext) -> FloatArray:
+    """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band radiance."""
+    shown_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
+    own_k = [config.body_temperature_k for config in configs]
+    usual_k = [plume.body_temperature_k for plume in plumes]
+    temperature_k = np.array([usual if own is None else own for own, usual in zip(own_k, usual_k, strict=True)])
+    radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands]
+    whole = np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(context.bands), -1)
+    bodies: FloatArray = shown_m2 * whole
+    return bodies
+
+
+def _default_plume(config: PlumeConfig, context: SignatureContext, row: int) -> Plume:
+    """Return the plume that a target has where its configuration gives no value."""
+    known = core_plumes()
+    if config.profile is not None:
+        if config.profile in known:
+            return known[config.profile]
+        raise ModelError(f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(known)}")
+    return context.plumes[row] if context.plumes else core_target_class(context.types[row]).plume(context.profiles[row])
+
+
+def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:
+    return _known_radiance(temperature_k, *edges_um)
+
+
+@lru_cache(maxsize=4096)
+def _known_radiance(temperature_k: float, lower_um: float, upper_um: float) -> float:
+    """Return an in-band radiance, cached: many plumes share few temperatures and bands."""
+    return float(band_radiance(temperature_k, lower_um, upper_um))
+
+
+def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
+    """Return the overlap of the band of a gas with another band, of zero width where they are disjoint."""
+    lower = max(gas[0], band.lower_um)
+    return lower, max(lower, min(gas[1], band.upper_um))
+
+
+def _padded(scales: Sequence[float]) -> list[float]:
+    return [*scales[:_MOST_STAGES], *[scales[-1]] * (_MOST_STAGES - len(scales))]
+
+
+def _column(configs: Sequence[PlumeConfig], name: str) -> FloatArray:
+    return np.array([getattr(config, name) for config in configs], dtype=np.float64)

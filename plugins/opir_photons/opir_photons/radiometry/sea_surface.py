@@ -1,0 +1,92 @@
+"""A sea that mirrors the Sun: slopes of waves, Fresnel's reflectance, and the radiance of sun glint.
+
+The Sun is mirrored by the wave facets with a normal that bisects the directions to Sun and sensor. The density of
+slopes is that of Cox and Munk, isotropic: normal, of variance 0.003 + 0.00512 W with the wind W in m/s. Source: C. Cox
+and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Shadowed facets and double reflection are not modelled.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.geometry import local_axes
+from opir_core.geometry.sun import sun_ecef_m
+from opir_core.geometry.vectors import components, dot, length
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import Paths, Transmittance, Views, transmittances
+from opir_photons.radiometry.sunlight import SUN_SOLID_ANGLE_SR, solar_irradiance
+
+#: A point this far along a line of sight is above all air, m.
+_ABOVE_THE_AIR_M = 1e8
+
+#: The refractive index of water, real, in visible light.
+WATER_INDEX = 1.33
+
+
+def slope_variance(wind_m_s: float) -> float:
+    """Return the variance of the slopes of a sea under a wind, m/s (Cox and Munk)."""
+    return 0.003 + 0.00512 * wind_m_s
+
+
+@np.errstate(over="ignore", under="ignore")
+def slope_density(tilt_rad: FloatArray, variance: float) -> FloatArray:
+    """Return the density of slopes over cos⁴ of the tilt, (n,)."""
+    cosine = np.maximum(np.cos(tilt_rad), 1e-6)
+    steepness = 1.0 / np.square(cosine) - 1.0
+    return np.exp(-steepness / variance) / (np.pi * variance) / np.square(np.square(cosine))
+
+
+def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
+    """Return Fresnel's reflectances (n,) of unpolarised light, by the cosine of the angle of incidence."""
+    inside = np.sqrt(1.0 - (1.0 - np.square(cosine)) / refractive_index**2)
+    across = (cosine - refractive_index * inside) / (cosine + refractive_index * inside)
+    along = (refractive_index * cosine - inside) / (refractive_index * cosine + inside)
+    mean: FloatArray = 0.5 * (np.square(across) + np.square(along))
+    return mean
+
+
+@frozen(eq=False)
+class SeaGlint:
+    """Sun glint of a sea that covers the Earth: the Sun's irradiance (bands,) W/m², and the slopes of the waves."""
+
+    irradiance_w_m2: FloatArray
+    slope_variance: float
+    atmosphere: Transmittance
+    epoch_us: int
+
+    @classmethod
+    def of(cls, bands: Sequence[Band], wind_m_s: float, atmosphere: Transmittance, epoch_us: int) -> "SeaGlint":
+        """Return the glint of a sea under a wind, m/s."""
+        light = [float(solar_irradiance(band.lower_um, band.upper_um)) for band in bands]
+        # Bands with swapped edges are empty.
+        return cls(np.maximum(np.array(light), 0.0), slope_variance(wind_m_s), atmosphere, epoch_us)
+
+    def radiances_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
+        """Return the radiances (bands, n) of sun glint on views of the ground, above the air.
+
+        L = E τ τ' ρ p / (4 cos θ cos⁴ β) with the irradiance E of the Sun, transmittances down and up, Fresnel's ρ at
+        the facet, the density of slopes p at its tilt β and the angle θ of the sensor from the zenith; no more than the
+        radiance of a mirror. 0 by night.
+        """
+        radiance = np.zeros((len(bands), len(view)))
+        rows = np.flatnonzero((view.sun_elevation_sine > 0.0) & (view.elevation_sine > 0.0))
+        if not len(rows):
+            return radiance
+        view = view.take(rows)
+        point, to_sensor = view.point_ecef_m, -view.line_of_sight_ecef
+        sun = sun_ecef_m(view.time_s, self.epoch_us)
+        to_sun = (sun - point) / length(*components(sun - point))[:, None]
+        bisector = to_sun + to_sensor
+        size = length(*components(bisector))
+        tilt = np.arccos(np.clip(dot(local_axes(point)[:, 2], bisector) / size, -1.0, 1.0))
+        mirrored = reflectance(np.minimum(dot(to_sun, bisector) / size, 1.0), WATER_INDEX)
+        share = 0.25 * slope_density(tilt, self.slope_variance) / view.elevation_sine
+        share = mirrored * np.minimum(share, 1.0 / SUN_SOLID_ANGLE_SR)
+        ground, above = np.zeros(len(rows)), point + _ABOVE_THE_AIR_M * to_sensor
+        down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
+        up = Paths(ground, view.elevation_sine, point, above, view.time_s)
+        air = transmittances(self.atmosphere, bands, down) * transmittances(self.atmosphere, bands, up)
+        radiance[:, rows] = self.irradiance_w_m2[list(bands)][:, None] * air * share
+        return radiance

@@ -1,0 +1,1 @@
+"""The commands for authors: `opir check` and `opir new-plugin`."""

@@ -1,0 +1,90 @@
+"""`opir check`: run the conformance tests of a component."""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from attrs import asdict
+
+from opir_core.cli.components import OwnedComponent, add_component, components_named
+from opir_core.errors import Problem, SceneError
+from opir_core.host.host import Host
+from opir_core.host.registry import warn
+from opir_core.reading.loading import overridden
+from opir_core.reading.nodes import Node
+from opir_core.reading.plain_data import data_of_node
+from opir_core.scene.plausibility import implausible_defaults
+from opir_testing.contracts import BAD, PASSED, ConformanceResult, conformance_results, contract_for
+
+#: The exit code of a failed conformance test, as of models that return invalid values.
+_FAILED_EXIT_CODE = 4
+
+
+def check_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the component, its settings, the expected failures and the output format."""
+    add_component(parser)
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], dest="settings", help="a setting for the tests"
+    )
+    parser.add_argument(
+        "--expect", metavar="TEST=REASON", action="append", default=[], help="a test that must fail, with the reason"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Run the conformance tests for each kind that has the name, and print the results."""
+    components = components_named(Host.discover(), arguments.name, arguments.kind)
+    settings, expected = _settings(arguments.settings), _expected(arguments.expect)
+    contracts = [(one, contract_for(one.component.hook, arguments.name, settings, expected)) for one in components]
+    results = [(one, list(conformance_results(contract))) for one, contract in contracts]
+    text = _as_json(results) if arguments.json else "\n\n".join(_as_text(*result) for result in results)
+    sys.stdout.write(text + "\n")
+    for one in components:
+        for problem in implausible_defaults(one.component, settings):
+            warn(f"{one.component.kind} {one.component.name}: {problem}")
+    return _FAILED_EXIT_CODE if any(result.state in BAD for _, rows in results for result in rows) else 0
+
+
+def _settings(written: Sequence[str]) -> Mapping[str, Any]:
+    """Return the settings of `key=value` words, read like the overrides of a scene."""
+    root = Node({})
+    errors = overridden(root, written, {})
+    if errors:
+        raise SceneError([Problem("", error.message) for error in errors], source="--set")
+    settings: Mapping[str, Any] = data_of_node(root)
+    return settings
+
+
+def _expected(written: Sequence[str]) -> Mapping[str, str]:
+    for word in written:
+        if not word.partition("=")[2].strip():
+            raise SceneError([Problem(word, "write TEST=REASON, with a reason")], source="--expect")
+    return {word.partition("=")[0]: word.partition("=")[2] for word in written}
+
+
+def _as_text(owned: OwnedComponent, results: Sequence[ConformanceResult]) -> str:
+    component = owned.component
+    lines = [f"{component.kind} {component.name} of {owned.owner}"]
+    for result in results:
+        lines.append(f"  {result.state:7}  {result.requirement}")
+        if result.state != PASSED:
+            lines += [f"           {result.test}: {result.seen}", f"           {result.change}"]
+    passing = sum(result.state not in BAD for result in results)
+    lines.append(f"{passing} of {len(results)} conformance tests pass")
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _as_json(reports: Sequence[tuple[OwnedComponent, Sequence[ConformanceResult]]]) -> str:
+    rows = [
+        {
+            "kind": owned.component.kind,
+            "name": owned.component.name,
+            **asdict(owned.owner),
+            "tests": [asdict(result) for result in results],
+        }
+        for owned, results in reports
+    ]
+    return json.dumps(rows, indent=2)

@@ -1,0 +1,118 @@
+"""The conformance tests, one class for each kind of component, and a runner without pytest."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.errors import Problem, SceneError, nearest
+from opir_core.host.error_messages import described_error
+from opir_testing.contracts.contract import ConformanceError, Contract, requirement, test_names
+
+#: The module and the class of the conformance tests of each hook.
+HOMES: Mapping[str, tuple[str, str]] = {
+    "opir_constellations": ("sensors", "ConstellationContract"),
+    "opir_sensor_models": ("sensors", "SensorContract"),
+    "opir_detection_models": ("detection", "DetectionContract"),
+    "opir_confidence_models": ("confidence_and_classifiers", "ConfidenceContract"),
+    "opir_classifiers": ("confidence_and_classifiers", "ClassifierContract"),
+    "opir_trackers": ("trackers", "TrackerContract"),
+    "opir_target_models": ("targets", "TargetContract"),
+    "opir_target_classes": ("target_classes", "TargetClassContract"),
+    "opir_signature_models": ("radiometry", "SignatureContract"),
+    "opir_source_models": ("radiometry", "SourceContract"),
+    "opir_atmosphere_models": ("radiometry", "AtmosphereContract"),
+    "opir_background_models": ("radiometry", "BackgroundContract"),
+    "opir_event_encoders": ("outputs", "EncoderContract"),
+    "opir_sinks": ("outputs", "SinkContract"),
+    "opir_metrics": ("results", "MetricContract"),
+    "opir_executors": ("results", "ExecutorContract"),
+    "opir_exporters": ("results", "ExporterContract"),
+}
+
+
+def contract_of(hook: str) -> type[Contract]:
+    """Return the conformance tests of a hook's components."""
+    module, name = HOMES[hook]
+    contract: type[Contract] = getattr(import_module(f"{__name__}.{module}"), name)
+    return contract
+
+
+PASSED, FAILED, EXPECTED_FAILURE, UNEXPECTED_PASS = "passed", "failed", "xfailed", "xpassed"
+
+_SETTINGS = "The settings of the check are valid."
+
+#: States with which a component does not conform.
+BAD = (FAILED, UNEXPECTED_PASS)
+
+
+@frozen(kw_only=True)
+class ConformanceResult:
+    """The result of a conformance test.
+
+    `state` is "passed", "failed", "xfailed" (an expected failure; `change` is its reason) or "xpassed" (passed, though
+    a failure was expected).
+    """
+
+    test: str
+    requirement: str
+    state: str
+    seen: str = ""
+    change: str = ""
+
+
+def contract_for(
+    hook: str, name: str, settings: Mapping[str, Any], expected: Mapping[str, str], plugins: Sequence[str] = ()
+) -> type[Contract]:
+    """Return the conformance tests of a component; raises `SceneError` if `expected` names an unknown test."""
+    parent = contract_of(hook)
+    known = test_names(parent)
+    for test in expected:
+        if test not in known:
+            raise SceneError(
+                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")], source="--expect"
+            )
+    given = {"name": name, "settings": settings, "expected_failures": expected, "plugins": tuple(plugins)}
+    return type(parent.__name__, (parent,), given)
+
+
+def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]:
+    """Yield the result of each conformance test; only one if the settings are invalid."""
+    try:
+        contract.config()
+    except ConformanceError as error:
+        yield ConformanceResult(
+            test="settings", requirement=_SETTINGS, state=FAILED, seen=error.seen, change=error.change
+        )
+        return
+    for test in test_names(contract):
+        yield _result(contract, test)
+
+
+def _result(contract: type[Contract], test: str) -> ConformanceResult:
+    reason = contract.expected_failures.get(test)
+    subject = {"test": test, "requirement": requirement(contract, test)}
+    try:
+        getattr(contract(), test)()
+    except Exception as error:
+        if reason is not None:
+            return ConformanceResult(**subject, state=EXPECTED_FAILURE, seen=_seen(error), change=reason)
+        return ConformanceResult(**subject, state=FAILED, seen=_seen(error), change=_change(error))
+    if reason is None:
+        return ConformanceResult(**subject, state=PASSED)
+    return ConformanceResult(
+        **subject, state=UNEXPECTED_PASS, seen="it passes", change=f"Remove the expected failure ({reason})."
+    )
+
+
+def _seen(error: Exception) -> str:
+    return error.seen if isinstance(error, ConformanceError) else described_error(error)
+
+
+def _change(error: Exception) -> str:
+    if isinstance(error, ConformanceError):
+        return error.change
+    if "read-only" in str(error):
+        return "The engine owns the columns of its arguments: copy a column before you change it."
+    return "Correct the code that raises this error."

@@ -1,0 +1,150 @@
+"""Conformance tests of confidence models and classifiers."""
+
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from opir_core.host.components import ClassifierModel, Component, ConfidenceModel
+from opir_core.interfaces.optional import PosteriorClassifier
+from opir_core.interfaces.records import ClassifierInputs
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_testing.bench import classifier_inputs
+from opir_testing.contracts.contract import (
+    require,
+    require_array_computation,
+    require_complete_abilities,
+    require_independent_rows,
+    require_rows,
+    require_same_copy,
+)
+from opir_testing.contracts.detection import RecordingDraws
+from opir_testing.contracts.scenes import SceneContract
+
+
+class ConfidenceContract(SceneContract):
+    """Conformance tests of a confidence model."""
+
+    kind: ClassVar[type[Component]] = ConfidenceModel
+    key: ClassVar[str] = "confidence"
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the test scene with the confidence model, and with type probabilities if it needs them."""
+        needs = getattr(cls.component().config, "needs_posterior", False)
+        chosen = {"detection": "snr", "classification": "spectral"} if needs else {}
+        return super().scene(**{**chosen, **changes})
+
+    @classmethod
+    @cache
+    def inputs(cls) -> ClassifierInputs:
+        """Return inputs with all combinations of bands, counts and SNR."""
+        return classifier_inputs(cls.plan(), cls.looks())
+
+    def test_confidences_lie_in_the_unit_interval(self) -> None:
+        """Each detection has a confidence in [0, 1], also with unknown SNR."""
+        seen = self.inputs()
+        confidence = self.plan().confidence.confidence(seen)
+        require_rows("confidence", confidence, len(seen))
+        require(
+            confidence.dtype == np.float64 and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
+            f"confidences are {confidence.dtype} from {np.min(confidence)} to {np.max(confidence)}",
+            "Return float64 in [0, 1], never nan: snr is nan where the detection model has none; clip at the end.",
+        )
+
+    def test_confidences_are_independent(self) -> None:
+        """The confidence of a detection does not depend on the other detections of the call."""
+        model, seen = self.plan().confidence, self.inputs()
+        require_independent_rows("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
+
+    def test_detections_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        model, seen = self.plan().confidence, self.inputs()
+        require_array_computation(
+            "detection", lambda rows: model.confidence(seen.take(slice(0, rows)).freeze()), len(seen) // 4, len(seen)
+        )
+
+    def test_a_built_model_pickles(self) -> None:
+        """The built model can be pickled, and its copy returns the same."""
+        require_same_copy(self.plan().confidence, lambda model: model.confidence(self.inputs()))
+
+
+class ClassifierContract(SceneContract):
+    """Conformance tests of a classifier."""
+
+    kind: ClassVar[type[Component]] = ClassifierModel
+    key: ClassVar[str] = "classification"
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the test scene with the classifier."""
+        detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
+        return super().scene(**{"detection": detection, **changes})
+
+    @classmethod
+    @cache
+    def inputs(cls) -> ClassifierInputs:
+        """Return inputs with all combinations of bands, counts and SNR."""
+        return classifier_inputs(cls.plan(), cls.looks())
+
+    def test_codes_are_reported_types(self) -> None:
+        """Each detection has the code of a type that events may report."""
+        codes = self._codes(np.arange(len(self.inputs())))
+        require_rows("reported_type", codes, len(self.inputs()))
+        require(
+            codes.dtype == np.uint8 and bool(np.all(codes < len(REPORTED_TYPES))),
+            f"codes are {codes.dtype} up to {np.max(codes)}",
+            f"Return uint8 codes into REPORTED_TYPES: {', '.join(REPORTED_TYPES)}.",
+        )
+
+    def test_types_are_independent(self) -> None:
+        """The reported type does not depend on the other detections of the call."""
+        require_independent_rows("reported_type", self._codes, len(self.inputs()))
+
+    def test_pairs_and_detections_agree(self) -> None:
+        """The type of a pair, if it has one, is that of all its detections."""
+        plan, looks = self.plan(), self.looks()
+        of_pair = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs())
+        if of_pair is None:
+            return
+        require_rows("pair_type", of_pair, len(plan.pairs))
+        same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
+        require(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
+
+    def test_optional_abilities_are_complete(self) -> None:
+        """An optional protocol is implemented completely or not at all."""
+        require_complete_abilities(self.plan().classifier, (PosteriorClassifier,))
+
+    def test_type_probabilities_agree_with_types(self) -> None:
+        """The posteriors of a `PosteriorClassifier` sum to 1 and give the types that it reports."""
+        model, seen = self.plan().classifier, self.inputs()
+        if not isinstance(model, PosteriorClassifier):
+            return
+        posterior = model.log_posterior(seen)
+        require_rows("log_posterior", posterior, len(seen))
+        total = np.exp(posterior).sum(axis=1)
+        sums_to_one = posterior.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
+        change = "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection."
+        require(sums_to_one, "type probabilities do not sum to 1", change)
+        same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
+        require(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")
+
+    def test_reserved_random_streams_are_not_used(self) -> None:
+        """Classification does not use the purposes of the engine's random streams."""
+        dice = RecordingDraws(self.looks().draws(np.arange(len(self.inputs()))))
+        self.plan().classifier.reported_type(self.inputs(), dice)
+        dice.require_own_purposes()
+
+    def test_detections_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        many = len(self.inputs())
+        require_array_computation("detection", lambda rows: self._codes(np.arange(rows)), many // 4, many)
+
+    def test_a_built_classifier_pickles(self) -> None:
+        """The built classifier can be pickled, and its copy returns the same."""
+        dice = self.looks().draws(np.arange(len(self.inputs())))
+        require_same_copy(self.plan().classifier, lambda model: model.reported_type(self.inputs(), dice))
+
+    def _codes(self, rows: Any) -> Any:
+        seen = self.inputs().take(rows).freeze()
+        return self.plan().classifier.reported_type(seen, self.looks().draws(rows))

@@ -1,0 +1,277 @@
+"""Conformance tests of event encoders and sinks."""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+from attrs import evolve, fields_dict
+
+from opir_core.host.components import Component, EventEncoder, SinkModel
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.optional import BufferingSink, MonitoredSink, TrackEncoder
+from opir_core.interfaces.protocols import Delivery, Encoder, Sink
+from opir_core.interfaces.records import Tracks, Window
+from opir_core.output.delivery import opened_sink
+from opir_core.output.events import SCHEMA_VERSION, TRACKS_VERSION, schema
+from opir_core.output.events.encoder_input import event_counter, only_encodable
+from opir_core.planning.plan import Plan
+from opir_core.scene.scene import Choice
+from opir_core.simulation.run import plan_windows
+from opir_testing.bench import bench_scene, encoder_of, planned
+from opir_testing.contracts.contract import (
+    ConformanceError,
+    Contract,
+    require,
+    require_complete_abilities,
+    require_no_outside_inputs,
+    require_pickling,
+)
+from opir_testing.doubles import stub_estimates, stub_regions, stub_window
+from opir_testing.json_schema import schema_errors
+
+
+def edge_case_windows() -> Mapping[str, Window]:
+    """Return windows of edge cases of sensor 0, by description."""
+    pole, edge, zero = [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], np.zeros(3)
+    known = stub_estimates(
+        2,
+        state=[6.5e6, 1.0, 2.0, 10.0, 20.0, 30.0],
+        launch=[np.pi / 2, np.pi, 1.0],
+        launch_covariance=[[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]],
+        impact=[-np.pi / 2, -np.pi, 2.0],
+        impact_covariance=[[1e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 4.0]],
+    )
+    with_regions = evolve(
+        known,
+        impact_regions=stub_estimates(
+            2, impact_regions=[stub_regions(89.5, 0.0), stub_regions(9.0, 180.0)]
+        ).impact_regions,
+        impact_method=np.array([0, 1], dtype=np.uint8),
+    )
+    return {
+        "one detection": stub_window(1),
+        "many detections": stub_window(300),
+        "over the pole": stub_window(3, line_of_sight_ecef=pole, sensor_ecef_m=[0.0, 0.0, 4.2e7]),
+        "at the antimeridian": stub_window(3, sensor_ecef_m=[-4.2e7, -1e-3, 0.0], line_of_sight_ecef=edge),
+        "with an estimate": stub_window(2, track=0, estimate=0, estimates=known),
+        "with unknown estimates": stub_window(2, track=7, estimate=1, estimates=stub_estimates(2)),
+        "with unknown values": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
+        "with tracks": evolve(
+            stub_window(2, track=0, estimate=0, estimates=known),
+            tracks=Tracks.concatenate([with_regions, stub_estimates(2, tick_s=[1.0, 2.0])]),
+        ),
+        "with tracks alone": evolve(stub_window(0), tracks=with_regions),
+        "with full confidence": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
+    }
+
+
+class OutputContract(Contract):
+    """What conformance tests of encoders and sinks share: the plan and the windows of the test scene."""
+
+    @classmethod
+    @cache
+    def plan(cls) -> Plan:
+        """Return the plan of the test scene."""
+        return planned(bench_scene(), cls.host())
+
+    @classmethod
+    @cache
+    def windows(cls) -> tuple[Window, ...]:
+        """Return the windows of the test scene, some of them empty."""
+        return tuple(plan_windows(cls.plan(), 10.0))
+
+
+class EncoderContract(OutputContract):
+    """Conformance tests of an event encoder."""
+
+    kind: ClassVar[type[Component]] = EventEncoder
+
+    @classmethod
+    @cache
+    def encoder(cls) -> Encoder:
+        """Return the built encoder, for the sensors of the test scene."""
+        context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
+        made: Encoder = cls.component().build(cls.config(), context)
+        return made
+
+    def test_media_type_and_schema_version_are_stated(self) -> None:
+        """The encoder states a media type and a schema version."""
+        encoder: Any = self.encoder()
+        valid = encoder.content_type.count("/") == 1 and encoder.schema_version.strip()
+        require(valid, "content_type or schema_version is invalid", "Set a media type, type/subtype, and a version.")
+
+    def test_each_detection_is_one_line(self) -> None:
+        """Each encodable detection, or track, is one line, ended by its only newline; none of them give no bytes."""
+        encoder = self.encoder()
+        rows = "tracks" if isinstance(encoder, TrackEncoder) else "detections"
+        for name, window in {**edge_case_windows(), "empty": stub_window(0)}.items():
+            text: Any = encoder.encode(window)
+            expected = event_counter(encoder)(only_encodable(window, encoder))
+            require(
+                isinstance(text, bytes) and text.count(b"\n") == expected and text[-1:] in (b"", b"\n"),
+                f"a window of {expected} {rows} ({name}) gives {text.count(bytes([10]))} lines",
+                f"Return bytes: one line for each of the {rows}, ended by a newline, with escapes inside.",
+            )
+
+    def test_encoders_of_tracks_are_marked(self) -> None:
+        """The component states `encodes_tracks` if, and only if, its encoder is a `TrackEncoder`."""
+        states, is_one = self.component().encodes_tracks, isinstance(self.encoder(), TrackEncoder)
+        require(
+            states == is_one,
+            f"the component states encodes_tracks={states}, its encoder {'has' if is_one else 'lacks'} this attribute",
+            "Set encodes_tracks in EventEncoder(...) and in the encoder.",
+        )
+
+    def test_windows_encode_alone_as_together(self) -> None:
+        """Windows cut in two give the same bytes, and so does the same window twice."""
+        encoder = self.encoder()
+        for window in self.windows():
+            part = _part_of_tracks if isinstance(encoder, TrackEncoder) else _part
+            middle = event_counter(encoder)(window) // 2
+            halves = (part(window, slice(0, middle)), part(window, slice(middle, None)))
+            same = encoder.encode(window) == b"".join(map(encoder.encode, halves))
+            require(same, "a window cut in two gives other bytes", "Encode each row from its own columns alone.")
+
+    def test_no_truth_is_written(self) -> None:
+        """The truth changes no byte."""
+        encoder = self.encoder()
+        for window in self.windows():
+            if len(window.truth):
+                changed = evolve(window.truth, range_m=window.truth.range_m + 1e6, target=window.truth.target[::-1])
+                same = encoder.encode(window) == encoder.encode(evolve(window, truth=changed))
+                require(same, "the bytes depend on the truth", "Use window.detections and window.estimates only.")
+
+    def test_json_follows_the_schema(self) -> None:
+        """A JSON media type means JSON without NaN; with a schema version of the core, events conform to its schema."""
+        encoder = self.encoder()
+        if "json" not in encoder.content_type:
+            return
+        name_of = {SCHEMA_VERSION: "detection", TRACKS_VERSION: "track"}.get(encoder.schema_version)
+        due = None if name_of is None else schema(name_of)
+        for name, window in edge_case_windows().items():
+            for line in encoder.encode(window).splitlines():
+                event = _json_of(line, name)
+                errors = [] if due is None else schema_errors(event, due)
+                require(not errors, f"{name}: {'; '.join(errors[:3])}", f"See opir schema {name_of}.")
+
+    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
+        """Clock, entropy, network and global random state are not used."""
+        change = "Take the time and the id of an event from its detection."
+        require_no_outside_inputs(lambda: [self.encoder().encode(window) for window in self.windows()], change)
+
+    def test_a_built_encoder_pickles(self) -> None:
+        """The built encoder can be pickled, and its copy returns the same bytes."""
+        window = self.windows()[2]
+        same = require_pickling(self.encoder()).encode(window) == self.encoder().encode(window)
+        require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
+
+
+class SinkContract(OutputContract):
+    """Conformance tests of a sink, in an empty folder; a setting `path` gets a file there."""
+
+    kind: ClassVar[type[Component]] = SinkModel
+
+    @classmethod
+    def block(cls) -> Mapping[str, Any]:
+        """Return the settings, with a file if the sink needs one."""
+        needs_path = "path" in fields_dict(cls.component().config) and "path" not in cls.settings
+        return {**cls.settings, **({"path": "events.out"} if needs_path else {})}
+
+    @contextmanager
+    def opened(self) -> Iterator[Sink]:
+        """Yield the built sink, in an empty folder."""
+        with _empty_folder():
+            yield opened_sink(
+                self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"), is_checked=False
+            )
+
+    def test_every_event_is_accounted_for(self) -> None:
+        """Delivered, spooled, dropped and withheld events add up to the events written."""
+        with self.opened() as sink:
+            for window in self.windows():
+                sink.write(window)
+            events = sum(len(window.detections) for window in self.windows())
+            if isinstance(sink, MonitoredSink):
+                _require_accounts(sink.delivery_so_far(), events)
+            _require_accounts(sink.close(), events)
+
+    def test_optional_abilities_are_complete(self) -> None:
+        """An optional protocol is implemented completely or not at all."""
+        with self.opened() as sink:
+            require_complete_abilities(sink, (BufferingSink,))
+            sink.close()
+
+    def test_a_sink_without_windows_delivers_nothing(self) -> None:
+        """A sink closed without windows has delivered nothing."""
+        with self.opened() as sink:
+            _require_accounts(sink.close(), 0)
+
+    def test_windows_without_events_are_accepted(self) -> None:
+        """Windows without events are accepted."""
+        with self.opened() as sink:
+            for count in (0, 3, 0):
+                sink.write(stub_window(count))
+            _require_accounts(sink.close(), 3)
+
+    def test_windows_are_not_modified(self) -> None:
+        """A sink does not change its windows: other sinks get the same ones."""
+        before = [encoder_of(self.plan()).encode(window) for window in self.windows()]
+        with self.opened() as sink:
+            for window in self.windows():
+                sink.write(window)
+            sink.close()
+        after = [encoder_of(self.plan()).encode(window) for window in self.windows()]
+        require(before == after, "a window changes when it is written", "Copy columns before changing them.")
+
+    def test_edge_case_windows_are_accepted(self) -> None:
+        """Detections over the pole, at the antimeridian, with and without estimates are accepted."""
+        with self.opened() as sink:
+            for window in edge_case_windows().values():
+                sink.write(window)
+            _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
+
+
+def _require_accounts(delivery: Delivery, events: int) -> None:
+    require(isinstance(delivery, Delivery), f"close returns {delivery!r}", "Return a Delivery.")
+    counts = (delivery.delivered, delivery.spooled, delivery.dropped, delivery.withheld)
+    require(
+        min(counts) >= 0 and sum(counts) == events + delivery.recovered,
+        f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped, {counts[3]} withheld",
+        "Count events in write; close waits for pending events and returns the Delivery of all.",
+    )
+
+
+def _part(window: Window, rows: slice) -> Window:
+    return evolve(window, detections=window.detections.take(rows), truth=window.truth.take(rows), tracks=Tracks.empty())
+
+
+def _part_of_tracks(window: Window, rows: slice) -> Window:
+    return evolve(window, tracks=window.tracks.take(rows))
+
+
+def _json_of(line: bytes, name: str) -> Any:
+    def refuse(word: str) -> None:
+        raise ValueError(f"{word} is not JSON")
+
+    try:
+        return json.loads(line, parse_constant=refuse)
+    except ValueError as error:
+        raise ConformanceError(
+            f"{name}: a line is not JSON: {error}", "Write null for what is unknown, never NaN."
+        ) from error
+
+
+@contextmanager
+def _empty_folder() -> Iterator[None]:
+    here = os.getcwd()  # noqa: PTH109
+    with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
+        os.chdir(folder)
+        try:
+            yield
+        finally:
+            os.chdir(here)

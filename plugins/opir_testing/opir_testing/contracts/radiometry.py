@@ -1,0 +1,359 @@
+"""Conformance tests of signature, source, atmosphere and background models."""
+
+from collections.abc import Sequence
+from functools import cache, partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.components import AtmosphereModel, BackgroundModel, Component, SignatureModel, SourceModel
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    Background,
+    BackgroundContext,
+    Paths,
+    SignatureContext,
+    Signatures,
+    SourceContext,
+    Sources,
+    StructuredBackground,
+    Transmittance,
+    Views,
+)
+from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
+from opir_testing.contracts.contract import (
+    Contract,
+    require,
+    require_array_computation,
+    require_independent_rows,
+    require_no_outside_inputs,
+    require_pickling,
+    require_rows,
+    undefined,
+)
+
+_EPOCH_US = 1_775_044_800_000_000
+_SEED = 20260401
+_DURATION_S = 600.0
+_BURN_S = 180.0
+_ROWS = 400
+_SEEDED = "Draw random numbers from the seed of the context."
+
+
+class RadiometricContract(Contract):
+    """What conformance tests of radiometric models share; models are built with `bands`."""
+
+    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45))
+
+    @classmethod
+    def count(cls) -> int:
+        """Return the number of things that the model describes; without any there is nothing to test."""
+        return 1
+
+    def values(self, band: int, rows: Any) -> FloatArray:
+        """Return the values of the model for some rows."""
+        raise undefined(type(self), "values(band, rows)", "the model's values (n,) for rows (n,) in a band")
+
+    def test_rows_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the rows: computations are on arrays."""
+        if self.count():
+            require_array_computation("row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS)
+
+    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
+        """Clock, entropy, network and global random state are not used."""
+        require_no_outside_inputs(lambda: self.count() and self.values(0, np.arange(_ROWS)), _SEEDED)
+
+
+class EmitterContract(RadiometricContract):
+    """Conformance tests of signature and source models."""
+
+    @classmethod
+    def signatures(cls) -> Signatures:
+        """Return the built signatures."""
+        raise undefined(cls, "signatures()", "the built signatures or sources")
+
+    def values(self, band: int, rows: Any) -> FloatArray:
+        """Return radiant intensities of some rows: each emitter at many times, heights and aspect angles."""
+        row = np.arange(_ROWS)
+        share = np.linspace(0.0, 1.0, _ROWS)
+        columns = (
+            (row % max(self.count(), 1)).astype(np.int32),
+            share * _BURN_S,
+            (share**2) * 400e3,
+            np.pi * (row * 0.618 % 1.0),
+        )
+        return self.signatures().intensity_w_sr(band, *(column[rows] for column in columns))
+
+    def test_intensities_are_finite_and_not_negative(self) -> None:
+        """Radiant intensities are finite and not negative, at all aspect angles, from the ground to space."""
+        for band in range(len(self.bands) if self.count() else 0):
+            intensity = self.values(band, np.arange(_ROWS))
+            require_rows("intensity_w_sr", intensity, _ROWS)
+            require(
+                np.all(np.isfinite(intensity)) and np.all(intensity >= 0.0),
+                f"intensities are from {np.min(intensity)} to {np.max(intensity)}",
+                "Return W/sr, 0 for no radiation, never nan.",
+            )
+
+    def test_intensities_are_independent(self) -> None:
+        """The intensity of a row does not depend on the other rows of the call."""
+        if self.count():
+            require_independent_rows("intensity_w_sr", lambda rows: self.values(0, rows), _ROWS)
+
+    def test_built_signatures_pickle(self) -> None:
+        """The built signatures can be pickled."""
+        require_pickling(self.signatures())
+
+
+class SignatureContract(EmitterContract):
+    """Conformance tests of a signature model, built for a target of each type."""
+
+    kind: ClassVar[type[Component]] = SignatureModel
+
+    @classmethod
+    def count(cls) -> int:
+        """Return the number of targets."""
+        return len(TARGET_TYPES)
+
+    @classmethod
+    @cache
+    def signatures(cls) -> Signatures:
+        """Return the built signatures."""
+        count = len(TARGET_TYPES)
+        context = SignatureContext(
+            bands=tuple(cls.bands),
+            ids=tuple(f"T{row}" for row in range(count)),
+            paths=tuple(f"targets[{row}].signature" for row in range(count)),
+            types=TARGET_TYPES,
+            profiles=("",) * count,
+            burn_time_s=np.full(count, _BURN_S),
+        )
+        made: Signatures = cls.component().build([cls.config()] * count, context)
+        return made
+
+
+class SourceContract(EmitterContract):
+    """Conformance tests of a source model."""
+
+    kind: ClassVar[type[Component]] = SourceModel
+
+    @classmethod
+    @cache
+    def sources(cls) -> Sources:
+        """Return the built sources."""
+        context = SourceContext(
+            bands=tuple(cls.bands),
+            id="SUBJECT",
+            path="sources[0]",
+            epoch_us=_EPOCH_US,
+            duration_s=_DURATION_S,
+            seed=_SEED,
+        )
+        made: Sources = cls.component().build(cls.config(), context)
+        return made
+
+    @classmethod
+    def signatures(cls) -> Signatures:
+        """Return the sources' signatures."""
+        return cls.sources().signatures
+
+    @classmethod
+    def count(cls) -> int:
+        """Return the number of emitters."""
+        return len(cls.sources().ids)
+
+    def test_emitters_have_ids_of_their_block(self) -> None:
+        """The ids of emitters are that of their block with numbers from 1: SUBJECT-1, SUBJECT-2."""
+        ids = list(self.sources().ids)
+        expected = [f"SUBJECT-{number}" for number in range(1, len(ids) + 1)]
+        require(sorted(ids) == sorted(expected), f"ids are {ids[:3]}", "Number them from 1 after the block's id.")
+
+    def test_emitters_have_source_types(self) -> None:
+        """Emitters have types of sources, a start before their end, and positions between them."""
+        made = self.sources().trajectories
+        rows = len(self.sources().ids)
+        require(
+            made.type_code.shape == (rows,)
+            and bool(np.all((made.type_code >= len(TARGET_TYPES)) & (made.type_code < len(EMITTER_TYPES)))),
+            "an emitter has the type of a target",
+            "Set type_code to EMITTER_TYPES.index of a source's type.",
+        )
+        require(np.all(made.burnout_s > made.ignition_s), "an emitter ends before it starts", "Check its times.")
+        middle = 0.5 * (made.ignition_s + made.burnout_s)
+        position_m = made.position_ecef_m(np.arange(rows, dtype=np.int32), middle)
+        require(
+            position_m.shape == (rows, 3) and bool(np.isfinite(position_m).all()),
+            "an emitter has no position while it radiates",
+            "Return (n, 3) that is finite between ignition_s and burnout_s.",
+        )
+
+
+#: Above this height the atmosphere absorbs nothing.
+_SPACE_M = 150e3
+
+
+class EnvironmentContract(RadiometricContract):
+    """Conformance tests of atmosphere and background models."""
+
+    @classmethod
+    def model(cls) -> Any:
+        """Return the built model."""
+        raise undefined(cls, "model()", "the built model")
+
+    def test_rows_are_independent(self) -> None:
+        """The values of a row do not depend on the other rows of the call."""
+        for band in range(len(self.bands)):
+            require_independent_rows("the value", partial(self.values, band), _ROWS)
+
+    def test_a_model_built_again_returns_the_same(self) -> None:
+        """A second model of the same context returns the same values; the model can be pickled."""
+        values = self.values(0, np.arange(_ROWS))
+        again = type(self.__class__.__name__, (type(self),), {})()
+        same = np.array_equal(again.values(0, np.arange(_ROWS)), values)
+        require(same, "a second model returns other values", "Build the model from its configuration and context.")
+        require_pickling(self.model())
+
+
+class AtmosphereContract(EnvironmentContract):
+    """Conformance tests of an atmosphere model."""
+
+    kind: ClassVar[type[Component]] = AtmosphereModel
+
+    @classmethod
+    @cache
+    def model(cls) -> Transmittance:
+        """Return the built model."""
+        context = AtmosphereContext(bands=tuple(cls.bands), path="atmosphere", seed=_SEED)
+        made: Transmittance = cls.component().build(cls.config(), context)
+        return made
+
+    def values(self, band: int, rows: Any) -> FloatArray:
+        """Return the transmittances and cloud tops of some paths."""
+        path = _paths(_heights_m()[rows], rows).freeze()
+        both = (self.model().transmittance(band, path), self.model().cloud_top_m(path.target_ecef_m))
+        for column in both:
+            require_rows("the value", column, len(path))
+        return np.stack(both, axis=1)
+
+    def test_transmittances_lie_in_the_unit_interval(self) -> None:
+        """Transmittances lie in [0, 1] at all heights and elevations; cloud tops are finite or -inf."""
+        for band in range(len(self.bands)):
+            passed, top_m = self.values(band, np.arange(_ROWS)).T
+            require(
+                np.all((passed >= 0.0) & (passed <= 1.0)),
+                f"transmittances are from {np.min(passed)} to {np.max(passed)}",
+                "Return values in [0, 1], never nan, also for grazing paths (elevation_sine near 0).",
+            )
+            require(np.all(top_m < np.inf), "a cloud top is nan or inf", "Return -inf for no cloud.")
+
+    def test_space_is_clear(self) -> None:
+        """The transmittance to targets above the atmosphere is 1."""
+        rows = np.arange(_ROWS)
+        passed = self.model().transmittance(0, _paths(np.full(_ROWS, _SPACE_M), rows).freeze())
+        require(np.all(passed > 0.999), f"from {_SPACE_M:.0f} m it is {passed.min():.3f}", "Return 1 there.")
+
+    def test_transmittance_does_not_decrease_with_height(self) -> None:
+        """At one position and elevation, transmittance does not decrease with the target's height."""
+        place = np.full(_ROWS, 17)
+        passed = self.model().transmittance(0, _paths(np.sort(_heights_m()), place).freeze())
+        drop = float(-np.diff(passed).min(initial=0.0))
+        require(drop <= 1e-9, f"it decreases by {drop:.2e} with height", "Less air is above a higher target.")
+
+
+class BackgroundContract(EnvironmentContract):
+    """Conformance tests of a background model."""
+
+    kind: ClassVar[type[Component]] = BackgroundModel
+
+    @classmethod
+    @cache
+    def model(cls) -> Background:
+        """Return the built model, behind the atmosphere `clear`."""
+        bands = tuple(cls.bands)
+        clear = cls.host().component(AtmosphereModel, "clear")
+        sky = clear.build(clear.config(), AtmosphereContext(bands=bands, path="atmosphere", seed=_SEED))
+        # A partial, because a lambda would not pickle in models that keep `make_atmosphere`.
+        context = BackgroundContext(
+            bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
+        )
+        made: Background = cls.component().build(cls.config(), context)
+        return made
+
+    def values(self, band: int, rows: Any) -> FloatArray:
+        """Return the radiances and clutter of some views."""
+        view = _views()
+        chosen = view.take(rows).freeze()
+        both = (self.model().radiance_w_m2_sr(band, chosen), self.model().clutter_w_m2_sr(band, chosen))
+        for column in both:
+            require_rows("the value", column, len(chosen))
+        return np.stack(both, axis=1)
+
+    def test_radiances_are_finite_and_not_negative(self) -> None:
+        """Radiance and clutter are finite and not negative, by day and night, at the limb, in space."""
+        for band in range(len(self.bands)):
+            values = self.values(band, np.arange(_ROWS))
+            require(
+                np.all(np.isfinite(values)) and np.all(values >= 0.0),
+                f"radiances and clutter are from {np.min(values)} to {np.max(values)}",
+                "Return W/(m2 sr), never nan: height_m is inf for lines of sight that miss the Earth.",
+            )
+
+    def test_cold_space_is_dark(self) -> None:
+        """Radiance and clutter are 0 on lines of sight that miss the Earth."""
+        values = self.values(0, np.flatnonzero(np.isinf(_views().height_m)))
+        require(np.all(values == 0.0), f"space has {np.max(values)} W/(m2 sr)", "Return 0 there.")
+
+    def test_structure_goes_with_the_radiance(self) -> None:
+        """Structured radiances equal the plain ones; their structure is finite and known."""
+        model, view, bands = self.model(), _views(), range(len(self.bands))
+        if not isinstance(model, StructuredBackground):
+            return
+        radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())
+        plain = np.array([model.radiance_w_m2_sr(band, view) for band in bands])
+        require(np.array_equal(radiance, plain), "the radiances differ", "Return those of radiance_w_m2_sr.")
+        require(
+            np.all(np.isfinite(rms)) and np.all(rms >= 0.0),
+            f"standard deviations are from {np.min(rms)} to {np.max(rms)}",
+            "Return W/(m2 sr), never nan, 0 for space.",
+        )
+        require(
+            np.all((number >= 0) & (number < len(model.structures))),
+            f"numbers of structures are from {np.min(number)} to {np.max(number)}, of {len(model.structures)}",
+            "Return indices into structures.",
+        )
+
+
+def _identity(sky: Transmittance) -> Transmittance:
+    return sky
+
+
+def _heights_m() -> FloatArray:
+    """Return heights (n,) from the ground to space, unsorted."""
+    return np.concatenate([[0.0, 1.0, 100e3, _SPACE_M, 1e6], np.linspace(0.0, 60e3, _ROWS - 5)[::-1]])
+
+
+def _positions(rows: Any) -> tuple[FloatArray, FloatArray]:
+    """Return latitudes and longitudes (n,), rad, with poles and antimeridian."""
+    latitude = np.radians(np.linspace(-90.0, 90.0, _ROWS))[rows]
+    return latitude, np.radians(np.arange(_ROWS) * 137.5 % 360.0 - 180.0)[rows]
+
+
+def _paths(height_m: FloatArray, rows: Any) -> Paths:
+    latitude, longitude = _positions(rows)
+    elevation_sine = np.sin(np.linspace(0.0, np.pi / 2.0, _ROWS))[(np.asarray(rows) * 7) % _ROWS]
+    target = geodetic_to_ecef(latitude, longitude, height_m)
+    sensor = geodetic_to_ecef(latitude, longitude, np.full(len(height_m), 3.6e7))
+    return Paths(height_m, elevation_sine, target, sensor, np.asarray(rows, dtype=np.float64))
+
+
+def _views() -> Views:
+    rows = np.arange(_ROWS)
+    latitude, longitude = _positions(rows)
+    height_m = np.where(rows % 5 == 4, np.inf, np.where(rows % 5 == 3, 20e3, 0.0))
+    point = geodetic_to_ecef(latitude, longitude, np.where(np.isinf(height_m), 4e7, height_m))
+    elevation_sine = np.where(height_m > 0.0, 0.0, np.sin(np.linspace(0.0, np.pi / 2.0, _ROWS)))
+    down = -point / np.sqrt(np.square(point).sum(axis=1))[:, None]
+    return Views(height_m, elevation_sine, np.cos(rows * 0.3), point, rows.astype(np.float64), down)

@@ -1,0 +1,241 @@
+"""Conformance tests of metrics, exporters and executors."""
+
+import math
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from attrs import evolve
+
+from opir_core.host.components import Component, ExecutorModel, ExporterModel, MetricModel
+from opir_core.interfaces.results import (
+    Executor,
+    ExecutorContext,
+    Exporter,
+    ExporterContext,
+    Metric,
+    MetricContext,
+)
+from opir_core.simulation.run import Run, run_of_plan
+from opir_testing.bench import bench_scene, planned
+from opir_testing.contracts.contract import (
+    Contract,
+    require,
+    require_documented,
+    require_no_outside_inputs,
+    require_pickling,
+)
+from opir_testing.contracts.outputs import edge_case_windows
+from opir_testing.doubles import stub_estimates, stub_regions
+
+_ALONE = "Compute everything from the run that is passed: no clock, no network, no random numbers, no earlier runs."
+
+
+class ResultContract(Contract):
+    """What conformance tests of metrics and exporters share: runs of the test scene."""
+
+    @classmethod
+    @cache
+    def runs(cls) -> Mapping[str, Run]:
+        """Return runs by description: with tracks and regions, without tracks, without detections."""
+        whole, silent = (run_of_plan(planned(bench_scene(**each), cls.host())) for each in ({}, {"detection": "never"}))
+        regions = [stub_regions(9.0, 167.7), stub_regions(10.0, 179.9), ()]
+        tracks = stub_estimates(
+            3,
+            state=[-6.5e6, -1e6, 2e6, 1e3, 2e3, 3e3],
+            launch=[0.6, -2.1, 2.0],
+            impact=[0.16, 2.9, 1900.0],
+            impact_regions=regions,
+        )
+        known = evolve(whole, tracks=evolve(edge_case_windows()["with tracks alone"].tracks, tick_s=tracks.tick_s[:2]))
+        return {
+            "with tracks": evolve(whole, tracks=tracks.freeze()),
+            "with tracks at the poles": evolve(known, tracks=known.tracks.freeze()),
+            "without tracks": whole,
+            "without detections": silent,
+        }
+
+    def test_every_setting_is_documented(self) -> None:
+        """Every setting has a help text, and the defaults are valid."""
+        require_documented(self.component())
+        self.config()
+
+
+class MetricContract(ResultContract):
+    """Conformance tests of a metric."""
+
+    kind: ClassVar[type[Component]] = MetricModel
+
+    @classmethod
+    @cache
+    def metric(cls) -> Metric:
+        """Return the built metric."""
+        made: Metric = cls.component().build(cls.config(), MetricContext())
+        return made
+
+    def test_figures_have_names_and_units(self) -> None:
+        """There is at least one figure; names are identifiers, units are text."""
+        units = dict(self.metric().units)
+        names = all(str(name).isidentifier() for name in units)
+        require(
+            units and names and all(isinstance(unit, str) for unit in units.values()),
+            f"units are {units!r}",
+            'Return a unit for each figure, {"latency_s": "s", "detected": ""}, with names that are identifiers.',
+        )
+
+    def test_every_run_has_every_figure(self) -> None:
+        """Each run gives a number, or nan, for each figure."""
+        for name, run in self.runs().items():
+            values = self.metric().values(run)
+            numbers = all(isinstance(value, int | float) for value in values.values())
+            require(
+                values.keys() == self.metric().units.keys() and numbers,
+                f"a run {name} gives {dict(values)!r}, where the figures are {', '.join(self.metric().units)}",
+                "Return a float for each key of units, nan where the run has none.",
+            )
+
+    def test_figures_are_finite_or_nan(self) -> None:
+        """No figure is infinite."""
+        for name, run in self.runs().items():
+            endless = [key for key, value in self.metric().values(run).items() if math.isinf(value)]
+            require(not endless, f"a run {name} gives infinite {', '.join(endless)}", "Return nan where there is none.")
+
+    def test_figures_depend_on_the_run_alone(self) -> None:
+        """A second call gives the same figures; clock, network and global random state are not used."""
+        first = {name: _exact(self.metric().values(run)) for name, run in self.runs().items()}
+        again = {name: _exact(self.metric().values(run)) for name, run in [*self.runs().items()][::-1]}
+        require(first == again, "a second call gives other figures", _ALONE)
+        require_no_outside_inputs(lambda: [self.metric().values(run) for run in self.runs().values()], _ALONE)
+
+    def test_a_built_metric_pickles(self) -> None:
+        """The built metric can be pickled, and its copy gives the same figures."""
+        copy, run = require_pickling(self.metric()), self.runs()["with tracks"]
+        same = _exact(copy.values(run)) == _exact(self.metric().values(run))
+        require(same, "a pickled copy gives other figures", "Keep all state in fields that pickle.")
+
+
+class ExporterContract(ResultContract):
+    """Conformance tests of an exporter, in folders of their own."""
+
+    kind: ClassVar[type[Component]] = ExporterModel
+
+    @classmethod
+    @cache
+    def exporter(cls) -> Exporter:
+        """Return the built exporter."""
+        made: Exporter = cls.component().build(cls.config(), ExporterContext())
+        return made
+
+    def written(self, run: Run) -> Mapping[str, bytes]:
+        """Return the content of the files of a run by their paths in the folder."""
+        with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
+            root = Path(folder)
+            listed = self.exporter().write(run, root / f"run{self.exporter().suffix}")
+            there = {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+            names = sorted(Path(path).relative_to(root).as_posix() for path in listed)
+            require(
+                names == sorted(there),
+                f"write returns {names}, and the folder has {sorted(there)}",
+                "Return the path of each file written, and remove temporary files.",
+            )
+            return there
+
+    def test_the_ending_is_stated(self) -> None:
+        """The suffix is empty, for a folder, or begins with a dot."""
+        suffix = self.exporter().suffix
+        valid = not suffix or str(suffix).startswith(".")
+        require(valid, f"the suffix is {suffix!r}", 'Set suffix = ".kml", or "" for a folder.')
+
+    def test_every_run_can_be_written(self) -> None:
+        """Runs with tracks, at the poles and the antimeridian, without tracks and without detections are written."""
+        for name, run in self.runs().items():
+            require(self.written(run), f"a run {name} gives no file", "Write a file for each run.")
+
+    def test_files_have_content(self) -> None:
+        """No file of a run with detections and tracks is empty."""
+        empty = [path for path, content in self.written(self.runs()["with tracks"]).items() if not content]
+        require(not empty, f"{', '.join(empty)}: empty", "Write the format's header at least, or no file.")
+
+    def test_the_same_run_gives_the_same_bytes(self) -> None:
+        """A second export gives the same bytes; clock, network and global random state are not used."""
+        run = self.runs()["with tracks"]
+        require(self.written(run) == self.written(run), "a second export gives other bytes", _ALONE)
+
+    def test_a_built_exporter_pickles(self) -> None:
+        """The built exporter can be pickled."""
+        require_pickling(self.exporter())
+
+
+class ExecutorContract(Contract):
+    """Conformance tests of an executor; its workers can import this module."""
+
+    kind: ClassVar[type[Component]] = ExecutorModel
+
+    @classmethod
+    def executor(cls) -> Executor:
+        """Return a newly built executor of two workers."""
+        made: Executor = cls.component().build(cls.config(), ExecutorContext(workers=2))
+        return made
+
+    def results(self, function: Any, tasks: list[Any]) -> dict[int, Any]:
+        """Return the results of tasks by index; each index may come once."""
+        executor, found = self.executor(), {}
+        try:
+            for index, result in executor.results(function, tasks):
+                require(index not in found, f"task {index} gives two results", "Yield each task once.")
+                found[index] = result
+        finally:
+            executor.close()
+        return found
+
+    def test_every_setting_is_documented(self) -> None:
+        """Every setting has a help text, and the defaults are valid."""
+        require_documented(self.component())
+        self.config()
+
+    def test_every_task_is_run_once(self) -> None:
+        """Each task gives its result under its own index, once."""
+        found = self.results(square, list(range(20)))
+        change = "Yield (index in tasks, function(task)) for each task."
+        require(found == {task: task * task for task in range(20)}, f"20 tasks give {found}", change)
+
+    def test_no_task_is_no_result(self) -> None:
+        """No tasks give no results."""
+        found = self.results(square, [])
+        require(not found, f"no tasks give {found}", "Yield nothing.")
+
+    def test_errors_arrive(self) -> None:
+        """An exception of the function is raised to the caller, with its type and text."""
+        try:
+            self.results(fail, [1])
+        except ZeroDivisionError as error:
+            require("on purpose" in str(error), f"it arrives as {error!r}", "Raise the function's own exception.")
+            return
+        except Exception as error:
+            require(False, f"it arrives as {error!r}", "Raise the function's own exception.")
+        require(False, "an exception of the function is lost", "Raise the function's own exception.")
+
+    def test_closing_twice_is_allowed(self) -> None:
+        """`close` ends the workers, before or after results, and may be called again."""
+        executor = self.executor()
+        list(executor.results(square, [3]))
+        executor.close()
+        executor.close()
+        self.executor().close()
+
+
+def square(task: int) -> int:
+    """Return the square of a task: a function that workers can import."""
+    return task * task
+
+
+def fail(task: int) -> int:
+    """Raise `ZeroDivisionError`: a function that fails in a worker."""
+    raise ZeroDivisionError(f"on purpose, task {task}")
+
+
+def _exact(values: Mapping[str, float]) -> Mapping[str, str]:
+    """Return figures as text that tells every bit, and makes nan equal to itself."""
+    return {name: float(value).hex() for name, value in values.items()}

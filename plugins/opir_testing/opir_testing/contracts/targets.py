@@ -1,0 +1,226 @@
+"""Conformance tests of target models."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.host.components import Component, TargetModel
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.optional import FreeFlight, WithBurns
+from opir_core.interfaces.protocols import Trajectories
+from opir_core.scene.scene import EMITTER_TYPES
+from opir_core.scene.target_classes import TargetClass
+from opir_testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
+from opir_testing.contracts.contract import (
+    ConformanceError,
+    read_config,
+    require,
+    require_array_computation,
+    require_independent_rows,
+    require_same_copy,
+    require_same_events,
+)
+from opir_testing.contracts.scenes import SceneContract
+
+_SPEED_LIMIT_M_S = 1.2e4
+#: The limit for which the core's visibility is exact (`opir_core.planning.visibility`).
+_ACCELERATION_LIMIT_M_S2 = 100.0
+_LEAST_RADIUS_M = 6.35e6
+
+
+class TargetContract(SceneContract):
+    """Conformance tests of a target model.
+
+    `launches` are target blocks, each with an `id`; `settings` are added to each. The default ones have type, launch
+    and aim.
+    """
+
+    kind: ClassVar[type[Component]] = TargetModel
+    launches: ClassVar[Sequence[Mapping[str, Any]]] = TARGETS
+
+    @classmethod
+    def blocks(cls) -> list[dict[str, Any]]:
+        """Return the blocks of the targets in the scene."""
+        return [{**launch, "model": cls.name, **cls.settings} for launch in cls.launches]
+
+    @classmethod
+    def block(cls) -> Mapping[str, Any]:
+        """Return the settings of the first target."""
+        return {key: value for key, value in cls.blocks()[0].items() if key not in ("id", "model")}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the test scene with targets of the model."""
+        return bench_scene(**{"targets": cls.blocks(), **changes})
+
+    @classmethod
+    def made(cls, blocks: Sequence[Mapping[str, Any]], *, free_flight: bool = False) -> Trajectories:
+        """Return the trajectories of target blocks; with `free_flight` a sensor follows them after burnout."""
+        settings = [{key: value for key, value in block.items() if key not in ("id", "model")} for block in blocks]
+        context = TargetContext(
+            ids=tuple(block["id"] for block in blocks),
+            paths=tuple(f"targets[{number}]" for number in range(len(blocks))),
+            free_flight=free_flight,
+            target_class=partial(cls.host().component, TargetClass),
+        )
+        configs = [read_config(cls.component(), block) for block in settings]
+        trajectories: Trajectories = cls.component().build(configs, context)
+        return trajectories
+
+    @classmethod
+    @cache
+    def targets(cls) -> Trajectories:
+        """Return the trajectories of the scene's targets."""
+        return cls.made(cls.blocks())
+
+    def test_types_and_times_are_valid(self) -> None:
+        """Each target has a known type, and a burnout after its ignition."""
+        made, rows = self.targets(), len(self.blocks())
+        require(
+            made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
+            f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
+            "Return one row for each configuration, in their order.",
+        )
+        require(
+            np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s),
+            "a type is unknown, or a burn ends before it begins",
+            "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
+        )
+
+    def test_burns_are_in_order_from_ignition_to_burnout(self) -> None:
+        """The burns of a model with `burns_s` are in order, from ignition to burnout, filled up with nan."""
+        made = self.targets()
+        if not isinstance(made, WithBurns):
+            return
+        change = "Return (n, k, 2): ignition and burnout of each burn from ignition_s to burnout_s, then nan."
+        rows = len(self.blocks())
+        require(
+            np.ndim(made.burns_s) == 3 and made.burns_s.shape[::2] == (rows, 2),
+            f"burns_s has the shape {np.shape(made.burns_s)}",
+            change,
+        )
+        for row in range(rows):
+            burns = made.burns_s[row][np.isfinite(made.burns_s[row]).all(axis=1)]
+            first = made.burns_s[row, : len(burns)]
+            ends = (made.ignition_s[row], made.burnout_s[row])
+            require(
+                len(burns) > 0
+                and np.array_equal(first, burns)
+                and (burns[0, 0], burns[-1, 1]) == ends
+                and bool(np.all(np.diff(burns.ravel()) >= 0.0) and np.all(burns[:, 1] > burns[:, 0])),
+                f"the burns of target {row} are {burns.tolist()}, with ignition and burnout at {ends}",
+                change,
+            )
+
+    def test_positions_are_finite_during_the_burn_only(self) -> None:
+        """Positions are finite from ignition to burnout inclusive, and nan before and after."""
+        made = self.targets()
+        for row in range(len(self.blocks())):
+            start, end = float(made.ignition_s[row]), float(made.burnout_s[row])
+            inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
+            outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
+            require(
+                np.isfinite(inside).all() and np.isnan(outside).all(),
+                f"target {row} has a position outside its burn, or none inside",
+                "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
+            )
+
+    def test_free_flight_extends_to_end_s_and_burns_do_not_change(self) -> None:
+        """Positions of a model with `end_s` extend to it if a sensor follows bodies; the burn does not change."""
+        alone, followed = self.targets(), self.made(self.blocks(), free_flight=True)
+        if not isinstance(followed, FreeFlight):
+            return
+        for row in range(len(self.blocks())):
+            start, burnout, end = (float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s))
+            flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
+            after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
+            require(
+                end >= burnout and np.isfinite(flight).all() and np.isnan(after).all(),
+                f"target {row} has no position before end_s, or one after it",
+                "Return positions from ignition_s to end_s, both included, and nan elsewhere.",
+            )
+            burn = _at(row, np.linspace(start, burnout, 101))
+            require(
+                followed.position_ecef_m(*burn).tobytes() == alone.position_ecef_m(*burn).tobytes(),
+                f"target {row} has other positions in its burn if a sensor follows it",
+                "Compute the burn in the same way with and without free flight.",
+            )
+
+    def test_paths_are_above_the_ground_and_smooth(self) -> None:
+        """Positions are above the ground and continuous, with bounded speed and acceleration."""
+        made = self.targets()
+        for row in range(len(self.blocks())):
+            time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
+            place_m = made.position_ecef_m(*_at(row, time_s))
+            velocity = np.diff(place_m, axis=0) / 0.5
+            speed, turn = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max() / 0.5
+            radius_m = np.sqrt(np.sum(place_m**2, axis=1))
+            require(
+                radius_m.min() > _LEAST_RADIUS_M and speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
+                f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up to {speed:.0f} m/s"
+                f" and changes speed by up to {turn:.0f} m/s in a second",
+                "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
+            )
+
+    def test_positions_are_independent(self) -> None:
+        """The position of a target at a time does not depend on the other rows of the call."""
+        made, count = self.targets(), len(self.blocks())
+        target = np.tile(np.arange(count, dtype=np.int32), 41)
+        share = np.repeat(np.linspace(0.0, 1.0, 41), count)
+        time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
+        require_independent_rows(
+            "position_ecef_m", lambda rows: made.position_ecef_m(target[rows], time_s[rows]), len(target)
+        )
+
+    def test_targets_are_independent(self) -> None:
+        """A target built alone has the same trajectory as among others."""
+        made = self.targets()
+        for row, block in enumerate(self.blocks()):
+            alone = self.made([block])
+            time_s = np.linspace(float(made.ignition_s[row]), float(made.burnout_s[row]), 23)
+            together = made.position_ecef_m(*_at(row, time_s))
+            same = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
+            require(
+                same, f"target {row} has another trajectory alone", "Compute each target from its own configuration."
+            )
+
+    def test_truth_is_plain_values(self) -> None:
+        """The truth has one mapping of plain values per target."""
+        truth = self.targets().truth()
+        try:
+            json.dumps([dict(row) for row in truth], allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise ConformanceError(
+                f"the truth is not plain values: {error}", "Return numbers, text and lists; no nan."
+            ) from error
+        require(len(truth) == len(self.blocks()), f"the truth has {len(truth)} rows", "Return one mapping a target.")
+
+    def test_times_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the times: computations are on arrays."""
+        made = self.targets()
+        span = (float(made.ignition_s[0]), float(made.burnout_s[0]))
+        require_array_computation(
+            "time", lambda rows: made.position_ecef_m(*_at(0, np.linspace(*span, rows))), 100, 1000
+        )
+
+    def test_results_of_others_do_not_change(self) -> None:
+        """A target of another model does not change the events of targets of this model."""
+        grown = self.run_of(self.scene(targets=[NEIGHBOUR_TARGET, *self.blocks()]))
+        ids = [block["id"] for block in self.blocks()]
+        lines = grown.lines_of([sensor.id for sensor in grown.plan.sensors], ids)
+        change = "Build each target from its own block; share no state."
+        require_same_events(self.run().lines, lines, "with a neighbour", change)
+
+    def test_built_targets_pickle(self) -> None:
+        """The built trajectories can be pickled, and their copy returns the same."""
+        made = self.targets()
+        moments = _at(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
+        require_same_copy(made, lambda targets: targets.position_ecef_m(*moments))
+
+
+def _at(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:
+    return np.full(len(time_s), row, dtype=np.int32), time_s

@@ -1,0 +1,359 @@
+"""Conformance tests of trackers."""
+
+from collections.abc import Iterator, Mapping
+from functools import cache, partial
+from typing import Any, ClassVar
+
+import numpy as np
+from attrs import evolve, fields, frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.host.components import Component, TrackerModel
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.optional import ReconfigurableTracker
+from opir_core.interfaces.protocols import Tracker
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Detections, Tracks
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.tracker_clock import without_truth
+from opir_testing.bench import planned
+from opir_testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
+from opir_testing.contracts.scenes import SceneContract
+from opir_testing.execution_monitor import python_steps
+
+#: Tolerances of rounding: relative asymmetry, and the least eigenvalue of a correlation matrix.
+_SYMMETRY = 1e-9
+_LEAST_EIGENVALUE = -1e-9
+
+#: Points of the shortest closed ring: a triangle.
+_FEWEST_POINTS = 4
+
+
+def validity(tracks: Tracks) -> Mapping[str, bool]:
+    """Return the conditions that estimates must meet, and whether they do."""
+    rows = len(tracks)
+    shapes = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}
+    chances = tracks.type_probability
+    known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
+    return {
+        **{
+            f"{name}: of shape {(rows, *shape)}": getattr(tracks, name).shape == (rows, *shape)
+            for name, shape in shapes.items()
+        },
+        **{f"{name}: latitude and longitude": _are_positions(getattr(tracks, name)) for name in ("launch", "impact")},
+        f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
+            np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
+        ),
+        **{
+            f"{name}: positive and rising": not np.any(np.diff(getattr(tracks, name), axis=1, prepend=0.0) <= 0.0)
+            for name in ("impact_sigmas", "state_sigmas")
+        },
+        **{
+            f"{name}: in [0, 1]": not np.any((getattr(tracks, name) < 0.0) | (getattr(tracks, name) > 1.0))
+            for name in ("probability_burning", "probability_relights")
+        },
+    }
+
+
+def _are_positions(places: FloatArray) -> bool:
+    latitude, longitude = np.nan_to_num(places[:, 0]), np.nan_to_num(places[:, 1])
+    return bool(np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12))
+
+
+def region_faults(tracks: Tracks) -> Iterator[str]:
+    """Yield what is wrong with the impact regions of tracks."""
+    rows = {id(row): row for row in tracks.impact_regions.tolist()}
+    for regions in rows.values():
+        shares = [region.containment for region in regions]
+        if shares != sorted(set(shares)) or not set(shares) <= set(TRACK_CONTAINMENTS):
+            yield f"of probabilities {shares}, not some of {TRACK_CONTAINMENTS}, each once, in rising order"
+        areas = [region.area_km2 for region in regions]
+        if not np.all(np.diff(areas, prepend=0.0) >= 0.0) or not np.isfinite(areas).all():
+            yield f"of areas {areas} km², not finite and rising with the probability"
+        for region in regions:
+            rings = [ring for polygon in region.polygons for ring in polygon]
+            if not rings or not all(region.polygons):
+                yield "without polygons, or with one without rings"
+            yield from filter(None, map(_ring_fault, rings))
+    with_regions = np.array([bool(row) for row in tracks.impact_regions.tolist()], dtype=bool)
+    if np.isnan(tracks.impact[with_regions, :2]).any():
+        yield "of a track without an impact point"
+
+
+def _ring_fault(ring: FloatArray) -> str:
+    if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < _FEWEST_POINTS or not np.array_equal(ring[0], ring[-1]):
+        return f"with a ring of shape {ring.shape} that is not closed, or has fewer than {_FEWEST_POINTS} points"
+    is_position = (np.abs(ring[:, 0]) <= np.pi / 2) & (np.abs(ring[:, 1]) <= np.pi + 1e-12)  # false for nan
+    return "" if is_position.all() else "with latitudes beyond pi/2, longitudes beyond pi, or nan"
+
+
+def require_covariance(what: str, covariance: FloatArray) -> None:
+    """Require covariances (n, d, d) that are symmetric and positive definite, or all nan."""
+    unknown = np.isnan(covariance).any(axis=(1, 2))
+    partly = unknown & ~np.isnan(covariance).all(axis=(1, 2))
+    require(not partly.any(), f"{what} is partly nan", "Give a whole covariance, or nan in all of it.")
+    for matrix in covariance[~unknown]:
+        deviation = np.sqrt(np.abs(np.diag(matrix)))
+        if not np.all(np.diag(matrix) > 0.0):
+            raise ConformanceError(
+                f"{what} has a variance that is not positive", "Use the Joseph form or a square-root filter."
+            )
+        correlation = matrix / np.outer(deviation, deviation)
+        require(
+            np.all(np.abs(correlation - correlation.T) <= _SYMMETRY),
+            f"{what} is not symmetric",
+            "Compute one triangle and mirror it, or use a square-root filter.",
+        )
+        least = float(np.linalg.eigvalsh(correlation)[0])
+        require(
+            least > _LEAST_EIGENVALUE,
+            f"{what} has a negative eigenvalue ({least:.1e} of its correlation)",
+            "Use the Joseph form or a square-root filter.",
+        )
+
+
+_NS = 1_000_000_000
+#: The limit of the growth of work over that of detections or ticks when both double; quadratic work would be 2.
+_GROWTH_LIMIT = 1.5
+
+
+@frozen(eq=False)
+class Tick:
+    """A tick: its detections, and the tracker's results."""
+
+    time_s: float
+    detections: Detections
+    track: IntArray
+    tracks: Tracks
+
+
+class TrackerContract(SceneContract):
+    """Conformance tests of a tracker. Track numbers may depend on the order of targets, the partition may not."""
+
+    kind: ClassVar[type[Component]] = TrackerModel
+    key: ClassVar[str] = "tracker"
+
+    @classmethod
+    def tracker(cls) -> Tracker:
+        """Return a new tracker."""
+        made: Tracker = cls.component().build(cls.config(), cls.context())
+        return made
+
+    @classmethod
+    @cache
+    def context(cls) -> TrackerContext:
+        """Return the context of the tracker, with the sensors of the scene."""
+        plan = planned(cls.scene(tracker="none"), cls.host())
+        return TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=plan.scene.duration_s)
+
+    @classmethod
+    @cache
+    def reported(cls) -> Detections:
+        """Return the detections of the scene, as sensors report them."""
+        return cls.run_of(cls.scene(tracker="none")).detections.freeze()
+
+    @classmethod
+    @cache
+    def observed(cls) -> Detections:
+        """Return the detections of the scene, as the engine passes them to trackers."""
+        return without_truth(cls.reported()).freeze()
+
+    @classmethod
+    def ticks(cls, tracker: Tracker, detections: Detections | None = None) -> Iterator[Tick]:
+        """Yield the results of a tracker for the detections of the scene, tick by tick."""
+        rows = cls.observed() if detections is None else detections
+        for tick_ns, batch in _batches(tracker, rows, cls.plan().end_ns):
+            track = tracker.associate(batch)
+            yield Tick(tick_ns / _NS, batch, track, tracker.step(tick_ns / _NS, batch))
+
+    def test_targets_in_any_order_give_the_same_events(self) -> None:
+        """The order of targets does not change which detections share a track."""
+        scene, ours = self.scene(), self.run()
+        others = self.run_of({**scene, "targets": scene["targets"][::-1]})
+        mine, theirs = _partition(ours.detections), _partition(others.detections)
+        require(
+            mine == theirs,
+            "with the targets in reverse order, other detections share a track",
+            "Break ties by measurements (time, sensor, direction), not by the order of rows.",
+        )
+
+    def test_results_of_others_do_not_change(self) -> None:
+        """The tracker does not change the detections."""
+        without = self.reported()
+        change = "Change neither detections nor any state outside the tracker."
+        names = {"track", "estimate"}
+        for column in (item.name for item in fields(Detections) if item.name not in names):
+            same = np.array_equal(getattr(without, column), getattr(self.run().detections, column), equal_nan=True)
+            require(same, f"the tracker changes the column {column}", change)
+
+    def test_only_measured_columns_are_used(self) -> None:
+        """Results do not depend on counts, confidences and ids of detections, which contain truth."""
+        detections, rng = self.reported(), np.random.default_rng(0)
+        scrambled = evolve(
+            detections,
+            detection_count=rng.integers(1, 1000, len(detections)).astype(np.int32),
+            confidence=rng.uniform(size=len(detections)),
+            detection_id=rng.integers(0, 2**63, (len(detections), 2)).astype(np.uint64),
+        )
+        for tick, other in zip(self.ticks(self.tracker()), self.ticks(self.tracker(), scrambled), strict=True):
+            require(
+                np.array_equal(tick.track, other.track) and _equal(tick.tracks, other.tracks),
+                f"at {tick.time_s} s results change with counts, confidences and ids",
+                "Use times, sensors, scans, directions, bands, irradiances and reported types.",
+            )
+
+    def test_cadence_is_a_positive_time_or_none(self) -> None:
+        """The time between ticks is positive, or None."""
+        cadence_s: Any = self.tracker().cadence_s
+        require(
+            cadence_s is None or (isinstance(cadence_s, int | float) and 0.0 < cadence_s < float("inf")),
+            f"cadence_s is {cadence_s!r}",
+            "Return a positive number of seconds, or None.",
+        )
+
+    def test_associations_are_to_existing_tracks(self) -> None:
+        """A detection is associated with a track of the last tick, or with none (-1)."""
+        known = np.empty(0, dtype=np.int64)
+        for tick in self.ticks(self.tracker()):
+            require(
+                tick.track.dtype == np.int64 and tick.track.shape == (len(tick.detections),),
+                f"associate returns {tick.track.dtype} {tick.track.shape} for {len(tick.detections)} detections",
+                "Return int64, one number for each detection.",
+            )
+            unknown = tick.track[(tick.track != -1) & ~np.isin(tick.track, known)]
+            require(
+                len(unknown) == 0,
+                f"at {tick.time_s} s a detection is associated with track {unknown[:1]}, unknown at the last tick",
+                "Associate with the tracks that the last step returned.",
+            )
+            known = tick.tracks.track
+
+    def test_associate_has_no_side_effects(self) -> None:
+        """Calls of `associate` do not change later results."""
+        tracker, control = self.tracker(), self.tracker()
+        for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
+            first = tracker.associate(batch)
+            again = tracker.associate(batch)
+            tracks, expected = tracker.step(tick_ns / _NS, batch), control.step(tick_ns / _NS, batch)
+            require(
+                np.array_equal(first, again) and _equal(tracks, expected),
+                f"at {tick_ns / _NS} s results depend on calls of associate",
+                "Change state in step only; the engine may call associate for parts of a batch, or more than once.",
+            )
+
+    def test_unchanged_sensors_change_nothing(self) -> None:
+        """A `ReconfigurableTracker` given its current sensors returns the same tracks."""
+        tracker, other = self.tracker(), self.tracker()
+        if not isinstance(tracker, ReconfigurableTracker):
+            return
+        for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
+            tracker.set_sensors(self.context().sensors)
+            same = _equal(tracker.step(tick_ns / _NS, batch), other.step(tick_ns / _NS, batch))
+            require(
+                same, f"at {tick_ns / _NS} s set_sensors changes the tracks", "Change only the settings of the sensors."
+            )
+
+    def test_associations_are_independent(self) -> None:
+        """The track of a detection does not depend on the other detections of the call."""
+        tracker, batch = self.tracker(), self.observed()
+        for _ in self.ticks(tracker):
+            pass
+        require_independent_rows("the track", lambda rows: tracker.associate(batch.take(rows)), len(batch))
+
+    def test_tracks_of_a_tick_are_sorted(self) -> None:
+        """A tick has one row per track, sorted by number, with the time of the tick."""
+        for tick in self.ticks(self.tracker()):
+            number = tick.tracks.track
+            require(
+                np.all(np.diff(number) > 0) and np.all(number >= 0) and np.all(tick.tracks.tick_s == tick.time_s),
+                f"at {tick.time_s} s the rows are of tracks {number[:6]} at {tick.tracks.tick_s[:6]} s",
+                "Return one row per track, sorted by track number from 0, with the tick_s of the call.",
+            )
+
+    def test_shapes_and_positions_are_valid(self) -> None:
+        """Estimates have the stated shapes; latitudes, longitudes and probabilities are valid or nan."""
+        for tick in self.ticks(self.tracker()):
+            for condition, holds in validity(tick.tracks).items():
+                require(
+                    holds,
+                    f"at {tick.time_s} s not valid: {condition}",
+                    "Return nan for unknown values, angles in radians, longitudes in [-pi, pi], times in scene time.",
+                )
+
+    def test_impact_regions_are_nested_and_closed(self) -> None:
+        """Impact regions have rising probabilities and areas, and closed rings of latitude and longitude."""
+        for tick in self.ticks(self.tracker()):
+            fault = next(region_faults(tick.tracks), None)
+            require(
+                fault is None,
+                f"at {tick.time_s} s there are impact regions {fault}",
+                "Return tuples of ImpactRegion with rings in radians, or empty tuples.",
+            )
+
+    def test_covariances_are_symmetric_and_positive_definite(self) -> None:
+        """Each covariance is symmetric and positive definite, or all nan."""
+        for tick in self.ticks(self.tracker()):
+            for name in ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance"):
+                require_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
+
+    def test_ticks_without_detections_are_accepted(self) -> None:
+        """Ticks without detections return no tracks if there was no detection before."""
+        tracker, none = self.tracker(), self.observed().take(slice(0, 0))
+        for tick in self.ticks(tracker, none):
+            require(
+                len(tick.tracks) == 0,
+                "there is a track without detections",
+                "Return no tracks before the first detection.",
+            )
+
+    def test_a_tracker_pickles_between_ticks(self) -> None:
+        """A copy pickled between two ticks continues with the same results."""
+        tracker = self.tracker()
+        batches = list(_batches(tracker, self.observed(), self.plan().end_ns))
+        middle = len(batches) // 2
+        for tick_ns, batch in batches[:middle]:
+            tracker.step(tick_ns / _NS, batch)
+        copy = require_pickling(tracker)
+        for tick_ns, batch in batches[middle:]:
+            same = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
+            require(same, f"at {tick_ns / _NS} s a pickled copy returns other tracks", "Keep all state in the tracker.")
+
+    def test_work_grows_linearly_with_detections(self) -> None:
+        """Twice the detections take about twice the steps of Python."""
+        whole, end_ns = self.observed(), self.plan().end_ns
+        middle_ns = int(whole.time_ns[len(whole) // 2])
+        half = whole.take(whole.time_ns < middle_ns)
+        steps = [python_steps(partial(self._stepped, *part)) for part in ((half, middle_ns), (whole, end_ns))]
+        growth = steps[1] / steps[0] / max(len(whole) / len(half), end_ns / middle_ns)
+        require(
+            growth < _GROWTH_LIMIT,
+            f"twice the detections take {2.0 * growth:.1f} times the steps of Python",
+            "Process only the new detections at each tick; keep a summary of earlier ones.",
+        )
+
+    def _stepped(self, detections: Detections, end_ns: int) -> None:
+        tracker = self.tracker()
+        for tick_ns, batch in _batches(tracker, detections, end_ns):
+            tracker.step(tick_ns / _NS, batch)
+
+
+def _batches(tracker: Tracker, detections: Detections, end_ns: int) -> Iterator[tuple[int, Detections]]:
+    if tracker.cadence_s is None:
+        return
+    cadence_ns = max(1, round(tracker.cadence_s * _NS))
+    edges = [0, *range(cadence_ns, end_ns, cadence_ns), end_ns]
+    cuts = np.searchsorted(detections.time_ns, edges)
+    for number, edge in enumerate(edges[1:]):
+        yield edge, detections.take(slice(cuts[number], cuts[number + 1])).freeze()
+
+
+def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
+    """Return the sets of detections, by their ids, that share a track."""
+    groups: dict[int, list[tuple[int, int]]] = {}
+    for track, words in zip(detections.track.tolist(), detections.detection_id.tolist(), strict=True):
+        groups.setdefault(track, []).append(tuple(words))
+    return {frozenset(members) for members in groups.values()}
+
+
+def _equal(one: Tracks, other: Tracks) -> bool:
+    columns = ((getattr(one, item.name), getattr(other, item.name)) for item in fields(Tracks))
+    return all(np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f") for mine, theirs in columns)

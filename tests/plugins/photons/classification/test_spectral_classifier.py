@@ -1,0 +1,350 @@
+"""The classifier `spectral`: densities and Bayes' rule against closed forms, extremes, thresholds, tracks."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from opir_photons.classification.configs import SpectralConfig
+from opir_photons.classification.gaussian_mixture import Components, Mixture
+from opir_photons.classification.spectral import SpectralClassifier
+from opir_photons.classification.synthetic_looks import low_discrepancy_points
+from opir_photons.classification.type_densities import EventRates, TypeDensities, elevation_bin
+from opir_testing.bench import bench_scene, encoder_of
+from opir_testing.doubles import stub_window
+from scipy.special import logsumexp
+from scipy.stats import binom, multivariate_normal, norm
+
+import opir_core as opir
+from opir_core.builtin.classification import ConstantConfidence, PosteriorConfidence
+from opir_core.errors import ModelError
+from opir_core.interfaces.records import ClassifierInputs, Tracks
+from opir_core.output.events import detection_schema
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.simulation.measurement import with_tracks
+
+#: Apparent intensities are irradiances times the square of this, m.
+RANGE_M = 1e3
+PLACES = 4
+
+
+def one(log_weight: float, mean: list[float], sigma: list[float]) -> Components:
+    """Return one component with independent numbers."""
+    return Components(np.array([log_weight]), np.array([mean]), np.diag(np.square(sigma))[None])
+
+
+#: Reported events, 1/s: of the types, of a source detected 200 times on average, and of no noise.
+TYPE_RATES, OTHER_RATE, MEAN_COUNT = np.array([0.4, 0.3, 0.2]), 0.1, 200.0
+RATES = EventRates(np.log(TYPE_RATES), np.array([np.log(OTHER_RATE), -800.0]), 2, -12.0)
+
+
+def known_bank() -> TypeDensities:
+    """Return a bank of one component a type, seen equally long, and one of anything else, in one band and a count."""
+    types = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (100.0, 60.0, 30.0)]
+    plumes = Mixture.of([[part for (part,) in types]] * PLACES)
+    others = Mixture.of([[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(-800.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
+    return TypeDensities(1, plumes, np.zeros((PLACES, 3)), others, 1000.0, RATES)
+
+
+def known_classifier(**changes: Any) -> SpectralClassifier:
+    prior = np.log(TYPE_RATES / TYPE_RATES.sum())
+    known = SpectralClassifier((known_bank(),), np.zeros(1, dtype=np.int64), prior, 0.6, -np.inf)
+    return evolve(known, **changes)
+
+
+def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
+    """Return sightings of apparent intensities and noise (n,) or (n, B), W/sr."""
+    signal = np.atleast_2d(np.asarray(intensity, dtype=np.float64).T).T
+    rows, zeros = len(signal), np.zeros(len(signal))
+    whole = np.zeros(rows, dtype=np.int32)
+    return ClassifierInputs(
+        time_s=zeros,
+        sensor=whole,
+        target=whole - 1,
+        range_m=zeros + RANGE_M,
+        elevation_sine=zeros + 0.5,
+        bands=whole.astype(np.uint8),
+        band_count=whole.astype(np.int64),
+        band_total=whole.astype(np.int64) + 1,
+        detection_count=np.broadcast_to(np.asarray(count, dtype=np.int32), (rows,)),
+        snr=zeros,
+        band_irradiance_w_m2=signal / RANGE_M**2,
+        band_noise_w_m2=np.broadcast_to(np.atleast_2d(np.asarray(noise, dtype=np.float64).T).T, signal.shape)
+        / RANGE_M**2,
+    )
+
+
+def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None:
+    measured, noise, count = np.array([96.0, 57.0, 31.0, 80.0]), 4.0, 70
+    log = known_classifier().log_posterior(sightings(measured, noise, count))
+    # Counts begin at 1: the density below 0.5 is reflected.
+    counted = norm.pdf(count, 50.0, 40.0) + norm.pdf(1 - count, 50.0, 40.0)
+    like = norm.pdf(measured[:, None], [100.0, 60.0, 30.0], np.hypot(3.0, noise)) * counted
+    launched = TYPE_RATES * like
+    other = OTHER_RATE * norm.pdf(measured, 45.0, np.hypot(30.0, noise)) * np.exp(-count / MEAN_COUNT) / MEAN_COUNT
+    every = np.column_stack([launched, other])
+    assert np.allclose(np.exp(log), every / every.sum(axis=1, keepdims=True), rtol=1e-12)
+    assert np.allclose(known_classifier().log_odds(log), np.log(launched.sum(axis=1) / other), rtol=1e-10)
+
+
+def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
+    # Events of which noise alone is as bright, 1e4 times as often as launches.
+    others = Mixture.of([[one(-800.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
+    rates = evolve(RATES, log_other=np.array([-800.0, np.log(1e4)]))
+    bank = evolve(known_bank(), others=others, rates=rates)
+    log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
+    odds = np.diff(log[:, UNKNOWN_TYPE] - logsumexp(log[:, :UNKNOWN_TYPE], axis=1))
+    # Each further detection makes noise e^12 times less likely; counts of launches hardly change.
+    assert odds == pytest.approx([-12.0, -24.0], abs=0.2)
+
+
+def test_a_count_tells_types_apart_that_bands_do_not() -> None:
+    types = [[one(0.0, [50.0, mean], [3.0, 20.0])] for mean in (300.0, 150.0, 60.0)]
+    bank = evolve(known_bank(), plumes=Mixture.of([[part for (part,) in types]] * PLACES))
+    log = known_classifier(banks=(bank,)).log_posterior(sightings([50.0] * 3, 1.0, [300, 150, 60]))
+    assert np.argmax(log[:, :UNKNOWN_TYPE], axis=1).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3, 8])
+def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
+    rng = np.random.default_rng([3, bands])
+    parts, rows = [], 5
+    for _ in range(3):
+        root = rng.standard_normal((4, bands + 1, bands + 1))
+        parts.append(Components(rng.standard_normal(4), rng.standard_normal((4, bands + 1)) * 3.0, root @ root.mT))
+    mixture = Mixture.of([parts])
+    signal, variance, count = rng.standard_normal((rows, bands)), rng.random((rows, bands)), rng.standard_normal(rows)
+    seen, counted = mixture.log_densities(np.zeros(rows, dtype=np.int64), signal, variance, count)
+    every = [(w, m, c) for p in parts for w, m, c in zip(p.log_weight, p.mean, p.covariance, strict=True)]
+    for row in range(rows):
+        for column, (weight, mean, covariance) in enumerate(every):
+            whole = covariance + np.diag([*variance[row], 0.0])
+            alone = multivariate_normal(mean[:-1], whole[:-1, :-1]).logpdf(signal[row])
+            both = multivariate_normal(mean, whole).logpdf([*signal[row], count[row]])
+            assert seen[row, column] == pytest.approx(weight + alone, rel=1e-8, abs=1e-8)
+            assert counted[row, column] == pytest.approx(both - alone, rel=1e-7, abs=1e-7)
+    sums = [logsumexp(seen[:, 4 * code : 4 * code + 4], axis=1) for code in range(3)]
+    assert np.allclose(mixture.by_class(seen), np.stack(sums, axis=1), rtol=1e-12)
+
+
+def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
+    few, more = (
+        [one(0.0, [1.0, 2.0], [1.0, 1.0])],
+        Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1))),
+    )
+    both = Mixture.of([few, [more]])
+    arguments = np.array([[0.3]]), np.array([[0.2]]), np.array([1.0])
+    alone = Mixture.of([few]).log_densities(np.zeros(1, np.int64), *arguments)[0]
+    padded = both.log_densities(np.zeros(1, np.int64), *arguments)[0]
+    assert both.by_class(padded)[0, 0] == Mixture.of([few]).by_class(alone)[0, 0] == alone[0, 0]
+
+
+def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
+    # Noise of 1, a thousand deviations off every density: e^-500000 and less.
+    log = known_classifier().log_posterior(sightings([3000.0, -3000.0], 1e-6))
+    assert np.isfinite(log).all()
+    for row, y in enumerate((3000.0, -3000.0)):
+        count = np.logaddexp(norm.logpdf(50.0, 50.0, 40.0), norm.logpdf(-49.0, 50.0, 40.0))
+        launched = logsumexp(norm.logpdf(y, [100.0, 60.0, 30.0], 3.0), b=TYPE_RATES) + count
+        expected = launched - norm.logpdf(y, 45.0, 30.0) - np.log(OTHER_RATE / MEAN_COUNT) + 50.0 / MEAN_COUNT
+        assert expected < -1e5
+        assert known_classifier().log_odds(log)[row] == pytest.approx(expected, rel=1e-9)
+
+
+@given(
+    st.lists(st.floats(-1e12, 1e12), min_size=1, max_size=8),
+    st.sampled_from([0.0, 1e-12, 1e-6, 1.0, 1e6, 1e12]),
+    st.integers(1, 2**31 - 1),
+)
+def test_posteriors_are_probabilities_whatever_is_measured(snr: list[float], noise: float, count: int) -> None:
+    seen = sightings(np.array(snr) * (noise or 1.0), noise, count)
+    classifier = known_classifier()
+    log = classifier.log_posterior(seen)
+    assert not np.isnan(log).any()
+    assert np.all(log <= 1e-12)
+    assert np.allclose(np.exp(log).sum(axis=1), 1.0, rtol=1e-12)
+    order = np.arange(len(snr))[::-1]
+    assert np.array_equal(classifier.log_posterior(seen.take(order)), log[order])
+
+
+def test_an_unlikely_type_is_unknown() -> None:
+    classifier = known_classifier(confidence=0.9)
+    log = np.log([[0.89, 0.05, 0.05, 0.01], [0.91, 0.04, 0.04, 0.01], [0.02, 0.02, 0.02, 0.94]])
+    assert [REPORTED_TYPES[code] for code in classifier.reported(log)] == ["UNKNOWN", "ICBM", "UNKNOWN"]
+
+
+def test_odds_below_the_threshold_are_unknown() -> None:
+    log = np.log([[0.9, 0.05, 0.04, 0.01]])
+    odds = float(known_classifier().log_odds(log)[0])
+    assert odds == pytest.approx(np.log(0.99 / 0.01))
+    codes = [known_classifier(least_log_odds=odds + off).reported(log)[0] for off in (-1e-9, 1e-9)]
+    assert codes == [0, UNKNOWN_TYPE]
+
+
+def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
+    classifier = known_classifier()
+    log = classifier.log_posterior(sightings([45.0, 45.0, 45.0], 20.0))
+    of_track = np.array([[0.0, 0.25, 0.75, 0.0], [np.nan] * 4, [0.0, 0.0, 0.0, 1.0]])
+    revised = classifier.revised(log, of_track)
+    like = np.exp(log[0, :3]) / np.array([0.4, 0.3, 0.2]) * of_track[0, :3]
+    assert np.allclose(np.exp(revised[0, :3]), like / like.sum() * np.exp(log[0, :3]).sum())
+    # Whether it is a plume is for its light to say, and a track that knows nothing says nothing.
+    assert revised[0, UNKNOWN_TYPE] == log[0, UNKNOWN_TYPE]
+    assert np.array_equal(revised[1:], log[1:])
+
+
+def tracks(*, knows_burnout: bool) -> Tracks:
+    nothing = Tracks.empty()
+    return Tracks(
+        tick_s=np.zeros(1),
+        track=np.ones(1, dtype=np.int64),
+        **{
+            name: np.zeros((1, *getattr(nothing, name).shape[1:]))
+            for name in (
+                "state",
+                "state_covariance",
+                "launch",
+                "launch_covariance",
+                "impact",
+                "impact_covariance",
+            )
+        },
+        type_probability=np.array([[0.0, 0.0, 1.0, 0.0]]),
+        burnout=np.zeros((1, 7)) if knows_burnout else np.full((1, 7), np.nan),
+    )
+
+
+def test_confidence_is_the_probability_of_what_is_reported() -> None:
+    seen, classifier = sightings([96.0, 57.0, 31.0, 500.0], 4.0, 70), known_classifier()
+    log = classifier.log_posterior(seen)
+    reported = classifier.reported(log)
+    assert {0, UNKNOWN_TYPE} <= set(reported.tolist())
+    expected = np.exp(log)[np.arange(4), reported]
+    assert np.array_equal(PosteriorConfidence(classifier).confidence(seen), expected)
+
+
+def test_confidence_follows_when_motion_revises_types() -> None:
+    log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
+    window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
+    classified = evolve(window.detections, type_log_probability=log, confidence=np.array([0.8, 0.8]))
+    model = PosteriorConfidence(known_classifier())
+    found = with_tracks(known_classifier(), model, classified, tracks(knows_burnout=True))
+    rows = np.arange(2), found.reported_type
+    assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
+    assert found.confidence[1] == 0.8 != found.confidence[0]
+
+
+@pytest.mark.parametrize("knows_burnout", [True, False])
+def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
+    log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
+    window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
+    judged = evolve(window.detections, type_log_probability=log)
+    found = with_tracks(known_classifier(), ConstantConfidence(0.5), judged, tracks(knows_burnout=knows_burnout))
+    assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
+    assert np.array_equal(found.type_log_probability[1], log[1])
+    assert np.allclose(found.type_probability.sum(axis=1), 1.0)
+
+
+def test_points_fill_the_cube_evenly() -> None:
+    points = low_discrepancy_points(2000, 5)
+    assert np.all((points > 0.0) & (points < 1.0))
+    shares: NDArray[np.float64] = np.array([np.histogram(column, 10, (0.0, 1.0))[0] for column in points.T]) / 2000
+    assert np.all(np.abs(shares - 0.1) < 0.005)
+
+
+def test_parts_of_the_sky_hold_every_elevation() -> None:
+    assert elevation_bin(np.array([-1.0, 0.0, 0.2, 0.5, 1.0])).tolist() == [0, 0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("prior", "complaint"),
+    [
+        ({"ICBM": 0.5, "IRBM": 0.5}, "SRBM has no share above 0"),
+        ({"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3}, "the shares sum to 1.1"),
+        ({"ICBM": 0.5, "MRBM": 0.5}, "'MRBM' is not a target type"),
+    ],
+)
+def test_a_prior_is_checked_when_it_is_read(prior: dict[str, float], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        SpectralConfig(prior=prior)
+
+
+def test_a_detection_model_without_light_is_refused_in_words() -> None:
+    scene = opir.scene_from_mapping(bench_scene(detection="constant", classification="spectral"))
+    with pytest.raises(ModelError, match=r"classification: spectral.*choose detection: snr"):
+        compile_plan(scene)
+
+
+def test_events_carry_the_probabilities_and_others_are_as_they_were() -> None:
+    log = np.log([[0.8, 0.1, 0.05, 0.05]])
+    plan = compile_plan(opir.scene_from_mapping(bench_scene(targets=[])))
+    plain = stub_window(1, sensor=np.zeros(1, np.int32), bands=np.ones(1, np.uint8))
+    judged = evolve(plain, detections=evolve(plain.detections, type_log_probability=log))
+    before, after = (json.loads(encoder_of(plan).encode(window)) for window in (plain, judged))
+    order = [name for name in detection_schema()["properties"] if name in after]
+    assert list(after) == order
+    assert set(after) - set(before) == {"type_probability"}
+    assert after.pop("type_probability") == {"ICBM": 0.8, "IRBM": 0.1, "SRBM": 0.05, "UNKNOWN": 0.05}
+    assert after == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nei_w_m2", [0.0, 1e-30, 1e6])
+def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
+    sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -100.0, "nei_w_m2": nei_w_m2}
+    scene = bench_scene(
+        sensors=[{**sensor, "scan_period_ms": 5000.0}],
+        detection={"model": "snr", "exact": True},
+        classification={"model": "spectral", "launches": 8},
+        duration_s=60.0,
+    )
+    run = opir.simulate(opir.scene_from_mapping(scene))
+    chances = run.detections.type_probability
+    assert len(chances) > 0 or nei_w_m2 == 1e6
+    assert np.allclose(chances.sum(axis=1), 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.3, 0.01])
+def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
+    """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %, by kind."""
+    rng = np.random.default_rng(5)
+    rows = [
+        {
+            "lat_deg": float(latitude),
+            "lon_deg": float(longitude),
+            "temperature_k": float(rng.uniform(800.0, 1200.0)),
+            "area_m2": float(1800.0 * np.exp(1.5 * rng.standard_normal())),
+        }
+        for latitude, longitude in zip(rng.uniform(-60.0, 60.0, 600), rng.uniform(-60.0, 60.0, 600), strict=True)
+    ]
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": 0.0,
+        "bands": {"SWIR": [2.5, 3.0], "MWIR": [4.0, 5.0]},
+    }
+    scene = opir.scene_from_mapping(
+        {
+            "scene": "fires",
+            "epoch": "2026-04-01T12:00:00Z",
+            "duration_s": 60.0,
+            "sensors": [{**sensor, "scan_period_ms": 10_000.0, "detection_probability": {}}],
+            "targets": [],
+            "sources": [{"id": "F", "model": "fires", "emissivity": 1.0, "at": rows}],
+            "detection": "snr",
+            "classification": {"model": "spectral", "confidence": 0.0, "false_source_probability": share},
+            "atmosphere": "lowtran",
+            "outputs": [],
+        }
+    )
+    run = opir.simulate(scene)
+    first = np.unique(run.truth.target, return_index=True)[1]
+    taken = np.sum(run.detections.reported_type[first] != UNKNOWN_TYPE)
+    assert len(first) > 300
+    assert taken <= binom.isf(0.001, len(first), share)

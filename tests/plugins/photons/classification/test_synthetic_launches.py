@@ -1,0 +1,135 @@
+"""Synthetic launches: ground points and aim points against rotations and geodesics on a sphere, and how even they are.
+
+The low-discrepancy points are required to be evener than 99.9 % of all samples of independent points.
+"""
+
+import numpy as np
+import pytest
+from geographiclib.geodesic import Geodesic
+from numpy.typing import NDArray
+from opir_photons.classification import synthetic_looks
+from opir_photons.classification.synthetic_looks import PROFILES, low_discrepancy_points
+from scipy.spatial.transform import Rotation
+from scipy.stats import kstwo, uniform
+
+from opir_core.flight.boost import boost_profile
+from opir_core.geometry import Geodetic
+
+#: Radius of the sphere that launches are placed on, m, and of a geostationary orbit and a low one.
+RADIUS_M = 6.371e6
+GEOSTATIONARY_M, LOW_M = 4.2164e7, 7.4e6
+
+#: Semi-major axis, m, and flattening of WGS 84 (NIMA TR8350.2, table 3.1).
+MAJOR_AXIS_M, FLATTENING = 6378137.0, 1.0 / 298.257223563
+
+POINTS = 1500
+
+Array = NDArray[np.float64]
+
+
+def kolmogorov_distance(values: Array) -> float:
+    """Return the largest difference between the empirical distribution of values (n,) and the uniform one on [0, 1]."""
+    ordered, count = uniform.cdf(np.sort(values)), len(values)
+    above, below = np.arange(1, count + 1) / count - ordered, ordered - np.arange(count) / count
+    return float(max(above.max(), below.max()))
+
+
+def assert_even(values: Array) -> None:
+    assert kolmogorov_distance(values) < kstwo.ppf(0.001, len(values))
+
+
+def on_the_sphere_m(site: Geodetic) -> Array:
+    """Return the points (n, 3) of the sphere above or below sites on the ellipsoid, along the ellipsoid's normals."""
+    sine, cosine = np.sin(site.latitude_rad), np.cos(site.latitude_rad)
+    normal = np.stack([cosine * np.cos(site.longitude_rad), cosine * np.sin(site.longitude_rad), sine], axis=1)
+    squared = FLATTENING * (2.0 - FLATTENING)
+    foot = normal * (MAJOR_AXIS_M / np.sqrt(1.0 - squared * sine**2))[:, None] * [1.0, 1.0, 1.0 - squared]
+    # |foot + h normal| is the sphere's radius.
+    along, length = np.sum(foot * normal, axis=1), np.sum(foot * foot, axis=1)
+    height = -along + np.sqrt(along**2 - length + RADIUS_M**2)
+    return foot + height[:, None] * normal
+
+
+@pytest.fixture(scope="module", params=[GEOSTATIONARY_M, LOW_M], ids=["geostationary", "low"])
+def placed(request: pytest.FixtureRequest) -> tuple[float, Array, Array, Geodetic]:
+    """Return a satellite radius, the drawn points, and the satellites and ground points made of them."""
+    drawn = low_discrepancy_points(POINTS, 3)
+    return request.param, drawn, *synthetic_looks._sites(request.param, drawn)
+
+
+def test_ground_points_are_satellites_turned_by_rotations(placed: tuple[float, Array, Array, Geodetic]) -> None:
+    radius_m, drawn, sensor_m, site = placed
+    ground_m = on_the_sphere_m(site)
+    turns = 2.0 * np.pi * drawn[:, 0]
+    assert np.allclose(
+        sensor_m, Rotation.from_euler("z", turns[:, None]).apply([radius_m, 0.0, 0.0]), rtol=0.0, atol=1e-6
+    )
+    # Above longitude 0 a point moves north by a turn about -y, and then clockwise by one about -x.
+    away = sensor_m - ground_m
+    angle = np.arctan2(np.linalg.norm(np.cross(sensor_m, ground_m), axis=1), np.sum(sensor_m * ground_m, axis=1))
+    turned = Rotation.from_euler("yxz", np.stack([-angle, -2.0 * np.pi * drawn[:, 2], turns], axis=1))
+    assert np.allclose(ground_m, turned.apply([RADIUS_M, 0.0, 0.0]), rtol=0.0, atol=1e-3)
+    sine = np.sum(away * ground_m, axis=1) / (RADIUS_M * np.linalg.norm(away, axis=1))
+    assert np.allclose(sine, 0.02 + 0.98 * drawn[:, 1], rtol=0.0, atol=1e-9)
+    assert np.all(site.height_m == 0.0)
+
+
+def test_sines_of_elevation_longitudes_and_bearings_are_evener_than_by_chance(
+    placed: tuple[float, Array, Array, Geodetic],
+) -> None:
+    _, _, sensor_m, site = placed
+    ground_m = on_the_sphere_m(site)
+    away = sensor_m - ground_m
+    sine = np.sum(away * ground_m, axis=1) / (RADIUS_M * np.linalg.norm(away, axis=1))
+    longitude = np.arctan2(sensor_m[:, 1], sensor_m[:, 0])
+    east = np.remainder(np.arctan2(ground_m[:, 1], ground_m[:, 0]) - longitude, 2.0 * np.pi)
+    equatorial = np.hypot(ground_m[:, 0], ground_m[:, 1])
+    bearing = np.arctan2(equatorial * np.sin(east), ground_m[:, 2])
+    assert_even((sine - 0.02) / 0.98)
+    assert_even(np.remainder(longitude / (2.0 * np.pi), 1.0))
+    assert_even(np.remainder(bearing / (2.0 * np.pi), 1.0))
+
+
+def aims_of(drawn: Array) -> tuple[Geodetic, Geodetic, list[str]]:
+    """Return sites at all latitudes, with the aim points of every class profile in turn."""
+    rng = np.random.default_rng(21)
+    count = len(drawn)
+    site = Geodetic(np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count), np.zeros(count))
+    names = [PROFILES[row % len(PROFILES)] for row in range(count)]
+    return site, synthetic_looks._aims(site, [boost_profile(name) for name in names], drawn), names
+
+
+def test_aim_points_are_geodesics_of_the_drawn_direction_and_range_on_a_sphere() -> None:
+    drawn = low_discrepancy_points(10 * len(PROFILES), 2)
+    site, aim, names = aims_of(drawn)
+    sphere = Geodesic(RADIUS_M, 0.0)
+    for row, name in enumerate(names):
+        profile = boost_profile(name)
+        least, most = 1.01 * profile.minimum_range_m, min(profile.maximum_range_m, 1.5e7) / 1.01
+        range_m = np.exp(np.log(least) + drawn[row, 0] * (np.log(most) - np.log(least)))
+        latitude, longitude = np.degrees([site.latitude_rad[row], site.longitude_rad[row]])
+        end = sphere.Direct(latitude, longitude, 360.0 * drawn[row, 1], range_m)
+        # The distance of the two end points, by the haversine of their angle.
+        other = np.radians(end["lat2"]), np.radians(end["lon2"])
+        north, east = aim.latitude_rad[row] - other[0], aim.longitude_rad[row] - other[1]
+        haversine = (
+            np.sin(0.5 * north) ** 2 + np.cos(aim.latitude_rad[row]) * np.cos(other[0]) * np.sin(0.5 * east) ** 2
+        )
+        assert 2.0 * RADIUS_M * np.arcsin(np.sqrt(haversine)) < 1.0
+    assert np.all(aim.height_m == 0.0)
+
+
+def test_aim_points_lie_in_all_directions_and_ranges_more_evenly_than_by_chance() -> None:
+    site, aim, names = aims_of(low_discrepancy_points(POINTS, 2))
+    profiles = [boost_profile(name) for name in names]
+    turned = Rotation.from_euler("zy", np.stack([-site.longitude_rad, site.latitude_rad], axis=1))
+    cosine = np.cos(aim.latitude_rad)
+    toward = np.stack(
+        [cosine * np.cos(aim.longitude_rad), cosine * np.sin(aim.longitude_rad), np.sin(aim.latitude_rad)]
+    )
+    up, east, north = turned.apply(toward.T).T
+    range_m = RADIUS_M * np.arctan2(np.hypot(east, north), up)
+    least = 1.01 * np.array([profile.minimum_range_m for profile in profiles])
+    most = np.minimum([profile.maximum_range_m for profile in profiles], 1.5e7) / 1.01
+    assert_even(np.remainder(np.arctan2(east, north) / (2.0 * np.pi), 1.0))
+    assert_even(np.log(range_m / least) / np.log(most / least))

@@ -1,0 +1,180 @@
+"""Plumes: the table's bands, other bands by the stated spectrum, thrust phases, altitude, aspect, and bad settings."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attrs import fields
+from hypothesis import given
+from hypothesis import strategies as st
+from opir_photons.radiometry import planck
+from opir_photons.radiometry import plume as plume_module
+from opir_photons.radiometry.configs import PlumeConfig
+from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
+
+import opir_core
+from opir_core.errors import ModelError
+from opir_core.host.host import Host
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext
+from opir_core.scene.fields import info_of
+from opir_core.scene.target_classes import core_profiles
+
+TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8"))
+BANDS = tuple(Band(name, *edges) for name, edges in TABLE["bands_um"].items())
+CLASSES = tuple(TABLE["peak_w_sr"])
+BEST_M, LATE_S = 25_000.0, 50.0
+
+
+def context(count=1, bands=BANDS, profiles=None, types=None, burn_time_s=120.0):
+    return SignatureContext(
+        bands=bands,
+        ids=tuple(f"T{row}" for row in range(count)),
+        paths=tuple(f"targets[{row}].signature" for row in range(count)),
+        types=types or ("ICBM",) * count,
+        profiles=profiles or ("ICBM_solid",) * count,
+        burn_time_s=np.full(count, burn_time_s),
+    )
+
+
+def intensity(signatures, band=0, time_s=LATE_S, altitude_m=BEST_M, aspect_rad=np.pi / 2, target=0):
+    columns = np.broadcast_arrays(np.asarray(time_s, float), altitude_m, aspect_rad)
+    rows = np.full(columns[0].size, target, dtype=np.int32)
+    return signatures.intensity_w_sr(band, rows, *(np.ravel(column).astype(float) for column in columns))
+
+
+def plume(**settings):
+    return plume_signatures([PlumeConfig(**settings)], context())
+
+
+def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
+    made, exact = [], planck.band_radiance
+    monkeypatch.setattr(plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place))
+
+    def integrals(count):
+        plume_module._known_radiance.cache_clear()
+        made.clear()
+        plume_signatures([PlumeConfig(continuum_temperature_k=1511.0)] * count, context(count))
+        return len(made)
+
+    assert integrals(100) == integrals(1) > 0
+
+
+def test_every_class_profile_has_a_plume():
+    assert set(CLASSES) == set(core_profiles())
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_the_tables_bands_have_the_tables_intensities(name):
+    signatures = plume_signatures([PlumeConfig(stages=1, rise_time_s=0.0)], context(profiles=(name,)))
+    for number, band in enumerate(BANDS):
+        assert intensity(signatures, number) == pytest.approx(TABLE["peak_w_sr"][name][band.name], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_a_band_has_what_its_parts_have(name):
+    edges = np.array([1.5, 2.2, 2.6, 2.9, 3.3, 4.1, 4.3, 4.5, 5.0, 9.0, 14.0])
+    peaks = TABLE["peak_w_sr"][name]
+    parts = [
+        plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0) for low, high in pairwise(edges.tolist())
+    ]
+    whole = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
+    assert sum(parts) == pytest.approx(whole, rel=1e-12)
+    assert min(parts) > 0.0
+
+
+def test_intensity_follows_the_stages():
+    signatures = plume(rise_time_s=0.0, body_area_m2=0.0)
+    first, second, third = (float(intensity(signatures, time_s=at)[0]) for at in (20.0, 60.0, 100.0))
+    assert (second / first, third / first) == (pytest.approx(0.3), pytest.approx(0.1))
+    assert intensity(signatures, time_s=[-1e-9, 120.0 + 1e-9, -50.0, 1e9]).tolist() == [0.0] * 4
+
+
+def test_intensity_rises_at_ignition():
+    found = intensity(plume(rise_time_s=2.0, stages=1), time_s=np.linspace(0.0, 30.0, 200))
+    assert found[0] == 0.0
+    assert (np.diff(found) >= 0.0).all()
+    assert found[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
+
+
+def test_afterburning_trough_and_recovery():
+    at = {km: float(intensity(plume(), altitude_m=km * 1e3)[0]) for km in (25, 50, 80, 120)}
+    assert at[25] > at[50] > at[120] > at[80]
+    heights_km = np.array([-0.5, 0.0, 300.0, 1000.0])
+    low, ground, high, beyond = intensity(plume(), altitude_m=heights_km * 1e3)
+    assert (low, beyond) == (ground, high)
+
+
+PLUME = plume()
+
+
+@given(st.floats(0.0, np.pi))
+def test_broadside_is_brightest_and_end_on_dimmest(aspect):
+    signatures = PLUME
+    side, nose, tail, found = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
+    assert nose / side == pytest.approx(0.1)
+    assert tail / side == pytest.approx(0.3)
+    assert nose <= found * (1.0 + 1e-12)
+    assert found <= side
+
+
+def test_rows_do_not_depend_on_their_company():
+    configs = [PlumeConfig(), PlumeConfig(scale=2.0, altitude_km=(0.0, 50.0), altitude_scale=(1.0, 0.1), stages=2)]
+    both = plume_signatures(configs, context(2, profiles=("SRBM", "ICBM_liquid"), types=("SRBM", "ICBM")))
+    alone = plume_signatures(configs[1:], context(profiles=("ICBM_liquid",)))
+    times, heights = np.linspace(0.0, 119.0, 50), np.linspace(0.0, 300e3, 50)
+    assert intensity(both, 1, times, heights, target=1).tolist() == intensity(alone, 1, times, heights).tolist()
+    one_by_one = [float(intensity(both, 1, t, h, target=1)[0]) for t, h in zip(times, heights, strict=True)]
+    assert intensity(both, 1, times, heights, target=1).tolist() == one_by_one
+
+
+def test_a_target_without_a_known_profile_has_the_plume_of_its_type():
+    unknown = plume_signatures([PlumeConfig()], context(types=("IRBM",), profiles=("",)))
+    named = plume_signatures([PlumeConfig(profile="MRBM")], context(types=("ICBM",), profiles=("ICBM_solid",)))
+    assert intensity(unknown).tolist() == intensity(named).tolist()
+
+
+def test_settings_that_contradict_themselves():
+    with pytest.raises(ModelError, match=r"targets\[0\].signature.profile: 'X' is not one of SRBM, MRBM"):
+        plume(profile="X")
+    with pytest.raises(ModelError, match=r"targets\[0\].signature: the continuum that LWIR 1e\+06 W/sr implies"):
+        plume(peak_w_sr={"LWIR": 1e6})
+    with pytest.raises(ValueError, match="each is to be above the one before it"):
+        PlumeConfig(altitude_km=(0.0, 0.0), altitude_scale=(1.0, 1.0))
+    with pytest.raises(ValueError, match="not lists of one length"):
+        PlumeConfig(altitude_km=(0.0,))
+    with pytest.raises(ValueError, match="'VIS' is not one of the bands"):
+        PlumeConfig(peak_w_sr={"VIS": 1.0})
+
+
+def test_defaults_of_the_configuration_are_the_tables():
+    config = PlumeConfig()
+    assert list(config.altitude_km) == plume_table()["altitude_km"]
+    assert list(config.altitude_scale) == plume_table()["altitude_scale"]
+    assert list(config.stage_scale) == plume_table()["stage_scale"]
+    assert all(info_of(attribute).help and info_of(attribute).source for attribute in fields(PlumeConfig))
+
+
+def test_the_host_offers_it_without_an_entry_point():
+    component = Host.of().component("opir_signature_models", "plume")
+    assert component.build([component.config()], context()).burn_time_s.tolist() == [120.0]
+
+
+def test_after_burnout_the_warm_body_alone_is_seen():
+    bands = (Band("MWIR", 4.0, 5.0), Band("LWIR", 8.0, 12.0))
+    config = PlumeConfig(body_temperature_k=320.0, body_area_m2=3.0, body_emissivity=0.8)
+    context = SignatureContext(
+        bands=bands, ids=("T",), paths=("t",), types=("ICBM",), profiles=("",), burn_time_s=np.array([180.0])
+    )
+    plume = plume_signatures([config], context)
+    everyone = np.zeros(2, dtype=np.int32)
+    time_s, altitude_m, aspect_rad = np.array([181.0, 1500.0]), np.array([2e5, 9e5]), np.array([0.1, 1.5])
+    for number, band in enumerate(bands):
+        told = plume.intensity_w_sr(number, everyone, time_s, altitude_m, aspect_rad)
+        wavelength_um = np.linspace(band.lower_um, band.upper_um, 20001)
+        # Planck's law in W m⁻² sr⁻¹ µm⁻¹, summed by the trapezoidal rule.
+        c1, c2 = 1.191042972e8, 1.438776877e4
+        radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
+        assert told == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
