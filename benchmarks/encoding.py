@@ -43,7 +43,7 @@ from opir_core.output.events.text import (
     timestamp_text,
     unix_microseconds,
 )
-from opir_core.random_streams.detection_ids import stream_key, uuid8_words, uuid_text
+from opir_core.random_streams.detection_ids import id_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
 
 EPOCH_US = 1_775_044_800_000_000
@@ -99,7 +99,7 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
     look = np.arange(count)
     scan, sensor = look // (SENSORS * TARGETS), (look // TARGETS % SENSORS).astype(np.int32)
     stream = look % (SENSORS * TARGETS)
-    keys = np.array([stream_key("benchmark", n) for n in range(SENSORS * TARGETS)], dtype=np.uint64)
+    keys = np.array([id_key("benchmark", n) for n in range(SENSORS * TARGETS)], dtype=np.uint64)
     home = 4.2e7 * random.random((SENSORS, 3))[sensor]
     downward = 4e6 * random.normal(size=(count, 3)) - home
     estimate = scan // 20 * TARGETS + stream % TARGETS if is_tracked else np.full(count, -1)

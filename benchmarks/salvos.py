@@ -25,7 +25,7 @@ from scipy.optimize import linear_sum_assignment
 
 import opir_core as opir
 from opir_core.scoring import RunEvidence, evidence_of_run, ownership
-from opir_core.scoring.consistency import proportion
+from opir_core.scoring.containments import proportion
 from opir_core.scoring.evidence import true_states
 
 LAUNCHES = 10

@@ -27,7 +27,7 @@ import opir_core as opir
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef
 from opir_core.scoring.bound import DetectedLooks
-from opir_core.scoring.consistency import containment, proportion
+from opir_core.scoring.containments import containment, proportion
 from opir_core.scoring.errors import bias_turns
 from opir_core.scoring.evidence import true_states
 from opir_core.scoring.flight_bound import KnownValues, bound_of, central_slopes, parameter_bound

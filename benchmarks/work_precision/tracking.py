@@ -39,7 +39,7 @@ from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coas
 from tracking_problems import problem as made
 
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.scoring.gospa import gospa
+from opir_core.scoring.gospa_metric import gospa
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0

@@ -28,7 +28,7 @@ from tracking_scene_page import write_csv, write_page
 from opir_core.interfaces.protocols import Tracker
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.scoring.consistency import root_mean_square
+from opir_core.scoring.containments import root_mean_square
 from opir_core.scoring.errors import StateErrors, state_errors
 from opir_core.scoring.evidence import evidence_of_run, ownership
 from opir_core.simulation.run import run_of_plan

@@ -13,7 +13,7 @@ from opir_core.host.registry import warn
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_warnings import plan_warnings
+from opir_core.simulation.plan_checks import plan_warnings
 
 
 def validate_arguments(parser: argparse.ArgumentParser) -> None:

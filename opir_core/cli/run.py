@@ -16,7 +16,7 @@ from typing import Any
 
 from attrs import asdict
 
-from opir_core.cli.answers import answers, point_text
+from opir_core.cli.answer_lines import answers, point_text
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
@@ -25,7 +25,7 @@ from opir_core.host.registry import warn
 from opir_core.output.delivery import PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.scene.scene import Scene
-from opir_core.simulation.plan_warnings import plan_warnings
+from opir_core.simulation.plan_checks import plan_warnings
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"

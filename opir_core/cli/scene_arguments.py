@@ -13,7 +13,7 @@ from opir_core.scene.scene import Scene
 
 if TYPE_CHECKING:
     from opir_core.planning.plan import Plan
-    from opir_core.simulation.plan_warnings import CheckedScene
+    from opir_core.simulation.plan_checks import CheckedScene
 
 Made = TypeVar("Made")
 

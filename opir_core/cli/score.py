@@ -13,7 +13,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scoring import scorecard
 from opir_core.scoring.evidence import evidence_of_files
-from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings, by_class
+from opir_core.scoring.scorecards import GEOMETRIES, Scorecard, ScoreSettings, by_class
 
 Cards = Mapping[str, Scorecard]
 

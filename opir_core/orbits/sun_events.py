@@ -1,6 +1,6 @@
 """When satellites are in the Earth's shadow, and when the Sun keeps a sensor from looking at part of its field.
 
-Times are found by sampling and bisection (`opir_core.geometry.zero_crossings`), to a millisecond for the Sun and the
+Times are found by sampling and bisection (`opir_core.geometry.crossings`), to a millisecond for the Sun and the
 orbit given.
 """
 
@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import nadir_angle_rad
+from opir_core.geometry.crossings import intervals_below
 from opir_core.geometry.frames import Epoch
 from opir_core.geometry.sun import shadow_margins_rad, sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length, vector
-from opir_core.geometry.zero_crossings import intervals_below
 from opir_core.interfaces.protocols import Orbit, Sensor
 
 #: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in a revolution, which

@@ -39,7 +39,7 @@ def _groups(places: Sequence[int], length: int) -> np.dtype[np.void]:
 _DIGITS, _TEXT = _groups((0, 8, 12, 16, 20), 32), _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
 
 
-def stream_key(*parts: str | int) -> tuple[int, int]:
+def id_key(*parts: str | int) -> tuple[int, int]:
     """Return the 128-bit key of a stream named by its parts, as two 64-bit halves.
 
     Parts are hashed (BLAKE2b) with type and length, so that different sequences of parts hash different bytes.
@@ -58,7 +58,7 @@ def stream_key_words(seed: int, scene: str, epoch_us: int, streams: Iterable[tup
 
     A run has the seed, the name and the epoch of its scene.
     """
-    keys = [stream_key(seed, scene, epoch_us, sensor, target) for sensor, target in streams]
+    keys = [id_key(seed, scene, epoch_us, sensor, target) for sensor, target in streams]
     return np.array(keys, dtype=np.uint64).reshape(-1, 2)
 
 

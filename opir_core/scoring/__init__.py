@@ -3,11 +3,11 @@
 Only scores compare tracks with truth; no tracker imports this package.
 """
 
-from opir_core.scoring.consistency import Consistency, consistency, containment, nees
+from opir_core.scoring.containments import Consistency, consistency, containment, nees
 from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_files, evidence_of_run, ownership
-from opir_core.scoring.gospa import Gospa, gospa
+from opir_core.scoring.gospa_metric import Gospa, gospa
 from opir_core.scoring.impacts import ImpactScores, impact_scores
-from opir_core.scoring.scorecard import Scorecard, ScoreSettings, scorecard
+from opir_core.scoring.scorecards import Scorecard, ScoreSettings, scorecard
 
 __all__ = [
     "Consistency",

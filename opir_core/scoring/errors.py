@@ -12,7 +12,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
-from opir_core.scoring.consistency import nees, on_normal_scale
+from opir_core.scoring.containments import nees, on_normal_scale
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.containment_ellipse import containment_ellipse
+from opir_core.estimation.ellipses import containment_ellipse
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
-from opir_core.scoring.consistency import proportion, rms, share
+from opir_core.scoring.containments import proportion, rms, share
 from opir_core.scoring.errors import ground_error, place_of
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
 

@@ -16,7 +16,7 @@ from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
-from opir_core.simulation.plan_warnings import plan_warnings
+from opir_core.simulation.plan_checks import plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.summary import planned_work

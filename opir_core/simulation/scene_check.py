@@ -18,7 +18,7 @@ from opir_core.planning.sightlines import Pairs
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.work import Workload
 from opir_core.scene.scene import Scene
-from opir_core.simulation.plan_warnings import CheckedScene, aligned_pairs
+from opir_core.simulation.plan_checks import CheckedScene, aligned_pairs
 
 
 def check_scene(scene: Scene, host: Host | None = None) -> CheckedScene:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
+from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import IMPACT_METHODS, Tracks, Window
 from opir_core.planning.sightlines import Blocked, Pairs

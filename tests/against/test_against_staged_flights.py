@@ -7,7 +7,7 @@ import pytest
 from drawn_flights import flown
 from tracked_flights import followed, last_told, rows_of, usual
 
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.containments import nees
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 import pytest
 
-from opir_core.scoring.gospa import gospa
+from opir_core.scoring.gospa_metric import gospa
 
 CASES = [
     (seed, estimates, truths)

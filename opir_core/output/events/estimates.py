@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
+from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks, Window
 from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (

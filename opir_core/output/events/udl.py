@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
+from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sensor

@@ -22,7 +22,7 @@ from opir_core.live.loops import limit_pauses
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.live.status import LiveStatus
 from opir_core.live.watchdog import Notifier, Watchdog
-from opir_core.simulation.plan_warnings import plan_warnings
+from opir_core.simulation.plan_checks import plan_warnings
 from opir_http.gate import Gate
 from opir_http.json_log import log_as_json
 from opir_http.log import RequestLog

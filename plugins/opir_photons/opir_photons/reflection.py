@@ -8,9 +8,9 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import local_axes
+from opir_core.geometry.crossings import Crossings, zero_crossings
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, shadow_margins_rad, sun_ecef_m, sunlit_fraction
 from opir_core.geometry.vectors import angle_between_rad, components, dot, length
-from opir_core.geometry.zero_crossings import Crossings, zero_crossings
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import Paths, Transmittance, transmittances
 from opir_core.interfaces.records import Exposures

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.containment_ellipse import containment_ellipse
+from opir_core.estimation.ellipses import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.scene.target_classes import TargetClass

@@ -17,7 +17,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run
+from opir_core.scoring.scorecards import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run
 from opir_core.simulation.run import run_of_plan
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_studies.runs import worker_host

@@ -28,7 +28,7 @@ from opir_core.planning.pair_compiler import compile_pairs
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.solar_exclusion import solar_exclusions
 from opir_core.planning.targets import join_targets
-from opir_core.random_streams.detection_ids import stream_key, uuid8_words
+from opir_core.random_streams.detection_ids import id_key, uuid8_words
 from opir_core.scene.scene import UNKNOWN_TYPE, Choice, Scene
 from opir_core.sensors.scan_patterns import AlignedScan
 
@@ -110,7 +110,7 @@ def stub_regions(
 def _detections(scan: Any) -> Detections:
     count = len(scan)
     none = np.full(count, -1, dtype=np.int64)
-    keys = np.tile(np.array([stream_key("stub")], dtype=np.uint64), (count, 1))
+    keys = np.tile(np.array([id_key("stub")], dtype=np.uint64), (count, 1))
     down, place = _rows([-1.0, 0.0, 0.0], count), _rows([_GEOSTATIONARY_RADIUS_M, 0.0, 0.0], count)
     return Detections(
         time_ns=scan * _NS_PER_S,

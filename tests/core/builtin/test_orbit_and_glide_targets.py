@@ -14,7 +14,7 @@ from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.scorecard import scorecard
+from opir_core.scoring.scorecards import scorecard
 from opir_core.simulation.run import run_of_plan
 
 HOST = Host.of(trackers)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from opir_core.geometry.zero_crossings import intervals_below, zero_crossings
+from opir_core.geometry.crossings import intervals_below, zero_crossings
 
 
 def test_every_zero_of_a_sine_is_found():

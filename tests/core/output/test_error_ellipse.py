@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
+from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.output.events.estimates import OTHER_CONTAINMENTS
 

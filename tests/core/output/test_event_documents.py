@@ -16,7 +16,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band
 from opir_core.output.events import detection_schema
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.random_streams.detection_ids import stream_key, uuid8_words
+from opir_core.random_streams.detection_ids import id_key, uuid8_words
 
 REFERENCE = ROOT / "docs" / "reference"
 PAGE = (REFERENCE / "detection-event.md").read_text(encoding="utf-8")
@@ -50,7 +50,7 @@ def made_event() -> dict[str, Any]:
         1,
         estimates=known,
         time_ns=60_050_000_000,
-        detection_id=uuid8_words(np.array([stream_key("page")], dtype=np.uint64), np.array([600])),
+        detection_id=uuid8_words(np.array([id_key("page")], dtype=np.uint64), np.array([600])),
         reported_type=0,
         bands=3,
         confidence=0.874,

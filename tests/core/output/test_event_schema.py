@@ -9,7 +9,7 @@ import pytest
 from opir_testing import stub_sensor
 from opir_testing.doubles import stub_estimates, stub_window
 
-from opir_core.estimation.containment_ellipse import CONTAINMENT
+from opir_core.estimation.ellipses import CONTAINMENT
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
 from opir_core.output.events.estimates import (

@@ -15,7 +15,7 @@ from snr_scene import scene as snr_scene
 import opir_core.orbits.sun_events
 import opir_core.planning.solar_exclusion
 from opir_core.geometry import is_sunlit, sun_position_ecef_m
-from opir_core.geometry.zero_crossings import intervals_below
+from opir_core.geometry.crossings import intervals_below
 from opir_core.interfaces.records import Detections
 from opir_core.live.changes import with_added_targets
 from opir_core.orbits import CircularConfig, OrbitConfig, orbit_of

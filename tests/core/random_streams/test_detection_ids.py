@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from opir_core.random_streams.detection_ids import stream_key, stream_key_words, uuid8_words, uuid_characters, uuid_text
+from opir_core.random_streams.detection_ids import id_key, stream_key_words, uuid8_words, uuid_characters, uuid_text
 
 WORD = st.integers(0, 2**64 - 1)
 SCAN = st.integers(-(2**63), 2**63 - 1)
@@ -15,7 +15,7 @@ MASK = 2**64 - 1
 
 
 def keys(*numbers: int) -> np.ndarray:
-    return np.array([stream_key("run", number) for number in numbers], dtype=np.uint64)
+    return np.array([id_key("run", number) for number in numbers], dtype=np.uint64)
 
 
 def mixed(word: int) -> int:
@@ -88,11 +88,11 @@ def test_streams_share_no_more_bits_than_chance() -> None:
 
 def test_no_two_ways_of_naming_a_stream_share_a_key() -> None:
     named = [("ab", "c"), ("a", "bc"), ("abc",), ("abc", ""), ("", "abc"), (1, "c"), ("1", "c"), ("s1:", "c")]
-    assert len({stream_key(*parts) for parts in named}) == len(named)
+    assert len({id_key(*parts) for parts in named}) == len(named)
 
 
 def test_a_key_has_two_halves_of_64_bits() -> None:
-    assert all(0 <= half <= MASK for half in stream_key(7, "scene", "Sensor-\u00c4", "T1"))
+    assert all(0 <= half <= MASK for half in id_key(7, "scene", "Sensor-\u00c4", "T1"))
 
 
 def test_a_scene_s_keys_follow_seed_name_epoch_sensor_and_target() -> None:
@@ -113,5 +113,5 @@ def test_a_scene_without_streams_has_no_keys() -> None:
 
 
 def test_ids_stay_what_they_are() -> None:
-    words = uuid8_words(np.array([stream_key(7, "scene", 0, "S-1", "T-1")], dtype=np.uint64), np.array([42]))
+    words = uuid8_words(np.array([id_key(7, "scene", 0, "S-1", "T-1")], dtype=np.uint64), np.array([42]))
     assert uuid_text(words) == ["342bacf7-1e58-8022-85f7-24a2841f5be4"]

@@ -14,7 +14,7 @@ from opir_core.plugin import TrackerModel, number
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.field_rows import field_rows
 from opir_core.scene.plausibility import implausible_defaults, implausible_settings, implausible_values
-from opir_core.simulation.plan_warnings import plan_warnings
+from opir_core.simulation.plan_checks import plan_warnings
 
 
 def scanner(**changes: Any) -> dict[str, Any]:

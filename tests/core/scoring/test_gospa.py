@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples import examples
-from opir_core.scoring.gospa import gospa
+from opir_core.scoring.gospa_metric import gospa
 
 counts = st.integers(0, 5)
 

@@ -16,7 +16,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.evidence import RunEvidence, evidence_of_files, ownership
-from opir_core.scoring.scorecard import ScoreSettings
+from opir_core.scoring.scorecards import ScoreSettings
 from opir_core.simulation.run import run_of_plan
 
 

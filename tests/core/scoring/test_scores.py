@@ -10,7 +10,7 @@ import opir_core as opir
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run
-from opir_core.scoring.consistency import (
+from opir_core.scoring.containments import (
     consistency,
     containment,
     innovations,

@@ -9,7 +9,7 @@ import pytest
 import opir_core as opir
 from opir_core.planning.plan import Plan
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_warnings import alignment_warnings
+from opir_core.simulation.plan_checks import alignment_warnings
 
 SENSOR = {"model": "generic-scanner", "orbital_slot_deg": -130.0, "detection_probability": {"ICBM": 1.0}}
 

@@ -8,7 +8,7 @@ from repository import EXAMPLES
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.scoring import evidence_of_run
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.containments import nees
 from opir_core.scoring.evidence import ownership, true_states
 from opir_core.simulation.run import run_of_plan
 

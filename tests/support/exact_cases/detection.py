@@ -11,7 +11,7 @@ import opir_core.scoring as scoring
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
 from opir_core.estimation import square_root
-from opir_core.estimation.containment_ellipse import containment_ellipse, sigmas
+from opir_core.estimation.ellipses import containment_ellipse, sigmas
 from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.geometry.sphere import great_circle_m
 from opir_core.geometry.vectors import angle_between_rad

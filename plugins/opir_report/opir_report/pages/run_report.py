@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from opir_core.cli.answers import answers
+from opir_core.cli.answer_lines import answers
 from opir_core.cli.terminal import grouped
 from opir_core.simulation.run import Run
 from opir_report.pages.files import write_page

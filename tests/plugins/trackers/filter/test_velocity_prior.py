@@ -8,7 +8,7 @@ import opir_core as opir
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.planning.plan import compile_plan
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.containments import nees
 from opir_core.scoring.evidence import true_states
 from opir_core.simulation.run import run_of_plan
 

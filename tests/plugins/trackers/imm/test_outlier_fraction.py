@@ -17,7 +17,7 @@ from opir_trackers.imm.measurement_weights import (
 from tracked_flights import followed, rows_of, usual
 
 from examples import examples
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.containments import nees
 
 GATE = 4.5
 

@@ -5,7 +5,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.scoring.evidence import Ownership, RunEvidence, true_states
-from opir_core.scoring.gospa import gospa
+from opir_core.scoring.gospa_metric import gospa
 
 _NS = 1_000_000_000
 

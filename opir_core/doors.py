@@ -1,0 +1,40 @@
+"""Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported when it is first used.
+
+`lazy_loader` reads stubs too, but hands on only what is inside the package itself.
+"""
+
+import re
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+#: The imports of a stub: the module, and its names in parentheses or on the line.
+_IMPORT = re.compile(r"^from (\S+) import (?:\(([^)]*)\)|(.+))$", re.MULTILINE)
+
+
+def door(spec: Any) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return `__getattr__`, `__dir__` and `__all__` of the package of a module spec, from the imports in its stub.
+
+    >>> from opir_core import geometry
+    >>> "ecef_to_geodetic" in dir(geometry)
+    True
+    """
+    package: str = spec.name
+    text = spec.loader.get_data(f"{spec.origin}i").decode("utf-8")
+    homes = {
+        words.split()[-1]: module
+        for module, several, one in _IMPORT.findall(text)
+        for words in (several or one).split(",")
+        if words.split()
+    }
+
+    def attribute(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(import_module(homes[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    names = sorted(homes)
+    return attribute, lambda: names, names
