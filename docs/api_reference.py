@@ -14,15 +14,31 @@ _WIDTH = 100
 #: The packages that users import from, in the order of the page, and for whom each is.
 PUBLIC = (
     "opir_core",
+    "opir_core.plugin",
+    "opir_core.arrays",
+    "opir_core.constants",
+    "opir_core.errors",
+    "opir_core.interfaces",
+    "opir_core.scene",
+    "opir_core.reading",
+    "opir_core.host",
     "opir_core.flight",
     "opir_core.geometry",
     "opir_core.orbits",
+    "opir_core.estimation",
+    "opir_core.estimation.square_root",
+    "opir_core.sensors",
+    "opir_core.planning",
+    "opir_core.simulation",
+    "opir_core.random_streams",
+    "opir_core.output",
+    "opir_core.scoring",
+    "opir_core.live",
+    "opir_core.cli",
+    "opir_core.builtin",
+    "opir_core.doors",
     "opir_photons.radiometry",
     "opir_photons.detection",
-    "opir_core.scoring",
-    "opir_core.output",
-    "opir_core.live",
-    "opir_core.plugin",
     "opir_testing",
 )
 
@@ -52,8 +68,8 @@ def api_pages() -> Mapping[str, str]:
 
 
 def short(package: str) -> str:
-    """Return the last part of a package's name."""
-    return package.rpartition(".")[2]
+    """Return the file name of a package's page: its name without `opir_core`, where that is not all of it."""
+    return package.removeprefix("opir_core.").rpartition("opir_photons.")[2]
 
 
 def summary_of(package: Any) -> str:

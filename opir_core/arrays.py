@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["BoolArray", "FloatArray", "IndexArray", "IntArray", "ObjectArray", "RowArray", "WordArray"]
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 #: Row numbers as records keep them: sensors, targets, pairs.

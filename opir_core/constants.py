@@ -1,5 +1,17 @@
 """Physical constants, in SI units, each with its source."""
 
+__all__ = [
+    "EARTH_ECCENTRICITY_SQUARED",
+    "EARTH_EQUATORIAL_RADIUS_M",
+    "EARTH_FLATTENING",
+    "EARTH_MU_M3_S2",
+    "EARTH_POLAR_RADIUS_M",
+    "EARTH_ROTATION_RAD_S",
+    "GEOSTATIONARY_RADIUS_M",
+    "SPEED_OF_LIGHT_M_S",
+    "ZONAL_FORCES",
+]
+
 #: Geocentric gravitational constant including the atmosphere, m³/s² (WGS 84, NIMA TR8350.2, 3rd ed., table 3.1).
 EARTH_MU_M3_S2 = 3.986004418e14
 

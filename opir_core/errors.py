@@ -11,6 +11,23 @@ from typing import Any
 
 from attrs import frozen
 
+__all__ = [
+    "ModelError",
+    "OpirError",
+    "PluginError",
+    "Problem",
+    "SceneError",
+    "SinkError",
+    "kind_of",
+    "nearest",
+    "nearest_names",
+    "number_of",
+    "reason_of",
+    "unwritable",
+    "way_to_write",
+    "with_article",
+]
+
 
 class OpirError(Exception):
     """The base class of opir's own errors; `exit_code` is the exit code of the command line."""

@@ -35,8 +35,17 @@ from tracking_page import (
     write_csv,
     write_page,
 )
-from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
-from tracking_problems import problem as made
+from tracking_problems import (
+    CHANCE,
+    CLUTTER,
+    SENSORS_M,
+    Problem,
+    bound_m,
+    coasting_filter,
+    first_bank,
+    known_sights,
+    problem as made,
+)
 
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.scoring.gospa_metric import gospa

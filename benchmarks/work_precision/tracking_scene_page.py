@@ -19,8 +19,8 @@ from result_files import (
     number,
     read_csv,
     svg_plot,
+    write_csv as write_csv,
 )
-from result_files import write_csv as write_csv
 
 PAGE = """# Tracking: every tracker on one scene
 

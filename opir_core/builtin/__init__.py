@@ -1,1 +1,5 @@
-"""The components that come with the core: one honest model of every kind that needs no plugin, and null models."""
+"""The core's own components."""
+
+from opir_core.doors import door
+
+__getattr__, __dir__, __all__ = door(__spec__)

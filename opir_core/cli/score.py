@@ -31,24 +31,24 @@ def score_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
     )
     parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
-    add_settings(parser)
+    add_score_settings(parser)
 
 
 def score(arguments: argparse.Namespace) -> int:
     """Read the run and print its scores."""
-    settings = settings_of(arguments)
+    settings = score_settings(arguments)
     elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
     given = {name: Path(path) for name, path in elsewhere.items() if path}
     evidence = evidence_of_files(Path(arguments.events), **given)
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
-    text = json.dumps(card.as_plain(), indent=2) if arguments.json else as_text({tracker: card})
+    text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
     sys.stdout.write(text + "\n")
     return 0
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
+def add_score_settings(parser: argparse.ArgumentParser) -> None:
     """Add the score settings and the output format."""
     parser.add_argument(
         "--bin-s", type=float, default=20.0, help="bin width of the time since ignition, s (default 20)"
@@ -59,7 +59,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
-def settings_of(arguments: argparse.Namespace) -> ScoreSettings:
+def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
     """Return the score settings of the arguments; raises `SceneError` for values out of range."""
     problems = [
         Problem(flag, message)
@@ -88,7 +88,7 @@ def _is_beyond(cutoff_m: float, order: float) -> bool:
     return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
 
 
-def as_text(cards: Cards) -> str:
+def scorecard_text(cards: Cards) -> str:
     """Return tables of scorecards: overall figures, then mono and stereo by time since ignition."""
     parts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
     for geometry in GEOMETRIES:

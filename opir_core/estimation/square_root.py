@@ -14,6 +14,19 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 
+__all__ = [
+    "covariance",
+    "gram",
+    "information_root",
+    "inverse_root",
+    "least_squares",
+    "log_determinant_ratio",
+    "measurement_update",
+    "moment_matched",
+    "time_update",
+    "triangular",
+]
+
 
 def triangular(rows: FloatArray) -> FloatArray:
     """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m ≥ d."""

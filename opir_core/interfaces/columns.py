@@ -15,6 +15,7 @@ _Filled = TypeVar("_Filled", bound="Columns")
 
 
 def _names(record: Any) -> tuple[str, ...]:
+    """Return the names of a record's columns, in order."""
     return tuple(attribute.name for attribute in fields(record))
 
 

@@ -6,8 +6,7 @@ from typing import Any
 
 from attrs import NOTHING, Factory, fields, frozen
 
-from opir_core.errors import PluginError
-from opir_core.errors import nearest as nearest_words
+from opir_core.errors import PluginError, nearest as nearest_words
 from opir_core.host.boundary import is_interruption
 from opir_core.host.components import CATALOGUE
 from opir_core.host.error_messages import described_error

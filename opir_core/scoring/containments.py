@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from scipy.stats import chi2, kstest
-from scipy.stats import t as student
+from scipy.stats import chi2, kstest, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S

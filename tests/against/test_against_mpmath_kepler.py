@@ -9,8 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from exact_cases.two_body import exact_end, exact_functions
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from public_names import PUBLIC, is_public
 from repository import ROOT
 
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
@@ -99,22 +100,20 @@ def test_generated_pages_are_fresh() -> None:
     assert done.returncode == 0, f"run python docs/generate.py\n{done.stdout}{done.stderr}"
 
 
-#: What users import: these packages, and of them what their `__all__` lists.
-PUBLIC = {
-    *("opir_core", "opir_core.flight", "opir_core.geometry", "opir_core.orbits", "opir_photons.radiometry"),
-    *("opir_photons.detection", "opir_core.scoring", "opir_core.output", "opir_core.live", "opir_core.plugin"),
-    "opir_testing",
-}
+#: Distributions of which users import public names only.
+OWN = ("opir_core", "opir_photons", "opir_testing")
 EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
 
 
 def imported_names(code: str) -> Iterator[tuple[str, str]]:
     """Yield package and name of what code imports from the core, and `opir.name` where the core goes by that name."""
     for node in ast.walk(ast.parse(code)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "opir_core":
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in OWN:
             yield from ((str(node.module), name.name) for name in node.names)
         elif isinstance(node, ast.Import):
-            yield from ((name.name, "") for name in node.names if name.name.startswith("opir_core."))
+            yield from (
+                (name.name, "") for name in node.names if name.name.startswith("opir_core.") and name.name not in PUBLIC
+            )
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "opir":
             yield "opir_core", node.attr
 
@@ -122,11 +121,7 @@ def imported_names(code: str) -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize("page", [*(page for page in PAGES if blocks(page, "python")), *EXAMPLES], ids=named)
 def test_pages_and_examples_import_only_public_names(page: Path) -> None:
     code = page.read_text(encoding="utf-8") if page.suffix == ".py" else "\n".join(blocks(page, "python"))
-    private = [
-        f"{package}.{name}"
-        for package, name in imported_names(code)
-        if package not in PUBLIC or name not in import_module(package).__all__
-    ]
+    private = [f"{package}.{name}" for package, name in imported_names(code) if not is_public(package, name)]
     assert not private
 
 

@@ -22,6 +22,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
+PHOTONS = ("classification", "detection", "radiometry")
 PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies", "dask")
 #: What others are made of: no scene names them.
 BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
@@ -32,7 +33,7 @@ def settable() -> dict[str, type]:
     from opir_http.settings import HttpSettings
     from opir_studies import Study
 
-    host = Host.discover(PLUGINS)
+    host = Host.discover((*PHOTONS, *PLUGINS))
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
     components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
     others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
@@ -82,7 +83,7 @@ def test_no_configuration_class_is_left_out() -> None:
     for config in settable().values():
         reach(config, reached)
     found = {
-        one for package in ("opir_core", *(f"opir_{name}" for name in (*PLUGINS, "http"))) for one in configs(package)
+        one for package in ("opir_core", "opir_photons", *(f"opir_{name}" for name in (*PLUGINS, "http"))) for one in configs(package)
     }
     assert found - reached == BASES
     assert len(reached) > 30

@@ -11,12 +11,13 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from public_names import PUBLIC
 from repository import ROOT
 
 #: Where trackers and their mathematics live.
 FOLDERS = ("plugins/opir_trackers/opir_trackers", "plugins/opir_stonesoup/opir_stonesoup", "opir_core/estimation")
 
-#: Boosts and target models; a module counts with those within it.
+#: Boosts, target models and plumes; a module counts with those within it.
 TARGET_MODELS = (
     "opir_core.builtin.class_flights",
     "opir_core.builtin.glide_targets",
@@ -32,6 +33,7 @@ TARGET_MODELS = (
     "opir_core.flight.glide",
     "opir_core.flight.orbit_insertion",
     "opir_core.flight.staged",
+    "opir_photons",
 )
 
 #: Records of classes and profiles, which contexts and the kit for plugins have to name: no tracker imports them itself.
@@ -41,7 +43,7 @@ RECORDS = ("opir_core.scene.target_classes",)
 TABLES = ("class_profiles", "stagings", "target_classes")
 
 #: Packages that hand on names of other modules.
-DOORS = ("opir_core", "opir_core.flight", "opir_core.plugin")
+DOORS = tuple(sorted(PUBLIC | {"opir_trackers"}))
 
 
 def is_among(module: str, known: tuple[str, ...]) -> bool:

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, Phase, given, settings, strategies as st
 
 from opir_core.errors import SceneError
 from opir_core.geometry import Geodetic, geodesic_direct, geodetic_to_ecef, is_occluded

@@ -16,8 +16,7 @@ from typing import Any
 import kafka_broker
 import pytest
 from failing_disk import READ, SHORT, SYNC, WRITE, WRITING, can_fail
-from hypothesis import HealthCheck, Phase, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, Phase, settings, strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
     initialize,

@@ -46,8 +46,8 @@ class Launch(Place):
 @frozen(kw_only=True)
 class Ballistic:
     type: str = text(help="target type", choices=("ICBM", "IRBM", "SRBM"))
-    launch: Launch = nested(help="where from")  # noqa: RUF009
-    aim: Place = nested(help="where to")  # noqa: RUF009
+    launch: Launch = nested(help="where from")
+    aim: Place = nested(help="where to")
     profile: str | None = text(help="class profile", default=None)
     burn_time_s: float | None = number(help="burn time", unit="s", above=0.0, default=None)
 
@@ -63,7 +63,7 @@ class Scanner:
     )
     bands: tuple[str, ...] = nested(help="bands", default=("SWIR",))
     edges_um: tuple[float, float] | None = nested(help="band edges", unit="um", minimum=0.0, default=None)
-    notes: Any = nested(help="anything", default=None)  # noqa: RUF009
+    notes: Any = nested(help="anything", default=None)
 
 
 @frozen(kw_only=True)

@@ -5,8 +5,7 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.interfaces.results import ExecutorContext
-from opir_core.plugin import ExecutorModel, hookimpl, number, text
+from opir_core.plugin import ExecutorContext, ExecutorModel, hookimpl, number, text
 
 
 @frozen(kw_only=True)

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from opir_core import load_run
-from opir_core.cli.terminal import table
+from opir_core.cli import table
 from opir_core.errors import ModelError, OpirError, Problem, SceneError
-from opir_core.host.error_messages import described_error
+from opir_core.host import described_error
 from opir_core.plugin import Exporter, ExporterContext, ExporterModel, Host
-from opir_core.reading.loading import overridden
-from opir_core.reading.nodes import InvalidNode, Node
-from opir_core.reading.structuring import class_reader
+from opir_core.reading import InvalidNode, Node, class_reader, overridden
 
 _HERE = "command line"
 _SCENES = {".yaml", ".yml"}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pyarrow import parquet
 
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES
 
 _PLAIN = (
     *("detection_id", "sensor_id", "target_type", "confidence", "snr", "scan", "track_id"),

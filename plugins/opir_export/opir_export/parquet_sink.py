@@ -4,9 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.protocols import Delivery
-from opir_core.interfaces.records import Detections, Window
+from opir_core.plugin import Delivery, Detections, EncoderContext, SinkContext, Window
 from opir_export.row_groups import RowGroups
 from opir_export.settings import ParquetSinkConfig
 from opir_export.tabular.columns import table_of

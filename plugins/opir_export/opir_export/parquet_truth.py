@@ -7,7 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from opir_core.interfaces.records import Detections, DetectionTruth, Window
+from opir_core import DetectionTruth
+from opir_core.plugin import Detections, Window
 from opir_export.row_groups import RowGroups
 from opir_export.tabular.columns import table_of
 from opir_export.tabular.detection_tables import columns_of_truth

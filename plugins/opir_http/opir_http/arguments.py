@@ -3,7 +3,7 @@
 import argparse
 import math
 
-from opir_core.cli.scene_arguments import add_scene_arguments
+from opir_core.cli import add_scene_arguments
 
 _FASTEST = 1000.0
 

@@ -9,14 +9,10 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from opir_core.host.error_messages import described_error
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Window
-from opir_core.live.running import LiveWindow
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import unix_microseconds
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.host import described_error
+from opir_core.live import LiveWindow
+from opir_core.output import ForgeEncoder, unix_microseconds
+from opir_core.plugin import REPORTED_TYPES, EncoderContext, Sensor, Window
 from opir_http.activity import Activity
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments

@@ -7,7 +7,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, IntArray
-from opir_core.interfaces.records import Detections
+from opir_core.plugin import Detections
 
 
 @frozen(kw_only=True)

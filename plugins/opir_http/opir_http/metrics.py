@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.live.status import LATE_EDGES_S, LiveStatus
-from opir_core.output.sink_thread import SinkStatus
+from opir_core.live import LATE_EDGES_S, LiveStatus
+from opir_core.output import SinkStatus
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"

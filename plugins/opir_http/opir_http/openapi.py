@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES
 from opir_http import schemas
 from opir_http.problems import PROBLEM_TYPE, TITLES
 from opir_http.schemas import COUNT, TEXT, TIME, Schema, closed, listed

@@ -8,7 +8,7 @@ from litestar import Response
 from litestar.exceptions import HTTPException
 
 from opir_core.errors import OpirError, SceneError
-from opir_core.live.changes import BusyError, RefusedError, RestartError
+from opir_core.live import BusyError, RefusedError, RestartError
 
 PROBLEM_TYPE = "application/problem+json"
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 from urllib.parse import parse_qsl
 
-from opir_core.reading.scene_schema import epoch_us_of_text
+from opir_core.reading import epoch_us_of_text
 from opir_http.problems import ProblemError
 
 _DIGITS = 9

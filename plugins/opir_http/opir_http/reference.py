@@ -5,7 +5,7 @@ from typing import Any
 
 from attrs import fields
 
-from opir_core.scene.fields import info_of
+from opir_core.scene import info_of
 from opir_http.openapi import document
 from opir_http.settings import LIVE, HttpSettings
 

@@ -6,12 +6,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from opir_core import Run
 from opir_core.arrays import IntArray, RowArray
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import timestamp_text, unix_microseconds
-from opir_core.simulation.run import Run
+from opir_core.output import ForgeEncoder, timestamp_text, unix_microseconds
+from opir_core.plugin import EncoderContext, Window
 from opir_http.sensors import sensor_documents
 from opir_http.tracks import TrackDocuments
 

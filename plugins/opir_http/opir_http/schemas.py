@@ -5,13 +5,20 @@ from typing import Any
 
 from attrs import fields
 
-from opir_core.builtin.configs import BallisticConfig
-from opir_core.interfaces.records import IMPACT_METHODS
-from opir_core.output.events import detection_schema
-from opir_core.reading.targets import ID_RULE
-from opir_core.scene.fields import FieldInfo, info_of
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, REPORTED_TYPES, WorkLimits
-from opir_core.scene.target_classes import core_target_classes
+from opir_core.builtin import BallisticConfig
+from opir_core.interfaces import IMPACT_METHODS
+from opir_core.output import detection_schema
+from opir_core.plugin import REPORTED_TYPES, FieldInfo
+from opir_core.reading import ID_RULE
+from opir_core.scene import (
+    BY_OBSERVATION,
+    BY_REPORT,
+    CLASS_TYPES,
+    PAPER_TYPES,
+    WorkLimits,
+    core_target_classes,
+    info_of,
+)
 from opir_http.settings import HttpSettings
 
 Schema = dict[str, Any]

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.interfaces.protocols import Sensor
-from opir_core.output.events.text import timestamp_text
+from opir_core.output import timestamp_text
+from opir_core.plugin import Sensor
 
 
 def sensor_documents(

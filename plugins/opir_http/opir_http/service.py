@@ -12,10 +12,8 @@ import numpy as np
 from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
-from opir_core.live.running import LiveRun
-from opir_core.live.status import LiveStatus
-from opir_core.output.events.text import timestamp_text
-from opir_core.output.sink_thread import SinkStatus
+from opir_core.live import LiveRun, LiveStatus
+from opir_core.output import SinkStatus, timestamp_text
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import refuse_names, refuse_other_names

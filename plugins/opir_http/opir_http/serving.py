@@ -14,15 +14,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from opir_core.cli.scene_arguments import scene_of
+from opir_core.cli import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
-from opir_core.host.host import Host
-from opir_core.host.registry import warn
-from opir_core.live.loops import limit_pauses
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.status import LiveStatus
-from opir_core.live.watchdog import Notifier, Watchdog
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.host import warn
+from opir_core.live import LiveRun, LiveSettings, LiveStatus, Notifier, Watchdog, limit_pauses
+from opir_core.plugin import Host
+from opir_core.simulation import plan_warnings
 from opir_http.gate import Gate
 from opir_http.json_log import log_as_json
 from opir_http.log import RequestLog

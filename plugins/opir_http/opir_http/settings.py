@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.scene.fields import flag, number, text
+from opir_core.plugin import flag, number, text
 
 #: Settings that can change while the service runs.
 LIVE = ("maximum_targets", "maximum_tracks", "maximum_viewers", "writes_per_s")

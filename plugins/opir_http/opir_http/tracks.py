@@ -10,11 +10,16 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.records import Tracks
-from opir_core.output.events.estimates import burnout_texts, impact_texts, launch_texts, state_texts
-from opir_core.output.events.text import timestamp_text, writable_unix_microseconds
-from opir_core.output.geojson import region_texts
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.output import (
+    burnout_texts,
+    impact_texts,
+    launch_texts,
+    region_texts,
+    state_texts,
+    timestamp_text,
+    writable_unix_microseconds,
+)
+from opir_core.plugin import REPORTED_TYPES, Tracks
 
 #: Maximum number of earlier positions kept of a track; of the older half then every second is removed.
 TRAIL = 96

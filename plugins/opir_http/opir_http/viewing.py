@@ -10,8 +10,8 @@ import msgspec
 from litestar import Litestar, Request, Response, get
 from litestar.exceptions import HTTPException
 
-from opir_core.host.host import Host
-from opir_core.output.saved_runs import load_run
+from opir_core import load_run
+from opir_core.plugin import Host
 from opir_http.gate import Gate
 from opir_http.openapi import view_document
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from opir_core._version import __version__
-from opir_core.output.events import SCHEMAS, schema
+from opir_core import __version__
+from opir_core.output import SCHEMAS, schema
 from opir_kafka.settings import KafkaConfig
 
 #: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.

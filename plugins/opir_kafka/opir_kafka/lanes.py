@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.interfaces.records import Batch
+from opir_core.plugin import Batch
 
 Rows = list[int]
 

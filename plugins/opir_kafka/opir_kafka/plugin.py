@@ -7,8 +7,7 @@ from opir_core.plugin import SinkModel, hookimpl
 from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import SinkContext
-    from opir_core.interfaces.protocols import Transport
+    from opir_core.plugin import SinkContext, Transport
 
 
 def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Transport":

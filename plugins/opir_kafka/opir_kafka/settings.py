@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from attrs import Factory, frozen
 
-from opir_core.scene.fields import nested, number, text
+from opir_core.plugin import nested, number, text
 
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")

@@ -13,7 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.records import Batch
+from opir_core.plugin import Batch
 from opir_kafka.connection import OURS, Connector, close_producer
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment

@@ -6,35 +6,36 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core import Plan, Scene
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.flight.gravity_and_drag import height_m
-from opir_core.geometry.vectors import length
-from opir_core.host.components import SignatureModel
-from opir_core.host.host import Host
-from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contexts import Surroundings
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
-    Background,
-    BackgroundContext,
+from opir_core.flight import height_m
+from opir_core.geometry import length
+from opir_core.interfaces import (
+    Columns,
     CourseWithBreakpoints,
-    Paths,
     ReflectingSignatures,
-    SignatureContext,
-    Signatures,
     SignaturesWithBreakpoints,
-    Sources,
-    Transmittance,
+    Surroundings,
     TransmittanceWithBreakpoints,
-    Views,
     intensities_w_sr,
 )
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.plan import Plan
-from opir_core.planning.sources import distinct_bands, scene_atmosphere
-from opir_core.planning.targets import Targets
-from opir_core.scene.scene import DEFAULT_SIGNATURE, Choice, Scene
-from opir_core.scene.target_classes import TargetClass
+from opir_core.planning import Targets, distinct_bands, scene_atmosphere
+from opir_core.plugin import (
+    Background,
+    BackgroundContext,
+    Band,
+    Exposures,
+    Host,
+    Paths,
+    SignatureContext,
+    SignatureModel,
+    Signatures,
+    Sources,
+    TargetClass,
+    Transmittance,
+    Views,
+)
+from opir_core.scene import DEFAULT_SIGNATURE, Choice
 from opir_photons.radiometry.viewing import views
 from opir_photons.reflection import ReflectedSunlight, shadow_times_s
 

@@ -7,14 +7,22 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.geometry import local_axes
-from opir_core.geometry.crossings import Crossings, zero_crossings
-from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, shadow_margins_rad, sun_ecef_m, sunlit_fraction
-from opir_core.geometry.vectors import angle_between_rad, components, dot, length
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import Paths, Transmittance, transmittances
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.targets import Targets
+from opir_core.geometry import (
+    ASTRONOMICAL_UNIT_M,
+    Crossings,
+    angle_between_rad,
+    components,
+    dot,
+    length,
+    local_axes,
+    shadow_margins_rad,
+    sun_ecef_m,
+    sunlit_fraction,
+    zero_crossings,
+)
+from opir_core.interfaces import transmittances
+from opir_core.planning import Targets
+from opir_core.plugin import Band, Exposures, Paths, Transmittance
 from opir_photons.radiometry.sunlight import lambert_sphere_intensity, solar_irradiance
 
 #: Longest step between samples of a flight, s: a body meets each edge of the shadow once in a quarter of an hour.

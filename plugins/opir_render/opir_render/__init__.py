@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from opir_core.output.events.rendering import Column, reference
+from opir_core.output import Column, reference
 from opir_render import compiled
 
 __all__ = ["render"]

@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from opir_core import load_run
 from opir_core.errors import Problem, SceneError
-from opir_core.output.saved_runs import load_run
 from opir_report.pages.run_report import write_run_report
 from opir_report.pages.study_report import write_study_report
 from opir_report.saved_study import is_study

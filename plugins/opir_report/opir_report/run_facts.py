@@ -4,14 +4,13 @@ from functools import cached_property
 
 import numpy as np
 
+from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.ellipses import containment_ellipse
+from opir_core.estimation import containment_ellipse
 from opir_core.geometry import geodesic_direct
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
-from opir_core.scene.target_classes import TargetClass
-from opir_core.scoring.errors import last_rows, place_of
-from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_run, ownership, rows_in_force
-from opir_core.simulation.run import Run
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import TargetClass, Tracks
+from opir_core.scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
 from opir_report.maps.spheres import oriented
 from opir_report.palette import Hues
 

@@ -5,7 +5,7 @@ from functools import cached_property
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 
-from opir_core.simulation.run import Run
+from opir_core import Run
 from opir_report.canvas import STYLE, WIDTH_IN, new_axes, svg_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences

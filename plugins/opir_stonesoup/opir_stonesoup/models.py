@@ -17,9 +17,8 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import earth_rotated
-from opir_core.estimation.motion import BOOST, Motion
-from opir_core.flight.forces import ForceModel, Forces, forces_of
+from opir_core.estimation import BOOST, Motion, earth_rotated
+from opir_core.flight import ForceModel, Forces, forces_of
 
 #: Size of the state of each motion.
 SIZES = {"two-body": 6, "acceleration": 9, "jerk": 12}

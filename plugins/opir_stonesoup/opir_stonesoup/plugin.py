@@ -7,8 +7,7 @@ from opir_core.plugin import TrackerModel, hookimpl
 from opir_stonesoup.settings import StoneSoupConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import TrackerContext
-    from opir_core.interfaces.protocols import Tracker
+    from opir_core.plugin import Tracker, TrackerContext
 
 
 def _stonesoup(config: StoneSoupConfig, context: "TrackerContext") -> "Tracker":

@@ -16,13 +16,11 @@ from stonesoup.types.angle import Bearing, Elevation
 from stonesoup.types.array import StateVector
 from stonesoup.types.detection import Detection
 
+from opir_core import Run
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, Window
-from opir_core.scene.input_file import file_bytes
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.run import Run
+from opir_core.plugin import REPORTED_TYPES, Detections, Sensor, Window
+from opir_core.scene import file_bytes
 from opir_stonesoup.models import SightModel, sensor_axes
 
 _UNIX = datetime(1970, 1, 1)

@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.scene.fields import number, text
+from opir_core.plugin import number, text
 
 FILTERS = ("ekf", "ukf")
 ASSOCIATIONS = ("gnn", "jpda")

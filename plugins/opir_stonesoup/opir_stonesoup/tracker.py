@@ -14,9 +14,7 @@ from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTrack
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, UnscentedKalmanUpdater
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Tracker
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
 from opir_stonesoup.models import SIZES, EarthFixedTransition
 from opir_stonesoup.reader import OpirDetectionReader, sights_of
 from opir_stonesoup.settings import StoneSoupConfig

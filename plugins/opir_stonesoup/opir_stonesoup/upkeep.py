@@ -5,9 +5,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from opir_trackers.initiation import TrackCandidates
-from opir_trackers.track_priors import FIRST_FORCE_M_S2, prior_axes, prior_sigmas
-from opir_trackers.triangulation import FIRST_HEIGHT_M
+from opir_trackers import FIRST_FORCE_M_S2, FIRST_HEIGHT_M, TrackCandidates, prior_axes, prior_sigmas
 from ordered_set import OrderedSet
 from stonesoup.base import Property
 from stonesoup.deleter.base import Deleter
@@ -18,7 +16,7 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.geometry.occlusion import intersection_with_ellipsoid
+from opir_core.geometry import intersection_with_ellipsoid
 
 #: Prior standard deviations of specific force, m/s², and of the jerk, m/s³, per axis; notional.
 _FORCE_SIGMA_M_S2, _JERK_SIGMA_M_S3 = 20.0, 0.5

@@ -2,8 +2,7 @@
 
 import argparse
 
-from opir_core.cli.scene_arguments import add_overrides
-from opir_core.cli.score import add_settings
+from opir_core.cli import add_overrides, add_score_settings
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +69,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of worker processes (default 1; timings inflate with more than one)",
     )
     add_overrides(parser)
-    add_settings(parser)
+    add_score_settings(parser)
 
 
 def tune_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,9 +10,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError
-from opir_core.reading.nodes import InvalidNode
-from opir_core.reading.plain_data import data_of_node
-from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.study import FACTORIAL, LATIN_HYPERCUBE, Study
 
 #: The most designs of a study.

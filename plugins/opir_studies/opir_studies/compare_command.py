@@ -4,8 +4,7 @@ import argparse
 import json
 import sys
 
-from opir_core.cli.score import as_text, settings_of
-from opir_core.cli.terminal import progress
+from opir_core.cli import progress, score_settings, scorecard_text
 from opir_core.errors import Problem, SceneError
 from opir_studies.comparison import compared
 
@@ -25,10 +24,10 @@ def compare(arguments: argparse.Namespace) -> int:
             trackers=arguments.trackers,
             runs=arguments.runs,
             overrides=arguments.overrides,
-            settings=settings_of(arguments),
+            settings=score_settings(arguments),
             workers=arguments.workers,
             on_run=on_run,
         )
     plain = {name: card.as_plain() for name, card in cards.items()}
-    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else as_text(cards)) + "\n")
+    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else scorecard_text(cards)) + "\n")
     return 0

@@ -8,17 +8,20 @@ from typing import NamedTuple
 
 from attrs import evolve
 
+from opir_core import Scene, compile_plan, run_of_plan
 from opir_core.arrays import IntArray
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Tracker
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
-from opir_core.scene.scene import Scene
-from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.scorecards import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run
-from opir_core.simulation.run import run_of_plan
+from opir_core.scoring import (
+    USUAL_SETTINGS,
+    Scorecard,
+    ScoredRun,
+    ScoreSettings,
+    evidence_of_run,
+    scorecard_of,
+    scored_run,
+)
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_studies.runs import worker_host
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.scene.fields import nested, number
+from opir_core.plugin import nested, number
 
 
 @frozen(kw_only=True)

@@ -11,15 +11,20 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core import Run
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.interfaces.optional import SignalModel
-from opir_core.interfaces.records import Detections
-from opir_core.planning.looks import Looks
-from opir_core.scoring.errors import ground_error, last_rows, place_of
-from opir_core.scoring.evidence import evidence_of_run, ownership, rows_in_force
-from opir_core.scoring.impacts import impact_scores
-from opir_core.simulation.interpolation import ProbabilityInterpolant
-from opir_core.simulation.run import Run
+from opir_core.planning import Looks
+from opir_core.plugin import Detections, SignalModel
+from opir_core.scoring import (
+    evidence_of_run,
+    ground_error,
+    impact_scores,
+    last_rows,
+    ownership,
+    place_of,
+    rows_in_force,
+)
+from opir_core.simulation import ProbabilityInterpolant
 
 #: What each error says; all are 0 where the runs agree, and infinite where only one of them has an answer.
 MEASURES: Mapping[str, str] = {

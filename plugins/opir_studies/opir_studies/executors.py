@@ -18,10 +18,9 @@ from typing import Any
 
 from attrs import define
 
-from opir_core.cli.main import THREADS
+from opir_core.cli import THREADS
 from opir_core.errors import OpirError
-from opir_core.interfaces.results import ExecutorContext
-from opir_core.plugin import NoConfig
+from opir_core.plugin import ExecutorContext, NoConfig
 from opir_studies.configs import ProcessesConfig
 
 #: A task is given up after so many deaths of its worker while no other task was running.

@@ -7,8 +7,8 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core import Scene
 from opir_core.reading import scene_mapping
-from opir_core.scene.scene import Scene
 
 #: Overrides as `--set` takes them.
 Overrides = tuple[str, ...]

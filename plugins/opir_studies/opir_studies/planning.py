@@ -5,17 +5,20 @@ from typing import Any
 
 from attrs import asdict, evolve, frozen
 
+from opir_core import Plan, Scene, compile_plan
 from opir_core.errors import PluginError, Problem, SceneError
-from opir_core.host.components import ExecutorModel, MetricModel
-from opir_core.host.host import Host
-from opir_core.interfaces.results import ExecutorContext, Metric, MetricContext
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.reading import load_scene, scene_from_mapping
-from opir_core.reading.component_reader import ComponentReader, Settings
-from opir_core.reading.nodes import InvalidNode, ordered
-from opir_core.reading.plain_data import node_of_data
-from opir_core.reading.structuring import block_of
-from opir_core.scene.scene import Choice, Scene
+from opir_core.plugin import ExecutorContext, ExecutorModel, Host, Metric, MetricContext, MetricModel
+from opir_core.reading import (
+    ComponentReader,
+    InvalidNode,
+    Settings,
+    block_of,
+    load_scene,
+    node_of_data,
+    ordered,
+    scene_from_mapping,
+)
+from opir_core.scene import Choice
 from opir_studies.axes import Design, designs_of, override_text
 from opir_studies.runs import identity_of, run_key
 from opir_studies.study import Study

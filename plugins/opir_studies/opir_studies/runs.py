@@ -9,17 +9,12 @@ from typing import Any
 
 from attrs import evolve, frozen
 
-from opir_core._version import __version__
-from opir_core.host.error_messages import described_error
-from opir_core.host.host import Host
-from opir_core.interfaces.optional import FromFiles
-from opir_core.interfaces.results import Metric
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.random_streams.philox import SCHEME
+from opir_core import Plan, Scene, __version__, compile_plan, run_of_plan
+from opir_core.host import described_error
+from opir_core.plugin import FromFiles, Host, Metric
+from opir_core.random_streams import SCHEME
 from opir_core.reading import scene_hash
-from opir_core.scene.scene import Scene
-from opir_core.simulation.manifest import components_used
-from opir_core.simulation.run import run_of_plan
+from opir_core.simulation import components_used
 
 
 @frozen

@@ -7,11 +7,9 @@ from typing import Any
 from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
-from opir_core.reading.nodes import InvalidNode, complaints_inside, ordered
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import nested, number, text
-from opir_core.scene.input_file import file_bytes
+from opir_core.plugin import nested, number, text
+from opir_core.reading import InvalidNode, class_reader, complaints_inside, node_of_yaml, ordered
+from opir_core.scene import file_bytes
 
 FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = ("factorial", "one-at-a-time", "latin-hypercube")
 

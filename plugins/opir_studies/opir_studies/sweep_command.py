@@ -11,16 +11,13 @@ from typing import Any
 
 from attrs import evolve
 
-from opir_core.cli.terminal import grouped, table
+from opir_core.cli import grouped, table
 from opir_core.errors import Problem, SceneError, nearest
-from opir_core.reading.nodes import InvalidNode
-from opir_core.reading.plain_data import data_of_node
-from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study
-from opir_studies.sweeping import StudyProgress
-from opir_studies.sweeping import sweep as result_of_sweep
+from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
 
 _HERE = "command line"
 #: The most designs that are printed; all are in the files.

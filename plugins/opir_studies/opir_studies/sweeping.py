@@ -5,9 +5,9 @@ from pathlib import Path
 
 from attrs import define, field, frozen
 
-from opir_core._version import __version__
+from opir_core import __version__
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.interfaces.results import Executor
+from opir_core.plugin import Executor
 from opir_studies.executors import LostTasksError
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study

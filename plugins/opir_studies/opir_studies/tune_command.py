@@ -6,11 +6,10 @@ import sys
 from collections.abc import Mapping
 from shlex import quote
 
-from opir_core.cli.terminal import prints_on_standard_error, table
+from opir_core.cli import prints_on_standard_error, table
 from opir_core.errors import Problem, SceneError
 from opir_studies.differences import MEASURES
-from opir_studies.tuning import Tuned
-from opir_studies.tuning import tune as tune_scene
+from opir_studies.tuning import Tuned, tune as tune_scene
 
 
 def tune(arguments: argparse.Namespace) -> int:

@@ -7,12 +7,10 @@ from statistics import median
 
 from attrs import evolve, field, frozen
 
+from opir_core import Run, Scene, compile_plan, run_of_plan
 from opir_core.errors import Problem, SceneError, nearest
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Host
 from opir_core.reading import load_scene
-from opir_core.scene.scene import Scene
-from opir_core.simulation.run import Run, run_of_plan
 from opir_studies.differences import MEASURES, OF_TRACKS, RunAnswers, answers_of, differences, over_runs, unanswered
 from opir_studies.knobs import Knob, Overrides, knobs_of
 

@@ -11,16 +11,12 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core import DetectionTruth, Plan, compile_plan, plan_windows
 from opir_core.arrays import IntArray
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Encoder, RandomDraws
-from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
+from opir_core.planning import Looks
+from opir_core.plugin import ClassifierInputs, Detections, Encoder, EncoderContext, Exposures, Host, RandomDraws
+from opir_core.random_streams import PairStreams, WindowNumbers
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import plan_windows
 
 #: A scene file as plain values.
 SceneFile = Mapping[str, Any]

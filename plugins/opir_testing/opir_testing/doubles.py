@@ -7,30 +7,30 @@ import numpy as np
 from attrs import evolve, fields, frozen
 from numpy.typing import NDArray
 
+from opir_core import DetectionTruth, Plan, Scene
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.builtin.null_models import NoTracker
+from opir_core.builtin import NoTracker
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.host.components import NoConfig
-from opir_core.host.host import Host
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
-from opir_core.interfaces.records import (
-    TRACK_CONTAINMENTS,
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.orbits import GeostationaryOrbit
+from opir_core.planning import compile_pairs, drawn_bias, join_targets, solar_exclusions
+from opir_core.plugin import (
+    Band,
     ClassifierInputs,
     Detections,
-    DetectionTruth,
     Exposures,
+    Host,
+    ImpactRegion,
+    Measured,
+    NoConfig,
+    RandomDraws,
+    Sensor,
     Tracks,
     Window,
 )
-from opir_core.orbits.orbit_models import GeostationaryOrbit
-from opir_core.planning.pair_compiler import compile_pairs
-from opir_core.planning.plan import Plan, drawn_bias
-from opir_core.planning.solar_exclusion import solar_exclusions
-from opir_core.planning.targets import join_targets
-from opir_core.random_streams.detection_ids import id_key, uuid8_words
-from opir_core.scene.scene import UNKNOWN_TYPE, Choice, Scene
-from opir_core.sensors.scan_patterns import AlignedScan
+from opir_core.random_streams import id_key, uuid8_words
+from opir_core.scene import UNKNOWN_TYPE, Choice
+from opir_core.sensors import AlignedScan
 
 _NS_PER_S = 1_000_000_000
 _GEOSTATIONARY_RADIUS_M = 42_164_172.0

@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.scene.fields import nested, number, text
+from opir_core.plugin import nested, number, text
 
 #: Default gate, standard deviations: two axes exceed it with a probability of 4 · 10⁻⁵.
 GATE_SIGMAS = 4.5

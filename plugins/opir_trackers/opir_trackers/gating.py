@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import (
+from opir_core.estimation import (
     AngleMeasurements,
     LinesOfSight,
     both_earth_rotated,
@@ -22,7 +22,7 @@ from opir_core.estimation.lines_of_sight import (
     rotate_slightly,
     tangent_axes,
 )
-from opir_core.interfaces.columns import Columns
+from opir_core.interfaces import Columns
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.triangulation import FAR_M
 

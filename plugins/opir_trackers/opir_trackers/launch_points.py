@@ -6,9 +6,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import taylor_weights
-from opir_core.flight.gravity_and_drag import height_and_up
-from opir_core.geometry.ellipsoid import WGS84
+from opir_core.estimation import taylor_weights
+from opir_core.flight import height_and_up
+from opir_core.geometry import WGS84
 from opir_trackers.filter.estimates import PredictedMeasurements
 
 

@@ -3,13 +3,11 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from opir_core.host.components import TrackerModel
-from opir_core.host.hookspecs import hookimpl
+from opir_core.plugin import TrackerModel, hookimpl
 from opir_trackers.configs import ImmConfig, KeplerArcConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import TrackerContext
-    from opir_core.interfaces.protocols import Tracker
+    from opir_core.plugin import Tracker, TrackerContext
 
 
 def _imm(config: ImmConfig, context: "TrackerContext") -> "Tracker":

@@ -14,10 +14,8 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.estimation import LinesOfSight, earth_rotated
+from opir_core.plugin import TARGET_TYPES, Detections, Sensor
 
 #: Detection probability of a sensor that states none for a type.
 _UNSTATED = 0.5

@@ -4,11 +4,10 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import earth_rotated
-from opir_core.estimation.motion import COAST, Motion
-from opir_core.flight.forces import Drag, Forces, forces_of
+from opir_core.estimation import COAST, Motion, earth_rotated
+from opir_core.flight import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.interfaces.contexts import TrackerContext
+from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
 from opir_trackers.filter.burn_modes import NewStage
 from opir_trackers.filter.dynamics import Dynamics

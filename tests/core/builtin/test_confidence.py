@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from opir_core.builtin.classification import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig

@@ -5,8 +5,7 @@ import zlib
 import numpy as np
 import pytest
 from attrs import evolve
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.stats import binom
 
 from opir_core.builtin.configs import ConstantConfig

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from free_flights import ALL_ZONALS, EXPONENTIAL, MODELS, flights
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S

@@ -6,8 +6,7 @@ import sys
 import numpy as np
 import pytest
 from free_flights import MODELS, flights
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces

@@ -1,8 +1,7 @@
 """What holds for geometry everywhere: round trips, the Earth's symmetry about its axis, units of a turning frame."""
 
 import numpy as np
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import (

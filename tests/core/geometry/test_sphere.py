@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, map_area_m2, unit_vectors

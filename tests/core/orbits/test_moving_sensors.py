@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 from attrs import fields
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 from examples import examples

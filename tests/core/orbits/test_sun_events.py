@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_testing import stub_sensor
 
 from opir_core.geometry import is_sunlit, nadir_angle_rad

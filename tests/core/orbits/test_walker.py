@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.orbits import OrbitConfig, WalkerConfig, elements_of, walker_pattern

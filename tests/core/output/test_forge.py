@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from opir_testing.doubles import stub_estimates, stub_window
 

@@ -8,8 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from opir_testing import stub_sensor
 from opir_testing.bench import encoder_of

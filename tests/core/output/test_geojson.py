@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from opir_testing.doubles import stub_regions
 
 from opir_core import ImpactRegion

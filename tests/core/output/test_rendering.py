@@ -7,8 +7,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 from opir_core.errors import SinkError
 from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, Times, fastest, reference

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from attrs import fields, frozen
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import opir_core as opir
 from opir_core.arrays import BoolArray, FloatArray

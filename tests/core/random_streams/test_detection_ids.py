@@ -3,8 +3,7 @@
 import uuid
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from opir_core.random_streams.detection_ids import id_key, stream_key_words, uuid8_words, uuid_characters, uuid_text

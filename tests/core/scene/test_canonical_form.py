@@ -11,8 +11,7 @@ import pytest
 import yaml
 from attrs import evolve
 from fake_components import fake_host, good_mapping
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping

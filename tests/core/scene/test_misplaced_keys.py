@@ -22,7 +22,7 @@ class Deck:
 
 @frozen(kw_only=True)
 class Haze:
-    cloud: Deck | None = nested(help="a deck", default=None)  # noqa: RUF009
+    cloud: Deck | None = nested(help="a deck", default=None)
     thickness: float = number(help="how thick", default=1.0)
     derived: int = field(init=False, default=3)
 
@@ -31,7 +31,7 @@ class Haze:
 class Unknowable:
     """Its field's type is known to nobody, so nothing can be said of its keys."""
 
-    cloud: "Fog" = number(help="fog", default=0.0)  # type: ignore[name-defined]  # noqa: F821, RUF009
+    cloud: "Fog" = number(help="fog", default=0.0)  # type: ignore[name-defined]  # noqa: F821
 
 
 class Skies:

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 import yaml
 from fake_components import fake_host, good_mapping
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from mutated_scenes import (
     PYTHON_VALUES,
     RAW_VALUES,

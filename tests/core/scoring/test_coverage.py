@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 from scored_scene import SCENE
 
-from opir_core.cli.score import as_text
+from opir_core.cli.score import scorecard_text
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
@@ -134,6 +134,6 @@ def test_targets_of_biased_sensors_are_scored_apart():
         assert figures[name]["launches_reported"] == 1
         assert figures[name]["impacts_reported"] == 1
         assert figures[name]["by_time"][0]["nis"]["samples"] > 5
-    text = as_text({"tracker": Scorecard(figures)})
+    text = scorecard_text({"tracker": Scorecard(figures)})
     assert "mono with biased sensors, by time since ignition" in text
     assert "stereo" not in text

@@ -11,7 +11,7 @@ from opir_testing.doubles import stub_estimates
 from scipy.stats import chi2
 
 from opir_core import ImpactRegion
-from opir_core.cli.score import as_text
+from opir_core.cli.score import scorecard_text
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
@@ -208,7 +208,7 @@ def test_predictions_for_a_target_in_orbit_count_as_such():
     phase = scorecard(runs).figures["stereo"]["impact_by_phase"][0]
     assert (phase["targets"], phase["targets_without_impact"], phase["predicted_without_impact"]) == (0, 3, 2)
     assert all(np.isnan(region["value"]) for region in phase["regions"])
-    assert "2 of 3" in as_text({"mine": scorecard(runs)})
+    assert "2 of 3" in scorecard_text({"mine": scorecard(runs)})
 
 
 @pytest.mark.slow
@@ -218,7 +218,7 @@ def test_cards_show_the_phases_of_all_trackers_side_by_side():
         scorecard([evidence_of(ticks, 0 * ticks, impact_regions=[regions_at(tick, offset) for tick in ticks])])
         for offset in (20e3, 70e3)
     )
-    text = as_text({"near": one, "far": other})
+    text = scorecard_text({"near": one, "far": other})
     rows = [line.split() for line in text[text.index("predicted impact regions") :].splitlines()]
     quarter = [row for row in rows if row[:4] == ["25", "%", "of", "burn"]]
     assert [row[4] for row in quarter] == ["near", "far"]

@@ -9,7 +9,7 @@ from opir_testing.doubles import stub_estimates
 from scored_scene import SCENE
 
 from opir_core.cli.main import main
-from opir_core.cli.score import as_text
+from opir_core.cli.score import scorecard_text
 from opir_core.errors import Problem, SceneError
 from opir_core.output.tracks_file import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
@@ -77,7 +77,7 @@ def test_the_text_has_no_interval_that_says_nothing():
     card = scorecard([evidence_of_run(run_of_plan(plan), plan)])
     card.figures["first_track_after_s"] = {"value": 1.0, "interval_95": [0.01, 100.0]}
     card.figures["tracks_a_launch"] = {"value": 1.0, "interval_95": [0.5, 2.0]}
-    told = as_text({"imm": card})
+    told = scorecard_text({"imm": card})
     assert "1.00 [0.50, 2.00]" in told
     assert "[0.01" not in told
 

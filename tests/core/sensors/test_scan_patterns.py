@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
 from opir_core.sensors.scan_patterns import AlignedScan, RandomScan, SpinSweep, StepStareSweep, scan_pattern

@@ -6,8 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from attrs import fields_dict
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, GEOSTATIONARY_RADIUS_M
 from opir_core.interfaces.contexts import SensorContext

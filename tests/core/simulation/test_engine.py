@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_testing import (
     CertainDetection,
     CountingTracker,

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 from http_service import LAUNCH, Stand, conforms, serving
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from opir_http import service
 from opir_http.openapi import document
 from waiting import until, within

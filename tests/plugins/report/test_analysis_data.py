@@ -4,8 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from matplotlib import pyplot
 from opir_photons.detection import latency_cdf
 from opir_report import RunPlots
@@ -19,7 +18,7 @@ from reported_runs import empty_run, example_run, scored_run
 from scored_scene import SCENE
 
 import opir_core as opir
-from opir_core.cli.score import as_text
+from opir_core.cli.score import scorecard_text
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.evidence import true_states
 
@@ -169,7 +168,7 @@ def test_nees_is_the_error_over_the_covariance() -> None:
 @pytest.mark.slow
 def test_scores_are_those_of_the_command() -> None:
     run = scored_run()
-    told = as_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
+    told = scorecard_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
     rows = dict(score_rows(RunFacts(run)))
     for label in ("launches tracked", "tracks per launch", "purity", "completeness", "GOSPA per target, m"):
         line = next(line for line in told.splitlines() if line.startswith(label))

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import opir_report.maps.base_map
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_report.maps.base_map import coast_rings, latitude_text, longitude_text
 from opir_report.maps.clipping import clipped
 from opir_report.maps.projections import RegionProjection, WorldProjection

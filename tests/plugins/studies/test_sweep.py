@@ -12,8 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from opir_studies import Study, StudyError, load_study, read_study, sweep
-from opir_studies import sweeping as sweeping_module
+from opir_studies import Study, StudyError, load_study, read_study, sweep, sweeping as sweeping_module
 from opir_studies.runs import result_of
 from opir_studies.statistics import interval
 from scipy.stats import bootstrap, ttest_1samp

@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 from attrs import frozen
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.planning.plan import Plan, whole_flights
-from opir_core.planning.targets import Targets
+from opir_core.planning import Targets, whole_flights
 
 #: Time between the positions that velocities are computed of, s.
 _DIFFERENCE_S = 0.01

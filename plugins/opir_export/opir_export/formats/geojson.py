@@ -9,8 +9,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.output.geojson import DECIMALS, geometry_of
+from opir_core.output import DECIMALS, geometry_of
+from opir_core.plugin import ImpactRegion
 from opir_export.files import write_bytes
 from opir_export.scenery.map_features import (
     Flight,

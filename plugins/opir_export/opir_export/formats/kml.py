@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.output.geojson import geometry_of
+from opir_core.output import geometry_of
 from opir_export.files import write_bytes
 from opir_export.formats.geojson import area
 from opir_export.scenery.map_features import (

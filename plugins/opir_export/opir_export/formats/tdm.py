@@ -11,8 +11,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.flight.tables.oem_table import ecef_state
-from opir_core.interfaces.records import Detections
+from opir_core.flight import ecef_state
+from opir_core.plugin import Detections
 from opir_export.ccsds.keyword_values import block, header, time_texts
 from opir_export.files import write_bytes
 from opir_export.settings import TdmConfig

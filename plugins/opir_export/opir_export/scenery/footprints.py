@@ -3,9 +3,8 @@
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry import Ellipsoid, ecef_to_geodetic
-from opir_core.geometry.ellipsoid import WGS84
-from opir_core.interfaces.protocols import Sensor
+from opir_core.geometry import WGS84, Ellipsoid, ecef_to_geodetic
+from opir_core.plugin import Sensor
 
 #: Points of a boundary: a polygon of so many has 5e-5 less area than its circle.
 POINTS = 360

@@ -8,11 +8,9 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Tracks
-from opir_core.output.events.text import timestamp_text
-from opir_core.planning.plan import whole_flights
+from opir_core.output import timestamp_text
+from opir_core.planning import whole_flights
+from opir_core.plugin import ImpactRegion, Sensor, Tracks
 from opir_export.scenery.footprints import sensor_footprint
 
 #: Longest flight after burnout that is shown, s: an orbit has no end.

@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from opir_core import DetectionTruth
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, DetectionTruth
-from opir_core.random_streams.detection_ids import uuid_characters, uuid_text
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES, Detections, EncoderContext, Sensor
+from opir_core.random_streams import uuid_characters, uuid_text
 from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known
 
 _UTC = "UTC"

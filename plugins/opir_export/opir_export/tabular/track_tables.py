@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
-from opir_core.output.geojson import geometry_of
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.interfaces import IMPACT_METHODS, TRACK_CONTAINMENTS
+from opir_core.output import geometry_of
+from opir_core.plugin import REPORTED_TYPES, Tracks
 from opir_export.tabular.columns import TableColumn, instants, lists, names, nanoseconds, numbers, texts
 from opir_export.tabular.well_known_binary import well_known_binary
 

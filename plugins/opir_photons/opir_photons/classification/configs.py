@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 from attrs import Factory, frozen
 
-from opir_core.scene.fields import nested, number
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.plugin import TARGET_TYPES, nested, number
 
 #: Tolerance of the sum of the prior.
 PRIOR_SUM_TOLERANCE = 1e-9

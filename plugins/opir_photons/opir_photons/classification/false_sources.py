@@ -4,8 +4,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import ClassifierInputs
+from opir_core.plugin import ClassifierInputs, Sensor
 from opir_photons.classification.synthetic_looks import KINDS, SyntheticLooks, low_discrepancy_points
 from opir_photons.classification.type_densities import TypeDensities, looks_response
 from opir_photons.detection.snr import SnrDetection

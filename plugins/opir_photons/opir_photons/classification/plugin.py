@@ -7,8 +7,7 @@ from opir_core.plugin import ClassifierModel, hookimpl
 from opir_photons.classification.configs import SpectralConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import ModelContext
-    from opir_core.interfaces.protocols import Classifier
+    from opir_core.plugin import Classifier, ModelContext
 
 
 def _spectral(config: SpectralConfig, context: "ModelContext") -> "Classifier":

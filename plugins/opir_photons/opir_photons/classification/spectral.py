@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import RandomDraws, Sensor
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.plugin import TARGET_TYPES, ClassifierInputs, ModelContext, RandomDraws, Sensor
+from opir_core.scene import UNKNOWN_TYPE
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.false_sources import least_log_odds, source_detections
 from opir_photons.classification.gaussian_mixture import log_shares, log_sum

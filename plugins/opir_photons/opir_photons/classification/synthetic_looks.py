@@ -14,16 +14,11 @@ from attrs import frozen
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.flight.aiming import aim
-from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, boost_profile
-from opir_core.geometry import Geodetic, ecef_to_geodetic, elevation_rad, geodetic_to_ecef
-from opir_core.geometry.vectors import components, vector
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.targets import Targets
-from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
-from opir_core.scene.target_classes import BoostProfile
+from opir_core.flight import PROFILES_BY_TYPE, BoostPath, aim, boost_profile
+from opir_core.geometry import Geodetic, components, ecef_to_geodetic, elevation_rad, geodetic_to_ecef, vector
+from opir_core.planning import Targets
+from opir_core.plugin import EMITTER_TYPES, TARGET_TYPES, Band, BoostProfile, Exposures, SignatureContext, Signatures
+from opir_core.scene import MAXIMUM_BANDS
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
 from opir_photons.radiometry.plume import plume_signatures

@@ -8,11 +8,9 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.columns import names_of
-from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Band, Sensor
-from opir_core.planning.visibility import visible_now
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.interfaces import names_of
+from opir_core.planning import visible_now
+from opir_core.plugin import TARGET_TYPES, Band, Response, Sensor
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
 from opir_photons.classification.synthetic_looks import (

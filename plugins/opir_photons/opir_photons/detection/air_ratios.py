@@ -13,7 +13,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.radiometric_models import CloudyTransmittance, Paths, Transmittance
+from opir_core.interfaces import CloudyTransmittance
+from opir_core.plugin import Paths, Transmittance
 from opir_photons.detection.radiometric_columns import checked_transmittances
 
 #: Elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere; heights, uniform in their square root.

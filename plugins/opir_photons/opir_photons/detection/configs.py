@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.scene.fields import flag, number, text
+from opir_core.plugin import flag, number, text
 
 CALIBRATIONS = ("none", "paper")
 

@@ -15,9 +15,8 @@ from numpy.polynomial import chebyshev
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.protocols import Band, Radiometer
-from opir_core.interfaces.radiometric_models import Background, Structure, StructuredBackground
+from opir_core.interfaces import Radiometer, Structure, StructuredBackground
+from opir_core.plugin import Background, Band, FocalPlaneConfig
 from opir_photons.detection.cfar import cfar_loss
 from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
 from opir_photons.radiometry.focal_plane import (

@@ -7,8 +7,7 @@ from opir_core.plugin import DetectionModel, hookimpl
 from opir_photons.detection.configs import SnrConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import ModelContext
-    from opir_core.interfaces.protocols import DetectionProbability
+    from opir_core.plugin import DetectionProbability, ModelContext
 
 
 def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":

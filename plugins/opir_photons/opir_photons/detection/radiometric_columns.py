@@ -11,15 +11,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, kind_of
-from opir_core.host.boundary import InvalidOutput
-from opir_core.interfaces.radiometric_models import (
-    Background,
-    Paths,
-    Transmittance,
-    Views,
-    radiances_and_clutter_w_m2_sr,
-    transmittances,
-)
+from opir_core.host import InvalidOutput
+from opir_core.interfaces import radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.plugin import Background, Paths, Transmittance, Views
 
 #: Rounding of a transmittance that models interpolate.
 _ROUNDING = 1e-9

@@ -14,7 +14,8 @@ from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import Band, Radiometer, Sensor
+from opir_core.interfaces import Radiometer
+from opir_core.plugin import Band, Sensor
 from opir_photons.detection.air_ratios import AirRatios
 from opir_photons.detection.band_rules import AnyBand, RatioGates
 from opir_photons.detection.configs import SnrConfig

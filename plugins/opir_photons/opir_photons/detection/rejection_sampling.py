@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
-from opir_core.random_streams.philox import further_words, uniforms_of
+from opir_core.random_streams import further_words, uniforms_of
 
 #: Largest argument at which a normal tail is a double of full precision.
 _PLAIN = 36.0

@@ -3,9 +3,9 @@
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry.vectors import components, length
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.radiometric_models import StructuredBackground
+from opir_core.geometry import components, length
+from opir_core.interfaces import StructuredBackground
+from opir_core.plugin import Sensor
 from opir_photons.detection.receivers import Receiver, noise_w_m2, photon_noise_w_m2
 from opir_photons.environment import RadiometricEnvironment
 from opir_photons.radiometry.viewing import views

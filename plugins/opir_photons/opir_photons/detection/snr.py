@@ -9,17 +9,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.geometry.vectors import components, length
-from opir_core.interfaces.columns import as_slice_if_consecutive
-from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
-from opir_core.interfaces.radiometric_models import (
-    StructuredBackground,
-    Views,
-)
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import blocks
+from opir_core.geometry import components, length
+from opir_core.interfaces import StructuredBackground, as_slice_if_consecutive
+from opir_core.planning import blocks
+from opir_core.plugin import Band, Exposures, Measured, ModelContext, RandomDraws, Response, Sensor, Views
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError

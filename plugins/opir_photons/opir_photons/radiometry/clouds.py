@@ -6,10 +6,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.geometry import ecef_to_geodetic
-from opir_core.geometry.vectors import components, length
-from opir_core.interfaces.radiometric_models import Paths
-from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
+from opir_core.geometry import components, ecef_to_geodetic, length
+from opir_core.plugin import Paths
+from opir_core.random_streams import Stream, stream_key, uniforms_of
 
 
 class Deck(Protocol):

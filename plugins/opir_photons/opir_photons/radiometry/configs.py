@@ -8,7 +8,7 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.scene.fields import nested, number, text
+from opir_core.plugin import nested, number, text
 
 _TABLE = "opir_core/data/plumes.json; notional"
 _TABLE_BANDS = ("SWIR", "MWIR", "LWIR")

@@ -17,15 +17,8 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.columns import as_slice_if_consecutive
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
-    Background,
-    BackgroundContext,
-    Structure,
-    Transmittance,
-    Views,
-)
+from opir_core.interfaces import Structure, as_slice_if_consecutive
+from opir_core.plugin import Background, BackgroundContext, Band, Transmittance, Views
 from opir_photons.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
 from opir_photons.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 from opir_photons.radiometry.sea_surface import SeaGlint

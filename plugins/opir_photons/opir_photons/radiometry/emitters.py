@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, Problem, SceneError
-from opir_core.interfaces.radiometric_models import SourceContext
-from opir_core.random_streams.philox import Stream, normal_pairs, stream_key, uniforms_of
-from opir_core.scene.input_file import file_bytes
+from opir_core.plugin import SourceContext
+from opir_core.random_streams import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.scene import file_bytes
 from opir_photons.radiometry.source_configs import (
     FieldConfig,
     SourceConfig,

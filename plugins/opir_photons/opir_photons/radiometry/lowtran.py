@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.columns import as_slice_if_consecutive
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths, Transmittance
+from opir_core.interfaces import as_slice_if_consecutive
+from opir_core.plugin import AtmosphereContext, Band, Paths, Transmittance
 from opir_photons.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
 from opir_photons.radiometry.long_paths import (

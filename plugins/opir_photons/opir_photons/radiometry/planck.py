@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.interfaces.protocols import Band
+from opir_core.plugin import Band
 
 #: Planck's constant, J s, and Boltzmann's, J/K (exact, SI 2019).
 PLANCK_J_S = 6.62607015e-34

@@ -17,9 +17,8 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
-from opir_core.scene.target_classes import Plume, core_plumes, core_target_class, plume_table
+from opir_core.plugin import Band, Plume, SignatureContext, Signatures
+from opir_core.scene import core_plumes, core_target_class, plume_table
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
 

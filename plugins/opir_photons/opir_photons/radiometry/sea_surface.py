@@ -11,11 +11,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry import local_axes
-from opir_core.geometry.sun import sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import Paths, Transmittance, Views, transmittances
+from opir_core.geometry import components, dot, length, local_axes, sun_ecef_m
+from opir_core.interfaces import transmittances
+from opir_core.plugin import Band, Paths, Transmittance, Views
 from opir_photons.radiometry.sunlight import SUN_SOLID_ANGLE_SR, solar_irradiance
 
 #: A point this far along a line of sight is above all air, m.

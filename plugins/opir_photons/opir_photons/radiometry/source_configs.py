@@ -5,7 +5,8 @@ from typing import Any
 
 from attrs import fields_dict, frozen
 
-from opir_core.scene.fields import cited, info_of, nested, number, text, with_defaults
+from opir_core.plugin import cited, nested, number, text, with_defaults
+from opir_core.scene import info_of
 
 #: What each emitter may have of its own, in `at` or in a CSV; what it does not have is the block's.
 OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")

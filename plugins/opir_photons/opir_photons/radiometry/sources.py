@@ -15,12 +15,8 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.geometry import geodetic_to_ecef, local_axes
-from opir_core.geometry.sun import sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length, vector
-from opir_core.interfaces.protocols import Trajectories
-from opir_core.interfaces.radiometric_models import Paths, Signatures, SourceContext, Sources, Transmittance
-from opir_core.scene.scene import EMITTER_TYPES
+from opir_core.geometry import components, dot, geodetic_to_ecef, length, local_axes, sun_ecef_m, vector
+from opir_core.plugin import EMITTER_TYPES, Paths, Signatures, SourceContext, Sources, Trajectories, Transmittance
 from opir_photons.radiometry.emitters import Emitters, emitters_of
 from opir_photons.radiometry.planck import grey_body_intensity
 from opir_photons.radiometry.sea_surface import reflectance, slope_density, slope_variance

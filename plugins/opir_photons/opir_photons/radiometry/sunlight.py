@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
+from opir_core.geometry import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_photons.radiometry.planck import band_radiance
 
 #: The Sun's effective temperature, K (IAU 2015 resolution B3).

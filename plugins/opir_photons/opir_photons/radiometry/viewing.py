@@ -4,10 +4,16 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
-from opir_core.geometry.sun import sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length, vector
-from opir_core.interfaces.radiometric_models import Views
+from opir_core.geometry import (
+    components,
+    dot,
+    ecef_to_geodetic,
+    intersection_with_ellipsoid,
+    length,
+    sun_ecef_m,
+    vector,
+)
+from opir_core.plugin import Views
 
 
 @np.errstate(invalid="ignore")

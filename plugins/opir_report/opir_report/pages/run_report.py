@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from opir_core.cli.answer_lines import answers
-from opir_core.cli.terminal import grouped
-from opir_core.simulation.run import Run
+from opir_core import Run
+from opir_core.cli import answers, grouped
 from opir_report.pages.files import write_page
 from opir_report.pages.page import ReportPage
 from opir_report.pages.run_sections import SECTIONS

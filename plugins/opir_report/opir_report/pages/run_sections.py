@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from opir_core.cli.terminal import grouped
-from opir_core.scene.scene import Choice, Scene
+from opir_core import Scene
+from opir_core.cli import grouped
+from opir_core.scene import Choice
 from opir_report.canvas import WIDTH_IN, svg_of
 from opir_report.figure_data import FigureData
 from opir_report.pages.page import ReportFigure, ReportSection, ReportTable

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from opir_core.cli.terminal import grouped
+from opir_core.cli import grouped
 from opir_report.figure_data import FigureData
 from opir_report.pages.files import write_page
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable

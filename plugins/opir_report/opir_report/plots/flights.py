@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.protocols import Sensor
-from opir_core.planning.plan import Plan, whole_flights
+from opir_core.planning import whole_flights
+from opir_core.plugin import Sensor
 from opir_report.figure_data import FigureData
 from opir_report.maps.spheres import EARTH_RADIUS_KM
 

@@ -5,12 +5,12 @@ from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.interfaces.optional import ConfirmingModel
-from opir_core.planning.looks import look_times_s
-from opir_core.planning.plan import Plan
-from opir_core.scoring.latency import latency_cdf
+from opir_core.interfaces import ConfirmingModel
+from opir_core.planning import look_times_s
+from opir_core.scoring import latency_cdf
 from opir_report.canvas import without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, series_hue

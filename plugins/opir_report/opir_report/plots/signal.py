@@ -5,12 +5,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.optional import SignalModel
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.plan import Plan
+from opir_core.plugin import Exposures, Sensor, SignalModel
 from opir_report.canvas import legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import Hue, series_hue

@@ -5,10 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import frozen
 
+from opir_core import Run
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.results import MetricContext
-from opir_core.plugin import NoConfig
-from opir_core.simulation.run import Run
+from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import DetectionByTimeConfig
 
 _DAY_S = 86_400.0

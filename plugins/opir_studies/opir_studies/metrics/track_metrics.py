@@ -6,15 +6,24 @@ from functools import lru_cache
 import numpy as np
 from attrs import frozen
 
+from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
-from opir_core.interfaces.results import MetricContext
-from opir_core.plugin import NoConfig
-from opir_core.scoring.errors import point_errors, state_errors
-from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_run, ownership
-from opir_core.scoring.impacts import OLDEST_S, PHASES, ImpactScores, impact_scores, phase_scores
-from opir_core.scoring.sensor_coverage import coverage
-from opir_core.simulation.run import Run
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import MetricContext, NoConfig
+from opir_core.scoring import (
+    OLDEST_S,
+    PHASES,
+    ImpactScores,
+    Ownership,
+    RunEvidence,
+    coverage,
+    evidence_of_run,
+    impact_scores,
+    ownership,
+    phase_scores,
+    point_errors,
+    state_errors,
+)
 from opir_studies.configs import ImpactConfig
 from opir_studies.metrics.detection_metrics import time_words
 

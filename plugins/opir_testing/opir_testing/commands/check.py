@@ -8,14 +8,12 @@ from typing import Any
 
 from attrs import asdict
 
-from opir_core.cli.components import OwnedComponent, add_component, components_named
+from opir_core.cli import OwnedComponent, add_component, components_named
 from opir_core.errors import Problem, SceneError
-from opir_core.host.host import Host
-from opir_core.host.registry import warn
-from opir_core.reading.loading import overridden
-from opir_core.reading.nodes import Node
-from opir_core.reading.plain_data import data_of_node
-from opir_core.scene.plausibility import implausible_defaults
+from opir_core.host import warn
+from opir_core.plugin import Host
+from opir_core.reading import Node, data_of_node, overridden
+from opir_core.scene import implausible_defaults
 from opir_testing.contracts import BAD, PASSED, ConformanceResult, conformance_results, contract_for
 
 #: The exit code of a failed conformance test, as of models that return invalid values.

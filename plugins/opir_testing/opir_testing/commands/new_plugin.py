@@ -15,11 +15,10 @@ from string import Template
 
 from attrs import frozen
 
-from opir_core._version import __version__
+from opir_core import __version__
 from opir_core.errors import PluginError, with_article
-from opir_core.host.components import plural
-from opir_core.host.discovery import core_sources, installed_sources
-from opir_core.host.host import Host
+from opir_core.host import core_sources, installed_sources, plural
+from opir_core.plugin import Host
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _LONGEST = 40

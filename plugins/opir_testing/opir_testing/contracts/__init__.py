@@ -7,7 +7,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError, nearest
-from opir_core.host.error_messages import described_error
+from opir_core.host import described_error
 from opir_testing.contracts.contract import ConformanceError, Contract, requirement, test_names
 
 #: The module and the class of the conformance tests of each hook.

@@ -5,10 +5,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.host.components import ClassifierModel, Component, ConfidenceModel
-from opir_core.interfaces.optional import PosteriorClassifier
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    ClassifierInputs,
+    ClassifierModel,
+    Component,
+    ConfidenceModel,
+    PosteriorClassifier,
+)
 from opir_testing.bench import classifier_inputs
 from opir_testing.contracts.contract import (
     require,

@@ -13,12 +13,9 @@ import numpy as np
 from attrs import fields
 
 from opir_core.arrays import FloatArray
-from opir_core.host.components import Component
-from opir_core.host.host import Host
-from opir_core.reading.nodes import InvalidNode, Node
-from opir_core.reading.plain_data import node_of_data
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import info_of
+from opir_core.plugin import Component, Host
+from opir_core.reading import InvalidNode, Node, class_reader, node_of_data
+from opir_core.scene import info_of
 from opir_testing.bench import BenchRun, bench_host, bench_run
 from opir_testing.execution_monitor import LOOP_STEPS, outside_inputs, steps_per_row
 

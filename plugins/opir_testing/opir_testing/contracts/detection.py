@@ -6,9 +6,8 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.host.components import Component, DetectionModel
-from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
-from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
+from opir_core.interfaces import ConfirmingModel
+from opir_core.plugin import Component, DetectionModel, DetectionProbability, FalseAlarmModel, RandomDraws, SignalModel
 from opir_testing.contracts.contract import (
     count_excess,
     rate_excess,

@@ -11,17 +11,23 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields_dict
 
-from opir_core.host.components import Component, EventEncoder, SinkModel
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.optional import BufferingSink, MonitoredSink, TrackEncoder
-from opir_core.interfaces.protocols import Delivery, Encoder, Sink
-from opir_core.interfaces.records import Tracks, Window
-from opir_core.output.delivery import opened_sink
-from opir_core.output.events import SCHEMA_VERSION, TRACKS_VERSION, schema
-from opir_core.output.events.encoder_input import event_counter, only_encodable
-from opir_core.planning.plan import Plan
-from opir_core.scene.scene import Choice
-from opir_core.simulation.run import plan_windows
+from opir_core import Plan, plan_windows
+from opir_core.output import SCHEMA_VERSION, TRACKS_VERSION, event_counter, only_encodable, opened_sink, schema
+from opir_core.plugin import (
+    BufferingSink,
+    Component,
+    Delivery,
+    Encoder,
+    EncoderContext,
+    EventEncoder,
+    MonitoredSink,
+    Sink,
+    SinkModel,
+    TrackEncoder,
+    Tracks,
+    Window,
+)
+from opir_core.scene import Choice
 from opir_testing.bench import bench_scene, encoder_of, planned
 from opir_testing.contracts.contract import (
     ConformanceError,

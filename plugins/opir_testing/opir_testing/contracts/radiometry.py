@@ -8,22 +8,27 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.host.components import AtmosphereModel, BackgroundModel, Component, SignatureModel, SourceModel
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
+from opir_core.interfaces import StructuredBackground
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    TARGET_TYPES,
     AtmosphereContext,
+    AtmosphereModel,
     Background,
     BackgroundContext,
+    BackgroundModel,
+    Band,
+    Component,
     Paths,
     SignatureContext,
+    SignatureModel,
     Signatures,
     SourceContext,
+    SourceModel,
     Sources,
-    StructuredBackground,
     Transmittance,
     Views,
 )
-from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_testing.contracts.contract import (
     Contract,
     require,

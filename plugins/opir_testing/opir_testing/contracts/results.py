@@ -9,16 +9,19 @@ from typing import Any, ClassVar
 
 from attrs import evolve
 
-from opir_core.host.components import Component, ExecutorModel, ExporterModel, MetricModel
-from opir_core.interfaces.results import (
+from opir_core import Run, run_of_plan
+from opir_core.plugin import (
+    Component,
     Executor,
     ExecutorContext,
+    ExecutorModel,
     Exporter,
     ExporterContext,
+    ExporterModel,
     Metric,
     MetricContext,
+    MetricModel,
 )
-from opir_core.simulation.run import Run, run_of_plan
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
     Contract,

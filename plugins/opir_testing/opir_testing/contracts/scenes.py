@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.output.events import detection_schema
-from opir_core.planning.plan import Plan
+from opir_core import Plan
+from opir_core.output import detection_schema
 from opir_testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, LookTable, bench_scene, planned
 from opir_testing.contracts.contract import (
     ConformanceError,

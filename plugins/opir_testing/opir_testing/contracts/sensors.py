@@ -10,12 +10,9 @@ import numpy as np
 from attrs import fields_dict
 
 from opir_core.arrays import FloatArray
-from opir_core.host.components import Component, Constellation, SensorModel
-from opir_core.interfaces.contexts import SensorContext
-from opir_core.interfaces.protocols import Sensor
-from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
-from opir_core.scene.target_classes import TargetClass
-from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
+from opir_core.plugin import TARGET_TYPES, Component, Constellation, Sensor, SensorContext, SensorModel, TargetClass
+from opir_core.scene import MAXIMUM_BANDS
+from opir_core.sensors import confusion_complaint, is_probability
 from opir_testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
 from opir_testing.contracts.contract import (
     ConformanceError,

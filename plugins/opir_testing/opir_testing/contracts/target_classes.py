@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.host.components import TargetModel
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import BoostProfile, OrbitInsertion, TargetClass
+from opir_core.plugin import REPORTED_TYPES, BoostProfile, OrbitInsertion, TargetClass, TargetModel
 from opir_testing.bench import bench_scene
 from opir_testing.contracts.contract import require
 from opir_testing.contracts.targets import TargetContract

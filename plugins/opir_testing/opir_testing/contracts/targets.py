@@ -8,12 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.host.components import Component, TargetModel
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.optional import FreeFlight, WithBurns
-from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.scene import EMITTER_TYPES
-from opir_core.scene.target_classes import TargetClass
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Component,
+    FreeFlight,
+    TargetClass,
+    TargetContext,
+    TargetModel,
+    Trajectories,
+    WithBurns,
+)
 from opir_testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
 from opir_testing.contracts.contract import (
     ConformanceError,

@@ -8,13 +8,18 @@ import numpy as np
 from attrs import evolve, fields, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.host.components import Component, TrackerModel
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.optional import ReconfigurableTracker
-from opir_core.interfaces.protocols import Tracker
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Detections, Tracks
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.tracker_clock import without_truth
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    Component,
+    Detections,
+    ReconfigurableTracker,
+    Tracker,
+    TrackerContext,
+    TrackerModel,
+    Tracks,
+)
+from opir_core.simulation import without_truth
 from opir_testing.bench import planned
 from opir_testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
 from opir_testing.contracts.scenes import SceneContract

@@ -5,7 +5,8 @@ from math import erf
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.plugin import TARGET_TYPES
+from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.forecast.prior_boosts import priors
 
 

@@ -7,11 +7,10 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
-from opir_core.geometry.sphere import great_circle_m
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
+from opir_core.estimation import LinesOfSight, no_lines_of_sight
+from opir_core.geometry import great_circle_m
+from opir_core.interfaces import IMPACT_METHODS
+from opir_core.plugin import Detections, Sensor, TrackerContext, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits

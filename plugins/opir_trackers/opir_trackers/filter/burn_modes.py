@@ -13,9 +13,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import dot
-from opir_core.estimation.motion import COAST
+from opir_core.estimation import COAST, dot, square_root
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import BURN_SHARE, twice
 from opir_trackers.filter.iterated_update import Mode, Updated

@@ -12,12 +12,9 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation.lines_of_sight import dot
-from opir_core.estimation.motion import COAST, Motion, noise_roots
+from opir_core.estimation import COAST, Motion, dot, noise_roots
 from opir_core.estimation.square_root import inverse_root
-from opir_core.flight.atmosphere_density import LOWEST_HEIGHT_M, density_kg_m3
-from opir_core.flight.forces import Drag
-from opir_core.flight.gravity_and_drag import height_m
+from opir_core.flight import LOWEST_HEIGHT_M, Drag, density_kg_m3, height_m
 
 
 class Dynamics(Protocol):

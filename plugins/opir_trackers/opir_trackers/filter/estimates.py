@@ -6,8 +6,8 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.motion import BOOST, COAST, taylor_positions, taylor_weights
-from opir_core.interfaces.columns import Columns, names_of
+from opir_core.estimation import BOOST, COAST, taylor_positions, taylor_weights
+from opir_core.interfaces import Columns, names_of
 
 
 class PredictedMeasurements(NamedTuple):

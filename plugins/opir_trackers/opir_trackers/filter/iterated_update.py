@@ -11,9 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, TangentPlanes, matvec
-from opir_core.estimation.motion import taylor_positions, taylor_weights
+from opir_core.estimation import AngleMeasurements, TangentPlanes, matvec, square_root, taylor_positions, taylor_weights
 from opir_trackers.filter.dynamics import Dynamics
 
 #: Iteration stops once no measurement would change by more than this many standard deviations.

@@ -19,9 +19,7 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import matvec
-from opir_core.estimation.motion import COAST
+from opir_core.estimation import COAST, matvec, square_root
 from opir_trackers.filter import burn_modes
 from opir_trackers.filter.burn_modes import Burns
 from opir_trackers.filter.estimates import ModeEstimates

@@ -15,9 +15,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements
-from opir_core.estimation.motion import BOOST, COAST
+from opir_core.estimation import BOOST, COAST, AngleMeasurements, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian, NewStage, carried
 from opir_trackers.filter.dynamics import Dynamics

@@ -20,10 +20,21 @@ from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import motion
-from opir_core.estimation.lines_of_sight import dot, matvec
-from opir_core.estimation.motion import BOOST, COAST, FEW_STATES, GravityFunction, Motion, integrator_noise, substeps
-from opir_core.flight.forces import Forces
+from opir_core.estimation import (
+    BOOST,
+    COAST,
+    FEW_STATES,
+    GravityFunction,
+    Motion,
+    dot,
+    gradient_of_one,
+    integrator_noise,
+    matvec,
+    stepped_one as stepped_motion,
+    substeps,
+    taylor_of_one as taylor_of_motion,
+)
+from opir_core.flight import Forces
 
 #: Below this speed, m/s, the direction of the velocity says little about that of the thrust; at rest, nothing: 1 m²/s²
 #: is added to squared speeds.
@@ -59,7 +70,7 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Gravit
     """Return a state of 10 after one step, the same bits as `Thrust`."""
     gravity = pull(*state[:3])
     early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
-    after = motion.stepped_one([*state[:9], *early], step, pull, gravity)[:9]
+    after = stepped_motion([*state[:9], *early], step, pull, gravity)[:9]
     growth = state[9]
     if growth < MOST_GROWTH:
         growth = min(growth / (1.0 - growth * step), MOST_GROWTH)
@@ -75,7 +86,7 @@ def taylor_of_one(state: Sequence[float], tilt_s: float, pull: GravityFunction, 
     """Return the position derivatives of order 0 to 4 of a state of 10, the same bits as `Thrust`."""
     gravity = pull(*state[:3])
     rate = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
-    return motion.taylor_of_one([*state[:9], *rate], gravity, mu_m3_s2)
+    return taylor_of_motion([*state[:9], *rate], gravity, mu_m3_s2)
 
 
 def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[float]:
@@ -218,7 +229,7 @@ class Thrust:
     def _slopes_of_one(self, numbers: list[float]) -> FloatArray:
         place = numbers[:3]
         alone = slopes_of_one(numbers, self.tilt_s, self._pull(*place))
-        alone += motion.gradient_of_one(place, self.forces.gravity.mu_m3_s2)
+        alone += gradient_of_one(place, self.forces.gravity.mu_m3_s2)
         numbers_, rate = np.array(alone), _KINEMATICS.copy()
         rate[0, 6:9, 3:], rate[0, 3:6, :3] = numbers_[:21].reshape(3, 7), numbers_[21:].reshape(3, 3)
         rate[0, 9, 9] = 2.0 * numbers[9] if numbers[9] < MOST_GROWTH else 0.0

@@ -13,13 +13,12 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray, ObjectArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation.lines_of_sight import earth_rotated
+from opir_core.estimation import earth_rotated
 from opir_core.estimation.square_root import inverse_root
-from opir_core.flight.forces import Forces
-from opir_core.geometry import ecef_to_geodetic
-from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, unit_vectors
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.flight import Forces
+from opir_core.geometry import AzimuthalEquidistant, ecef_to_geodetic, great_circle_m, unit_vectors
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import TARGET_TYPES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
@@ -235,7 +234,7 @@ def _impacts(
 
     Without a tolerance, under the gravity of a point mass.
     """
-    from opir_core.flight.propagation import impact
+    from opir_core.flight import impact
 
     if tolerance_m is None:
         flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))

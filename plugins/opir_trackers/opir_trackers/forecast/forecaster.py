@@ -6,10 +6,9 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray
-from opir_core.flight.forces import Forces
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.records import Tracks
-from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.flight import Forces
+from opir_core.plugin import TARGET_TYPES, ImpactRegion, Tracks
+from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.prior_boosts import longest_gap_s
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import COAST
+from opir_core.estimation import COAST
 from opir_trackers.forecast.prior_boosts import Instants, PriorBoosts
 
 #: Widths of the kernel: of height and speed, a share and a least value, m and m/s; angle, rad; share of the force.

@@ -17,10 +17,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.constants import EARTH_MU_M3_S2 as MU_M3_S2
-from opir_core.interfaces.columns import Columns
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2 as MU_M3_S2
+from opir_core.interfaces import Columns
+from opir_core.plugin import TARGET_TYPES
 
 #: Largest number of burns.
 STAGES = 4

@@ -15,9 +15,9 @@ from contourpy import FillType, contour_generator
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry.sphere import AzimuthalEquidistant, map_area_m2, unit_vectors
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
+from opir_core.geometry import AzimuthalEquidistant, map_area_m2, unit_vectors
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import ImpactRegion
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 64, 3.0

@@ -7,7 +7,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight
+from opir_core.estimation import LinesOfSight
 from opir_trackers.association import (
     Association,
     AssociationModel,

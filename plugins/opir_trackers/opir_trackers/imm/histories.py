@@ -13,14 +13,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import (
-    AngleMeasurements,
-    LinesOfSight,
-    dot,
-    matvec,
-    no_measurements,
-    tangent_axes,
-)
+from opir_core.estimation import AngleMeasurements, LinesOfSight, dot, matvec, no_measurements, tangent_axes
 from opir_trackers.assignment import distinct, unambiguous
 from opir_trackers.association import AssociationModel, hard_measurements, scan_groups, scan_numbers
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements

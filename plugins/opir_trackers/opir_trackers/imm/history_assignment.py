@@ -15,8 +15,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, dot, matvec
+from opir_core.estimation import AngleMeasurements, dot, matvec, square_root
 from opir_trackers.assignment import cheapest_assignment, distinct, marginals, ranks, unambiguous
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements

@@ -20,8 +20,8 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import AngleMeasurements, dot, matvec
-from opir_core.interfaces.columns import Columns
+from opir_core.estimation import AngleMeasurements, dot, matvec
+from opir_core.interfaces import Columns
 from opir_trackers.assignment import marginals, ranks
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter

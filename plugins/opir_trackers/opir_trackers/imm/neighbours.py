@@ -10,8 +10,7 @@ not average out; it is carried to the state as a bias of the sensor is.
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import square_root
-from opir_core.estimation.motion import COAST
+from opir_core.estimation import COAST, square_root
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.sensors import Biases, shifts_of_positions
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Tracks
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
+from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.imm.track_management import TrackTable
 
 

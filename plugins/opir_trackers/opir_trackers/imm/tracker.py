@@ -6,9 +6,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.plugin import Detections, Sensor, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.imm.tracking import ImmTracking, TrackerState

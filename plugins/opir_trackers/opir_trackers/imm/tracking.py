@@ -11,10 +11,9 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight, no_measurements
-from opir_core.flight.forces import Forces, forces_of
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.estimation import LinesOfSight, no_lines_of_sight, no_measurements
+from opir_core.flight import Forces, forces_of
+from opir_core.plugin import Detections, TrackerContext, Tracks
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_photons.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
 from opir_photons.radiometry.lowtran import LowtranAtmosphere, lowtran_atmosphere, parts_of, shell_air_mass

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import fields
-from hypothesis import given
-from hypothesis import strategies as st
-from opir_photons.radiometry import planck
-from opir_photons.radiometry import plume as plume_module
+from hypothesis import given, strategies as st
+from opir_photons.radiometry import planck, plume as plume_module
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
 

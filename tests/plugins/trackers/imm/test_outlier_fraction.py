@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from drawn_flights import flown
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from opir_trackers.gating import GatedPairs
 from opir_trackers.imm.measurement_weights import (
     FRACTIONS,

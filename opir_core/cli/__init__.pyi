@@ -1,0 +1,27 @@
+from opir_core.cli.answer_lines import (
+    answers as answers,
+)
+from opir_core.cli.components import (
+    OwnedComponent as OwnedComponent,
+    add_component as add_component,
+    components_named as components_named,
+)
+from opir_core.cli.main import (
+    THREADS as THREADS,
+)
+from opir_core.cli.scene_arguments import (
+    add_overrides as add_overrides,
+    add_scene_arguments as add_scene_arguments,
+    scene_of as scene_of,
+)
+from opir_core.cli.score import (
+    add_score_settings as add_score_settings,
+    score_settings as score_settings,
+    scorecard_text as scorecard_text,
+)
+from opir_core.cli.terminal import (
+    grouped as grouped,
+    prints_on_standard_error as prints_on_standard_error,
+    progress as progress,
+    table as table,
+)

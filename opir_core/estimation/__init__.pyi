@@ -1,0 +1,32 @@
+from opir_core.estimation.ellipses import (
+    containment_ellipse as containment_ellipse,
+)
+from opir_core.estimation.lines_of_sight import (
+    AngleMeasurements as AngleMeasurements,
+    LinesOfSight as LinesOfSight,
+    TangentPlanes as TangentPlanes,
+    both_earth_rotated as both_earth_rotated,
+    dot as dot,
+    earth_rotated as earth_rotated,
+    emission_s as emission_s,
+    matvec as matvec,
+    no_lines_of_sight as no_lines_of_sight,
+    no_measurements as no_measurements,
+    rotate_slightly as rotate_slightly,
+    tangent_axes as tangent_axes,
+)
+from opir_core.estimation.motion import (
+    BOOST as BOOST,
+    COAST as COAST,
+    FEW_STATES as FEW_STATES,
+    GravityFunction as GravityFunction,
+    Motion as Motion,
+    gradient_of_one as gradient_of_one,
+    integrator_noise as integrator_noise,
+    noise_roots as noise_roots,
+    stepped_one as stepped_one,
+    substeps as substeps,
+    taylor_of_one as taylor_of_one,
+    taylor_positions as taylor_positions,
+    taylor_weights as taylor_weights,
+)

@@ -1,0 +1,51 @@
+from opir_core.flight.aiming import (
+    Aim as Aim,
+    aim as aim,
+    boost_ephemeris as boost_ephemeris,
+    coast_ephemeris as coast_ephemeris,
+    flight_ephemeris as flight_ephemeris,
+)
+from opir_core.flight.atmosphere_density import (
+    LOWEST_HEIGHT_M as LOWEST_HEIGHT_M,
+    density_kg_m3 as density_kg_m3,
+)
+from opir_core.flight.boost import (
+    PROFILES_BY_TYPE as PROFILES_BY_TYPE,
+    BoostPath as BoostPath,
+    boost_profile as boost_profile,
+    boost_profiles as boost_profiles,
+)
+from opir_core.flight.conic_impact import (
+    kepler_impact as kepler_impact,
+)
+from opir_core.flight.ephemeris import (
+    Ephemeris as Ephemeris,
+)
+from opir_core.flight.forces import (
+    Drag as Drag,
+    ForceModel as ForceModel,
+    Forces as Forces,
+    forces_of as forces_of,
+)
+from opir_core.flight.gravity_and_drag import (
+    height_and_up as height_and_up,
+    height_m as height_m,
+)
+from opir_core.flight.kepler import (
+    KeplerStatus as KeplerStatus,
+    kepler_status as kepler_status,
+    propagate_kepler as propagate_kepler,
+)
+from opir_core.flight.lambert_solver import (
+    lambert as lambert,
+)
+from opir_core.flight.propagation import (
+    impact as impact,
+    propagate as propagate,
+)
+from opir_core.flight.tables.oem_table import (
+    ecef_state as ecef_state,
+)
+from opir_core.scene.target_classes import (
+    BoostProfile as BoostProfile,
+)

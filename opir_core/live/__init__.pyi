@@ -1,0 +1,22 @@
+from opir_core.live.changes import (
+    BusyError as BusyError,
+    RefusedError as RefusedError,
+    RestartError as RestartError,
+)
+from opir_core.live.loops import (
+    limit_pauses as limit_pauses,
+)
+from opir_core.live.running import (
+    LiveRun as LiveRun,
+    LiveSettings as LiveSettings,
+    LiveWindow as LiveWindow,
+)
+from opir_core.live.status import (
+    LATE_EDGES_S as LATE_EDGES_S,
+    LiveStatus as LiveStatus,
+)
+from opir_core.live.watchdog import (
+    Notifier as Notifier,
+    Progress as Progress,
+    Watchdog as Watchdog,
+)

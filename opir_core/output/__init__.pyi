@@ -1,0 +1,52 @@
+from opir_core.output.delivery import (
+    RunOutcome as RunOutcome,
+    deliver as deliver,
+    opened_sink as opened_sink,
+)
+from opir_core.output.events import (
+    SCHEMA_VERSION as SCHEMA_VERSION,
+    SCHEMAS as SCHEMAS,
+    TRACKS_VERSION as TRACKS_VERSION,
+    detection_schema as detection_schema,
+    schema as schema,
+)
+from opir_core.output.events.encoder_input import (
+    event_counter as event_counter,
+    only_encodable as only_encodable,
+)
+from opir_core.output.events.estimates import (
+    burnout_texts as burnout_texts,
+    impact_texts as impact_texts,
+    launch_texts as launch_texts,
+    state_texts as state_texts,
+)
+from opir_core.output.events.forge import (
+    ForgeEncoder as ForgeEncoder,
+)
+from opir_core.output.events.rendering import (
+    Column as Column,
+    reference as reference,
+)
+from opir_core.output.events.text import (
+    timestamp_text as timestamp_text,
+    unix_microseconds as unix_microseconds,
+    writable_unix_microseconds as writable_unix_microseconds,
+)
+from opir_core.output.geojson import (
+    DECIMALS as DECIMALS,
+    geometry_of as geometry_of,
+    region_texts as region_texts,
+)
+from opir_core.output.pump import (
+    SinkReport as SinkReport,
+)
+from opir_core.output.run_files import (
+    TruthFile as TruthFile,
+)
+from opir_core.output.sink_thread import (
+    SinkStatus as SinkStatus,
+)
+from opir_core.output.tracks_file import (
+    TracksFile as TracksFile,
+    read_tracks as read_tracks,
+)

@@ -1,0 +1,140 @@
+from opir_core.host.components import (
+    AtmosphereModel as AtmosphereModel,
+    BackgroundModel as BackgroundModel,
+    ClassifierModel as ClassifierModel,
+    Component as Component,
+    ConfidenceModel as ConfidenceModel,
+    Constellation as Constellation,
+    DetectionModel as DetectionModel,
+    EventEncoder as EventEncoder,
+    ExecutorModel as ExecutorModel,
+    ExporterModel as ExporterModel,
+    MetricModel as MetricModel,
+    NoConfig as NoConfig,
+    SensorModel as SensorModel,
+    SignatureModel as SignatureModel,
+    SinkModel as SinkModel,
+    SourceModel as SourceModel,
+    TargetModel as TargetModel,
+    TrackerModel as TrackerModel,
+)
+from opir_core.host.hookspecs import (
+    hookimpl as hookimpl,
+)
+from opir_core.host.host import (
+    Host as Host,
+)
+from opir_core.interfaces.contexts import (
+    EncoderContext as EncoderContext,
+    ModelContext as ModelContext,
+    SensorContext as SensorContext,
+    SinkContext as SinkContext,
+    TargetContext as TargetContext,
+    TrackerContext as TrackerContext,
+)
+from opir_core.interfaces.focal_plane import (
+    FocalPlaneConfig as FocalPlaneConfig,
+)
+from opir_core.interfaces.impact_regions import (
+    ImpactRegion as ImpactRegion,
+)
+from opir_core.interfaces.optional import (
+    BufferingSink as BufferingSink,
+    DeadlineSink as DeadlineSink,
+    FalseAlarmModel as FalseAlarmModel,
+    FreeFlight as FreeFlight,
+    FromFiles as FromFiles,
+    MonitoredSink as MonitoredSink,
+    PartialEncoder as PartialEncoder,
+    PosteriorClassifier as PosteriorClassifier,
+    ReconfigurableTracker as ReconfigurableTracker,
+    Response as Response,
+    SignalModel as SignalModel,
+    TrackEncoder as TrackEncoder,
+    WithBreakpoints as WithBreakpoints,
+    WithBurns as WithBurns,
+    WithClasses as WithClasses,
+)
+from opir_core.interfaces.protocols import (
+    Band as Band,
+    Classifier as Classifier,
+    Confidence as Confidence,
+    Delivery as Delivery,
+    DetectionProbability as DetectionProbability,
+    Encoder as Encoder,
+    Measured as Measured,
+    Orbit as Orbit,
+    RandomDraws as RandomDraws,
+    ReportingStage as ReportingStage,
+    ScanPattern as ScanPattern,
+    Sensor as Sensor,
+    Sink as Sink,
+    Tracker as Tracker,
+    Trajectories as Trajectories,
+    Transport as Transport,
+)
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext as AtmosphereContext,
+    Background as Background,
+    BackgroundContext as BackgroundContext,
+    Paths as Paths,
+    SignatureContext as SignatureContext,
+    Signatures as Signatures,
+    SourceContext as SourceContext,
+    Sources as Sources,
+    Transmittance as Transmittance,
+    Views as Views,
+)
+from opir_core.interfaces.records import (
+    Batch as Batch,
+    ClassifierInputs as ClassifierInputs,
+    Detections as Detections,
+    Exposures as Exposures,
+    Tracks as Tracks,
+    Window as Window,
+)
+from opir_core.interfaces.results import (
+    Executor as Executor,
+    ExecutorContext as ExecutorContext,
+    Exporter as Exporter,
+    ExporterContext as ExporterContext,
+    Metric as Metric,
+    MetricContext as MetricContext,
+)
+from opir_core.scene.fields import (
+    FieldInfo as FieldInfo,
+    cited as cited,
+    flag as flag,
+    named as named,
+    nested as nested,
+    number as number,
+    text as text,
+    with_defaults as with_defaults,
+)
+from opir_core.scene.scene import (
+    EMITTER_TYPES as EMITTER_TYPES,
+    REPORTED_TYPES as REPORTED_TYPES,
+    TARGET_TYPES as TARGET_TYPES,
+)
+from opir_core.scene.target_classes import (
+    Ballistic as Ballistic,
+    BoostProfile as BoostProfile,
+    EquilibriumGlide as EquilibriumGlide,
+    OrbitInsertion as OrbitInsertion,
+    Plume as Plume,
+    TargetClass as TargetClass,
+)
+from opir_core.sensors.reporting import (
+    ReportingConfig as ReportingConfig,
+    ReportingStageConfig as ReportingStageConfig,
+)
+from opir_core.sensors.scanning_sensor import (
+    ScanningSensorConfig as ScanningSensorConfig,
+)
+from opir_core.sensors.sensor_components import (
+    geostationary_fleet as geostationary_fleet,
+    one_track_fleet as one_track_fleet,
+    scanning_model as scanning_model,
+    scanning_sensor as scanning_sensor,
+    walker_fleet as walker_fleet,
+)

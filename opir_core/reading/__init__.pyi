@@ -1,0 +1,37 @@
+from opir_core.reading.canonical import (
+    scene_hash as scene_hash,
+    scene_mapping as scene_mapping,
+)
+from opir_core.reading.component_reader import (
+    ComponentReader as ComponentReader,
+    Settings as Settings,
+)
+from opir_core.reading.loading import (
+    load_scene as load_scene,
+    overridden as overridden,
+    scene_from_mapping as scene_from_mapping,
+)
+from opir_core.reading.nodes import (
+    InvalidNode as InvalidNode,
+    Node as Node,
+    complaints_inside as complaints_inside,
+    ordered as ordered,
+)
+from opir_core.reading.plain_data import (
+    data_of_node as data_of_node,
+    node_of_data as node_of_data,
+)
+from opir_core.reading.scene_schema import (
+    epoch_us_of_text as epoch_us_of_text,
+)
+from opir_core.reading.strict_yaml import (
+    node_of_scalar as node_of_scalar,
+    node_of_yaml as node_of_yaml,
+)
+from opir_core.reading.structuring import (
+    block_of as block_of,
+    class_reader as class_reader,
+)
+from opir_core.reading.targets import (
+    ID_RULE as ID_RULE,
+)

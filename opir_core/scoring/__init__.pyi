@@ -1,0 +1,51 @@
+from opir_core.scoring.containments import (
+    Consistency as Consistency,
+    consistency as consistency,
+    containment as containment,
+    nees as nees,
+)
+from opir_core.scoring.errors import (
+    ground_error as ground_error,
+    last_rows as last_rows,
+    place_of as place_of,
+    point_errors as point_errors,
+    state_errors as state_errors,
+)
+from opir_core.scoring.evidence import (
+    Ownership as Ownership,
+    RunEvidence as RunEvidence,
+    evidence_of_files as evidence_of_files,
+    evidence_of_run as evidence_of_run,
+    ownership as ownership,
+    rows_in_force as rows_in_force,
+)
+from opir_core.scoring.gospa_metric import (
+    Gospa as Gospa,
+    gospa as gospa,
+)
+from opir_core.scoring.impacts import (
+    OLDEST_S as OLDEST_S,
+    PHASES as PHASES,
+    ImpactScores as ImpactScores,
+    impact_scores as impact_scores,
+    phase_scores as phase_scores,
+)
+from opir_core.scoring.latency import (
+    cumulative_probability as cumulative_probability,
+    latency_cdf as latency_cdf,
+    latency_mean as latency_mean,
+    latency_quantile as latency_quantile,
+)
+from opir_core.scoring.scorecards import (
+    GEOMETRIES as GEOMETRIES,
+    USUAL_SETTINGS as USUAL_SETTINGS,
+    Scorecard as Scorecard,
+    ScoredRun as ScoredRun,
+    ScoreSettings as ScoreSettings,
+    scorecard as scorecard,
+    scorecard_of as scorecard_of,
+    scored_run as scored_run,
+)
+from opir_core.scoring.sensor_coverage import (
+    coverage as coverage,
+)

@@ -1,0 +1,26 @@
+from opir_core.scoring import (
+    cumulative_probability as cumulative_probability,
+    latency_cdf as latency_cdf,
+    latency_mean as latency_mean,
+    latency_quantile as latency_quantile,
+)
+from opir_photons.detection.band_rules import (
+    RatioGates as RatioGates,
+)
+from opir_photons.detection.cfar import (
+    cfar_false_alarm_probability as cfar_false_alarm_probability,
+    cfar_loss as cfar_loss,
+    cfar_probability_of_detection as cfar_probability_of_detection,
+    cfar_threshold as cfar_threshold,
+)
+from opir_photons.detection.correlated_looks import (
+    effective_looks as effective_looks,
+)
+from opir_photons.detection.threshold import (
+    false_alarm_probability as false_alarm_probability,
+    log_probability_of_detection as log_probability_of_detection,
+    m_of_n_probability as m_of_n_probability,
+    probability_of_detection as probability_of_detection,
+    required_snr as required_snr,
+    threshold_sigma as threshold_sigma,
+)

@@ -1,0 +1,11 @@
+from opir_trackers.initiation import (
+    TrackCandidates as TrackCandidates,
+)
+from opir_trackers.track_priors import (
+    FIRST_FORCE_M_S2 as FIRST_FORCE_M_S2,
+    prior_axes as prior_axes,
+    prior_sigmas as prior_sigmas,
+)
+from opir_trackers.triangulation import (
+    FIRST_HEIGHT_M as FIRST_HEIGHT_M,
+)
