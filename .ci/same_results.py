@@ -63,7 +63,7 @@ def run(python: str, scene: Path, path: Path, **variables: str) -> None:
 
 def simd_disabled(python: str) -> dict[str, str]:
     """Return the environment variable that disables the SIMD code of an interpreter's NumPy beyond its baseline."""
-    line = [python, "-c", "from numpy._core import _multiarray_umath as core; print(*core.__cpu_dispatch__)"]
+    line = [python, "-c", "import numpy; print(*numpy.show_config(mode='dicts')['SIMD Extensions']['found'])"]
     features = subprocess.run(line, check=True, capture_output=True, text=True).stdout.strip()
     return {"NPY_DISABLE_CPU_FEATURES": features}
 

@@ -1,5 +1,8 @@
 """The array types of this house, by what they hold: one name for each, wherever numbers flow."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +17,20 @@ RowArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 #: Words of random streams and identifiers.
 WordArray = NDArray[np.uint64]
+#: Codes and bit masks.
+ByteArray = NDArray[np.uint8]
 
 #: Objects, as `ImpactRegion`s of tracks.
 ObjectArray = NDArray[np.object_]
+
+#: The number type of each array type. numpy does not promise what its own aliases are made of at run time.
+NUMBER_TYPES: Mapping[Any, type[np.generic]] = {
+    FloatArray: np.float64,
+    IntArray: np.int64,
+    IndexArray: np.int32,
+    RowArray: np.intp,
+    BoolArray: np.bool_,
+    WordArray: np.uint64,
+    ByteArray: np.uint8,
+    ObjectArray: np.object_,
+}

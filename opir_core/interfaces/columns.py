@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from operator import is_
-from typing import Any, ClassVar, Generic, Self, TypeVar, get_args, get_type_hints
+from typing import Any, ClassVar, Generic, Self, TypeVar, get_type_hints
 
 import numpy as np
 from attrs import fields
 
-from opir_core.arrays import IntArray
+from opir_core.arrays import NUMBER_TYPES, IntArray
 from opir_core.errors import number_of
 
 _Filled = TypeVar("_Filled", bound="Columns")
@@ -21,7 +21,11 @@ def _names(record: Any) -> tuple[str, ...]:
 
 def _kinds(record: Any) -> tuple[Any, ...]:
     hints = get_type_hints(record)
-    return tuple(get_args(get_args(hints[name])[1])[0] for name in names_of(record))
+    unknown = [name for name in names_of(record) if hints[name] not in NUMBER_TYPES]
+    if unknown:
+        columns = ", ".join(f"{record.__name__}.{name}" for name in unknown)
+        raise TypeError(f"annotate {columns} with an array type of opir_core.arrays, for the number type of no rows")
+    return tuple(NUMBER_TYPES[hints[name]] for name in names_of(record))
 
 
 #: Returns the names of a record's columns, in order; needed for every block of rows.

@@ -11,11 +11,9 @@ The contexts of `build` are in `opir_core.interfaces.contexts`, optional abiliti
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-import numpy as np
 from attrs import field, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
@@ -142,7 +140,7 @@ class Trajectories(Protocol):
     """The trajectories of all targets of one model."""
 
     @property
-    def type_code(self) -> NDArray[np.uint8]:
+    def type_code(self) -> ByteArray:
         """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class resembles."""
 
     @property
@@ -183,7 +181,7 @@ class RandomDraws(Protocol):
 class Measured(Columns):
     """Measurements of looks that detected, as in `Detections`; None for the sensor's own sigma, or if not measured."""
 
-    bands: NDArray[np.uint8]
+    bands: ByteArray
     snr: FloatArray
     line_of_sight_sigma_rad: FloatArray | None = None
     band_irradiance_w_m2: FloatArray | None = None
@@ -210,10 +208,10 @@ class DetectionProbability(Protocol):
 class Classifier(Protocol):
     """Measurements to the reported target type."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> ByteArray | None:
         """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, ObjectArray, WordArray
 from opir_core.interfaces.columns import Columns
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class ClassifierInputs(Columns):
     target: IndexArray
     range_m: FloatArray
     elevation_sine: FloatArray
-    bands: NDArray[np.uint8]
+    bands: ByteArray
     band_count: IntArray
     band_total: IntArray
     detection_count: IndexArray
@@ -106,9 +106,9 @@ class Detections(Columns):
     time_ns: IntArray
     sensor: IndexArray
     scan: IntArray
-    detection_id: NDArray[np.uint64]
-    reported_type: NDArray[np.uint8]
-    bands: NDArray[np.uint8]
+    detection_id: WordArray
+    reported_type: ByteArray
+    bands: ByteArray
     detection_count: IndexArray
     confidence: FloatArray
     line_of_sight_ecef: FloatArray
@@ -234,10 +234,10 @@ class Tracks(Columns):
     impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     available_s: FloatArray = field(default=Factory(lambda rows: rows.tick_s, takes_self=True))
-    impact_regions: NDArray[np.object_] = field(default=Factory(lambda rows: _no_regions(rows), takes_self=True))
+    impact_regions: ObjectArray = field(default=Factory(lambda rows: _no_regions(rows), takes_self=True))
     probability_burning: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
     probability_relights: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    impact_method: NDArray[np.uint8] = field(
+    impact_method: ByteArray = field(
         default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
     )
 
@@ -287,7 +287,7 @@ class Batch:
         return self.body.split(b"\n")[:-1]
 
 
-def _no_regions(tracks: Tracks) -> NDArray[np.object_]:
+def _no_regions(tracks: Tracks) -> ObjectArray:
     nothing = np.empty(len(tracks.tick_s), dtype=np.object_)
     nothing.fill(())
     return nothing

@@ -1,7 +1,7 @@
 """The fields of a configuration class as rows of plain values: for `opir describe`, messages and references."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from attrs import NOTHING, Attribute, asdict, fields, frozen, has
 
@@ -131,5 +131,5 @@ def _kind_text(kind: Any) -> str:
     members = get_args(kind)
     if type(None) in members:
         return " or ".join(_kind_text(member) for member in members)
-    origin = getattr(kind, "__origin__", None)
-    return "mapping" if origin is not None and issubclass(origin, Mapping) else "list" if members else "any"
+    origin = get_origin(kind)
+    return "mapping" if isinstance(origin, type) and issubclass(origin, Mapping) else "list" if members else "any"

@@ -6,6 +6,7 @@ that uses them needs `if __name__ == "__main__":`.
 
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -111,9 +112,12 @@ class ProcessesExecutor:
     def close(self) -> None:
         """End the workers, also those that are in the middle of a task."""
         pool, self._pool = self._pool, None
-        if pool is not None:
-            # The workers by process number; a public way to end them exists from Python 3.14 on.
-            workers = list((getattr(pool, "_processes", None) or {}).values())
+        if pool is None:
+            return
+        if sys.version_info >= (3, 14):
+            pool.terminate_workers()
+        else:  # no public way
+            workers = list((pool._processes or {}).values())
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in workers:
                 worker.terminate()

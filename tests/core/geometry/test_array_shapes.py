@@ -156,9 +156,9 @@ def test_a_wrong_last_axis_is_refused_by_name():
 
 
 def test_not_a_time_has_no_angle():
-    assert np.isnan(gmst_rad(np.datetime64("NaT")))
-    assert np.isnan(julian_date(np.datetime64("NaT")))
-    assert np.all(np.isnan(sun_position_ecef_m(np.datetime64("NaT"))))
+    assert np.isnan(gmst_rad(np.datetime64("NaT", "s")))
+    assert np.isnan(julian_date(np.datetime64("NaT", "s")))
+    assert np.all(np.isnan(sun_position_ecef_m(np.datetime64("NaT", "s"))))
 
 
 def test_epochs_broadcast_with_seconds():

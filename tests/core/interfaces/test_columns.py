@@ -1,10 +1,13 @@
 """Records of columns: columns that are the array of the first one stay so, and others stay apart."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from attrs import frozen
 from opir_testing.doubles import stub_window
 
+from opir_core import arrays
 from opir_core.interfaces.columns import Columns
 
 
@@ -50,3 +53,31 @@ def test_reports_are_at_the_times_of_looks_unless_given() -> None:
     assert late.is_delayed
     assert late.take(slice(0, 0)).is_delayed is False
     assert late.take([2]).reported_ns.tolist() == [9]
+
+
+@frozen(eq=False)
+class Numbers(Columns):
+    """A record as in a module with postponed annotations."""
+
+    row_shapes: ClassVar = {"state": (6,)}
+
+    state: "arrays.FloatArray"
+    codes: "arrays.ByteArray"
+    anything: "arrays.ObjectArray"
+
+
+def test_a_record_without_rows_has_the_number_types_of_its_annotations() -> None:
+    empty = Numbers.empty()
+    assert (empty.state.shape, empty.state.dtype) == ((0, 6), np.float64)
+    assert (empty.codes.shape, empty.codes.dtype) == ((0,), np.uint8)
+    assert (empty.anything.shape, empty.anything.dtype) == ((0,), np.object_)
+
+
+def test_every_array_type_has_its_number_type() -> None:
+    named = {name: alias for name, alias in vars(arrays).items() if name.endswith("Array") and name != "NDArray"}
+    assert set(arrays.NUMBER_TYPES) == set(named.values())
+
+
+def test_a_column_of_no_known_number_type_is_named() -> None:
+    with pytest.raises(TypeError, match=r"annotate Row\.one, Row\.other, Row\.third with an array type"):
+        Row.empty()
