@@ -16,7 +16,8 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
-STOP_S = 5.0
+#: A run that waits for a broker that never comes has not ended so long after it was told to, s.
+STOP_S = 60.0
 
 
 def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
