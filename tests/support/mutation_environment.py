@@ -49,5 +49,6 @@ def check_installation(root: Path, packages: Iterable[str], variables: Mapping[s
     origins: dict[str, str | None] = json.loads(done.stdout)
     elsewhere = {name: at for name, at in origins.items() if not (at and Path(at).resolve().is_relative_to(root))}
     if elsewhere:
-        places = ", ".join(f"{name} ({at or 'not installed'})" for name, at in elsewhere.items())
-        raise UnfitEnvironment(f"not imported from {root}: {places}.")
+        (name, at), *others = elsewhere.items()
+        more = f" and {len(others)} more packages" if others else ""
+        raise UnfitEnvironment(f"not imported from {root}: {name} ({at or 'not installed'}){more}.")
