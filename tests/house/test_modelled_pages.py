@@ -83,7 +83,9 @@ def test_no_configuration_class_is_left_out() -> None:
     for config in settable().values():
         reach(config, reached)
     found = {
-        one for package in ("opir_core", "opir_photons", *(f"opir_{name}" for name in (*PLUGINS, "http"))) for one in configs(package)
+        one
+        for package in ("opir_core", "opir_photons", *(f"opir_{name}" for name in (*PLUGINS, "http")))
+        for one in configs(package)
     }
     assert found - reached == BASES
     assert len(reached) > 30

@@ -21,7 +21,7 @@ def ran(folder: Path, part: tuple[str, ...], deed: str, *words: str) -> "subproc
     scene = SCENE.replace('outputs: ["null"]', f"outputs: {outputs}") + more
     (folder / "scene.yaml").write_text(scene, encoding="utf-8")
     command = [sys.executable, str(RUN), hook, sound, method, deed, "run", str(folder / "scene.yaml"), *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False, cwd=folder)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=folder)
 
 
 @pytest.mark.slow

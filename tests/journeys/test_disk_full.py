@@ -59,4 +59,4 @@ def opir(
     command = [sys.executable, "-m", "opir_core", "run", SCENE, "--set", outputs, *words]
     if small is not None:
         command = ["unshare", "-rm", "sh", "-c", ON_A_SMALL_DISK, "sh", SIZE, *map(str, small), *command]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 from http_service import Stand, serving
-from page_browser import chromium, settled
+from page_browser import PATIENCE_MS, chromium, settled
 from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.browser
@@ -38,7 +38,7 @@ def page(stand: Stand) -> Iterator[Page]:
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.goto(f"http://127.0.0.1:{stand.port}/")
-        expect(page.locator("#state")).to_have_text("running", timeout=20_000)
+        expect(page.locator("#state")).to_have_text("running", timeout=PATIENCE_MS)
         page.wait_for_function("() => Number.isFinite(opirStore.lastS)")
         page.evaluate(ADDED, COUNT)
         yield page
@@ -46,7 +46,9 @@ def page(stand: Stand) -> Iterator[Page]:
 
 @pytest.mark.slow
 def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
-    page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=60_000)
+    page.wait_for_function(
+        f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=PATIENCE_MS
+    )
     assert page.evaluate("opirMap.drawn.impacts") >= COUNT
 
 
@@ -97,11 +99,11 @@ LINES = """async () => {
 
 @pytest.mark.slow
 def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
-    page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=60_000)
+    page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=PATIENCE_MS)
     settled(page)
     # Track 1045 is at 16 degrees south, 30 degrees west.
     place = page.evaluate("opirMap.xy(-30, -16)")
     page.locator("#map").click(position={"x": place[0], "y": place[1]})
     page.wait_for_function("() => opirMap.selected === 'track 1045'")
-    page.locator("#track-rows tr[data-track='1046'] button").press("Enter", timeout=60_000)
+    page.locator("#track-rows tr[data-track='1046'] button").press("Enter", timeout=PATIENCE_MS)
     page.wait_for_function("() => opirMap.selected === 'track 1046'")

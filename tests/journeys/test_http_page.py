@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from http_service import Stand, serving
-from page_browser import chromium, opened
+from page_browser import PATIENCE_MS, chromium, opened
 from playwright.sync_api import Browser, Page, expect
 from repository import ROOT
 
@@ -35,9 +35,9 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
     page.get_by_label("Latitude").first.fill("22.0")
     page.get_by_label("Longitude").first.fill("-160.0")
     page.get_by_label("Longitude").first.press("Enter")
-    expect(page.locator("#answer")).to_contain_text("launches at", timeout=20_000)
-    expect(page.locator("#latest tr").first).to_contain_text("SBIRS-GEO", timeout=20_000)
-    expect(page.locator("#track-rows")).to_contain_text("° N, 160", timeout=40_000)
+    expect(page.locator("#answer")).to_contain_text("launches at", timeout=PATIENCE_MS)
+    expect(page.locator("#latest tr").first).to_contain_text("SBIRS-GEO", timeout=PATIENCE_MS)
+    expect(page.locator("#track-rows")).to_contain_text("° N, 160", timeout=PATIENCE_MS)
     expect(page.locator("#sink-rows")).to_contain_text("open")
     assert page.evaluate("document.querySelectorAll('#timeline b').length") == 8
     page.get_by_label("Latitude").first.fill("95")

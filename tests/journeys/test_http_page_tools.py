@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from http_service import SCENE, Stand, serving
 from opir_http.replay import Replay
-from page_browser import chromium, opened, settled, viewing
+from page_browser import PATIENCE_MS, chromium, opened, settled, viewing
 from playwright.sync_api import Browser, Page, expect
 from waiting import until
 
@@ -44,7 +44,7 @@ def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 def tracked(page: Page) -> int:
     """Return the number of the first track, which has a row by then."""
-    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=60_000)
+    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
 
 
@@ -85,7 +85,7 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
     assert given == pytest.approx([-155.0, 20.0, 170.0], abs=0.5)
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_role("button", name="Launch", exact=True).click()
-    expect(page.locator("#answer")).to_contain_text("launches at", timeout=20_000)
+    expect(page.locator("#answer")).to_contain_text("launches at", timeout=PATIENCE_MS)
     assert not complaints
     page.context.close()
 
@@ -141,7 +141,7 @@ def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser
 def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
     first, _, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(first)
-    first.wait_for_function(f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=60_000)
+    first.wait_for_function(f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=PATIENCE_MS)
     first.context.close()
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.wait_for_function("() => opirStore.hits.length > 0 && opirStore.tracks.size > 0")
@@ -157,7 +157,7 @@ def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None
 def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
     page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
     expect(page.locator("#launch-panel")).to_be_hidden()
-    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=30_000)
+    expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
     page.get_by_role("button", name="Pause").click()
     held = page.evaluate("opirPlayer.timeS")
     page.evaluate(SEEK, 180)

@@ -16,7 +16,8 @@ from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
-STOP_S = 5.0
+#: A run that waits for a broker that never comes has not ended so long after it was told to, s.
+STOP_S = 60.0
 
 
 def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:

@@ -114,11 +114,14 @@ def test_a_place_that_cannot_be_written_is_told(opir: Opir, tmp_path: Path) -> N
     assert "cannot be written: Not a directory" in told
 
 
-@pytest.fixture(scope="module")
-def packages(outsider: Any) -> Path:
-    """A package of each kind, written by the wheel's `opir` and installed beside it."""
-    folder: Path = outsider.folder / "packages"
-    folder.mkdir()
+@pytest.fixture(scope="session")
+def packages(outsider: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of each kind, written by the wheel's `opir` and installed beside it.
+
+    Made once per process, as `outsider` is: with `--dist=worksteal` a worker may come back to a module, and `opir` does
+    not write a package whose name is installed.
+    """
+    folder = tmp_path_factory.mktemp("packages")
     for kind, name in NAMES.items():
         done = outsider.opir("new-plugin", kind, name, cwd=folder)
         assert done.returncode == 0, done.stderr

@@ -5,7 +5,7 @@ import random
 import sys
 import sysconfig
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from repository import ROOT
 
 from opir_core.host.discovery import CORE_PLUGINS
 from opir_core.host.host import Host
-from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import plan_windows, simulate
+from opir_core.simulation.manifest import run_manifest
+from opir_core.simulation.run import plan_windows
+from opir_core.simulation.summary import Tally
 
 PLUGINS = sorted(
     path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml") if "entry-points" in path.read_text("utf-8")
@@ -113,11 +114,22 @@ def path_of_folders(monkeypatch: pytest.MonkeyPatch) -> Choose:
 
 def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
     """Return a scene's events and its manifest, with what is installed."""
-    host = Host.discover()
-    plan = planned(scene, host)
-    events = b"".join(encoder_of(plan).encode(window) for window in plan_windows(plan))
-    manifest = simulate(scene_from_mapping(dict(scene), host=host), host).manifest
-    return events, json.dumps(manifest, sort_keys=True)
+    plan = planned(scene, Host.discover())
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
+    windows = list(tally.over(plan_windows(plan)))
+    events = b"".join(encoder_of(plan).encode(window) for window in windows)
+    return events, json.dumps(run_manifest(plan, tally.counts()), sort_keys=True)
+
+
+def orders(needed: Sequence[str], others: Sequence[str]) -> Iterator[list[str]]:
+    """Yield what is installed, in order: the least, each pair in both orders, and by chance."""
+    everything = [*needed, *others]
+    yield from (list(needed), everything, everything[::-1])
+    dice = random.Random(20260401)
+    for _ in range(2):
+        chosen = [*needed, *(other for other in others if dice.random() < 0.5)]
+        dice.shuffle(chosen)
+        yield chosen
 
 
 @pytest.mark.slow
@@ -129,12 +141,8 @@ def test_other_plugins_and_their_order_change_no_byte(
     scene.pop("outputs", None)
     everything = results(scene)
     assert len(everything[0]) > 1000
-    dice = random.Random(20260401)
     needed = sorted(SCENES[name])
-    for _ in range(10):
-        others = [other for other in shelf if other not in needed and dice.random() < 0.5]
-        order = [*needed, *others]
-        dice.shuffle(order)
+    for order in orders(needed, [other for other in shelf if other not in needed]):
         path_of_folders([shelf[one] for one in order])
         rows = {row.plugin: row.state for row in Host.discover().catalogue()}
         assert rows.keys() - CORE_PLUGINS.keys() == {one.removeprefix("opir_") for one in order}

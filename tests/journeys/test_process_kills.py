@@ -62,7 +62,7 @@ class Viewer(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             connection.request("GET", "/stream")
             response = connection.getresponse()
@@ -79,7 +79,7 @@ class Viewer(threading.Thread):
 
 
 def status(port: int) -> Any:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     try:
         connection.request("GET", "/status")
         return json.loads(connection.getresponse().read())

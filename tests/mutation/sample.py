@@ -5,11 +5,17 @@
 All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
 of its folder, then the slow ones, then the other quick tests that import it, nearest first, and those of the
 documentation, then the other slow ones. The first test that fails kills it. So does a hang: a test that does not end
-within a limit. A mutant survives if no test fails within the time limit of each of the four.
+within a limit, if it ends within a tenth of it without the mutant. A mutant survives if no test fails within the time
+limit of each of the four.
+
+Each test that kills runs again without the mutant. If it fails then too, the environment is refused: nothing that it
+says of mutants is true. So is one without the libraries of the extra `peers`, or where this checkout is not installed
+editable.
 """
 
 import argparse
 import json
+import math
 import os
 import queue
 import random
@@ -21,16 +27,17 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from attrs import asdict, frozen
+from attrs import asdict, evolve, frozen
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
 from import_distances import distances, imports_of, source_files  # noqa: E402
+from mutation_environment import UnfitEnvironment, check_installation, check_libraries, packages_of  # noqa: E402
 from one_token_mutants import Site, mutated, sites  # noqa: E402
 
 #: Folders of tests that import the code, and tests of tests/house that run it without an import of their own.
@@ -38,22 +45,29 @@ RUNNING = ("core", "plugins", "contracts", "against", "journeys")
 DOCUMENTED = ("tests/house/test_documentation.py", "tests/house/test_modelled_pages.py")
 PYTEST = ("-q", "-x", "-n", "0", "-p", "no:cacheprovider", "--tb=line", "-rfE")
 PROPERTIES = ("--hypothesis-profile=unshrunk", "--hypothesis-seed=0")
-#: A mutant may allocate without end.
+#: A mutant may allocate without end. The test that was started last is the one that failed or hangs; beside its name
+#: is how long it took.
 MOST_BYTES = 16 << 30
+LAST_TEST = "last_test.json"
 START = f"""
-import resource, sys, pytest
+import json, pathlib, resource, sys, time, pytest
 resource.setrlimit(resource.RLIMIT_AS, ({MOST_BYTES}, {MOST_BYTES}))
-sys.exit(pytest.main(sys.argv[1:]))
+class Watch:
+    path = pathlib.Path("{LAST_TEST}").resolve()
+    def pytest_runtest_logstart(self, nodeid):
+        self.began = time.monotonic()
+        self.path.write_text(json.dumps([nodeid, None]))
+    def pytest_runtest_logfinish(self, nodeid):
+        self.path.write_text(json.dumps([nodeid, time.monotonic() - self.began]))
+sys.exit(pytest.main(sys.argv[1:], plugins=[Watch()]))
 """
 PASSED = {0, 5}
 #: As pytest allows slow tests in tests/conftest.py and others in pyproject.toml.
 SLOWER = 600 / 120
+#: A hang is a kill if the test ends within this part of its limit without the mutant.
+QUICK_PART = 0.1
 POLL_S = 0.2
 OUT_OF_TIME = "tests left out at the time limit"
-COPY_TEST = """
-import opir_core
-def test_copy(): assert opir_core.__file__.startswith({place!r})
-"""
 
 
 @frozen
@@ -93,10 +107,26 @@ class Stage:
     files: list[str]
     chosen: str
     left_out: tuple[str, ...] = ()
+    collected_only: bool = False
 
     def words(self) -> list[str]:
         """Return these tests as arguments of pytest."""
-        return ["-m", self.chosen, *(f"--deselect={test}" for test in self.left_out), *self.files]
+        left_out = (f"--deselect={test}" for test in self.left_out)
+        return ["-m", self.chosen, *left_out, *["--collect-only"] * self.collected_only, *self.files]
+
+
+@frozen
+class Outcome:
+    """What tests say: killed, hang or survived; the line that says so; the test started last, and its time.
+
+    `test` is empty if none was started, as of files that cannot be collected: `seconds` is then the time of all.
+    `seconds` is infinite if the test did not end.
+    """
+
+    kind: str
+    by: str
+    test: str = ""
+    seconds: float = math.inf
 
 
 @frozen
@@ -111,16 +141,21 @@ class Work:
 def main() -> None:
     """Draw the mutants, run their tests and print the survivors."""
     asked = _arguments()
+    check_libraries()
+    packages = packages_of(source_files(ROOT))
+    check_installation(ROOT, packages)
     limits = Limits(asked.test_limit_s, asked.limit_s)
     work = _work(asked.draws, asked.seed, asked.deselect)
     results = list[Result]()
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
         copies: queue.SimpleQueue[Path] = queue.SimpleQueue()
         for job in range(asked.jobs):
-            copies.put(_checked(_copy(Path(folder, str(job)).resolve()), limits))
+            copy = _copy(Path(folder, str(job)).resolve())
+            check_installation(copy, packages, _variables(copy))
+            copies.put(copy)
         running = [pool.submit(_result, each, copies, limits) for each in work]
         for done in as_completed(running):
-            results.append(done.result())
+            results.append(_judged(done, pool))
             print(f"{len(results)}/{len(work)} {_words(results[-1])}", flush=True)
             if asked.out:
                 asked.out.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
@@ -204,34 +239,54 @@ def _copy(place: Path) -> Path:
     return place
 
 
-def _checked(copy: Path, limits: Limits) -> Path:
-    """Return a copy whose tests run, with its own modules; raise `SystemExit` if they do not."""
-    test = copy / "tests" / "core" / "test_copy.py"
-    test.write_text(COPY_TEST.format(place=str(copy)))
-    outcome, by = _outcome(copy, Stage([str(test)], "not slow"), limits)
-    test.unlink()
-    if outcome != "survived":
-        raise SystemExit(f"the tests do not run in a copy of this checkout: {by}")
-    return copy
+def _judged(done: "Future[Result]", pool: ThreadPoolExecutor) -> Result:
+    """Return the result of a mutant; begin no others if the environment is refused."""
+    try:
+        return done.result()
+    except UnfitEnvironment:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
 
 
 def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Result:
     copy, start = copies.get(), time.monotonic()
     place = copy / work.mutant.file
     original = place.read_text(encoding="utf-8")
-    outcome, told = "survived", list[str]()
+    outcome, told = Outcome("survived", ""), list[str]()
     try:
-        _write(place, work.source)
         for stage in work.stages:
-            outcome, by = _outcome(copy, stage, limits)
-            told.append(by)
-            if outcome != "survived":
+            _write(place, work.source)
+            outcome = _outcome(copy, stage, limits)
+            _write(place, original)
+            outcome = _confirmed(copy, stage, outcome, limits)
+            told.append(outcome.by)
+            if outcome.kind != "survived":
                 break
     finally:
         _write(place, original)
         copies.put(copy)
-    by = told[-1] if outcome != "survived" else "; ".join(told) or "no test imports it"
-    return Result(work.mutant, outcome, by, round(time.monotonic() - start, 1))
+    by = told[-1] if outcome.kind != "survived" else "; ".join(told) or "no test imports it"
+    return Result(work.mutant, outcome.kind, by, round(time.monotonic() - start, 1))
+
+
+def _confirmed(copy: Path, stage: Stage, outcome: Outcome, limits: Limits) -> Outcome:
+    """Return the outcome of a stage, or "survived" for a hang of a test that takes its time without the mutant too.
+
+    Runs the test again in `copy`, unmutated, or collects the stage's files if none was started. Raises
+    `UnfitEnvironment` if that fails.
+    """
+    if outcome.kind == "survived":
+        return outcome
+    files = [outcome.test] if outcome.test else stage.files
+    again = evolve(stage, files=files, chosen="", collected_only=not outcome.test)
+    longest = _longest(stage, limits)
+    unmutated = _outcome(copy, again, evolve(longest, all_s=max(longest.test_s, longest.all_s)))
+    if unmutated.kind == "killed":
+        raise UnfitEnvironment(f"this fails without a mutant too (or else leave it out, --deselect): {unmutated.by}")
+    if outcome.kind == "hang" and unmutated.seconds > QUICK_PART * longest.test_s:
+        test = outcome.test or "collecting the tests"
+        return Outcome("survived", f"no kill: {test} takes over {QUICK_PART:.0%} of its limit without the mutant too")
+    return outcome
 
 
 def _write(path: Path, source: str) -> None:
@@ -241,19 +296,30 @@ def _write(path: Path, source: str) -> None:
         compiled.unlink()
 
 
-def _outcome(copy: Path, stage: Stage, limits: Limits) -> tuple[str, str]:
-    """Return what the tests say of a copy, and the test that failed or how far they came."""
-    output = copy / "output.txt"
+def _longest(stage: Stage, limits: Limits) -> Limits:
+    return evolve(limits, test_s=limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0))
+
+
+def _outcome(copy: Path, stage: Stage, limits: Limits) -> Outcome:
+    """Return what the tests of a stage say of a copy."""
+    output, last = copy / "output.txt", copy / LAST_TEST
+    last.unlink(missing_ok=True)
+    start = time.monotonic()
     with output.open("wb") as stream:
         command = [sys.executable, "-c", START, *PYTEST, *PROPERTIES, *stage.words()]
         settings: dict[str, Any] = {"cwd": copy, "env": _variables(copy), "start_new_session": True}
         process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, **settings)
-        longest = Limits(limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0), limits.all_s)
-        stopped = _stopped(process, output, longest)
-    if stopped:
-        return stopped
+        stopped = _stopped(process, output, _longest(stage, limits))
+    kind, by = stopped or _said(process.returncode, output, stage)
+    whole_s = math.inf if stopped else time.monotonic() - start
+    test, seconds = json.loads(last.read_text(encoding="utf-8")) if last.exists() else ("", whole_s)
+    return Outcome(kind, by, test, math.inf if seconds is None else seconds)
+
+
+def _said(code: int, output: Path, stage: Stage) -> tuple[str, str]:
+    """Return what tests that have ended say, and the line of the first that failed."""
     lines = output.read_text(encoding="utf-8", errors="replace").split("\n")
-    if process.returncode in PASSED:
+    if code in PASSED:
         return "survived", f"all {stage.chosen} passed"
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     return "killed", (failed or [line for line in lines if line] or ["no output"])[0]

@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import mutation_environment
 import pytest
 from import_distances import distances, imports_of
 from repository import ROOT
@@ -119,19 +120,82 @@ def write(folder: Path, files: dict[str, str]) -> None:
 def test_what_tests_say_of_a_mutant(
     tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, told: str
 ) -> None:
-    settings = "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
-    write(
-        tmp_path,
-        {
-            "test_a.py": source,
-            "conftest.py": settings,
-            "plugins/opir_x/x.py": "",
-            "pytest.ini": "[pytest]\nmarkers = slow",
-        },
+    said = sample._outcome(
+        checkout(tmp_path, source), sample.Stage(["test_a.py"], "not slow"), sample.Limits(*limits_s)
     )
-    said, by = sample._outcome(tmp_path, sample.Stage(["test_a.py"], "not slow"), sample.Limits(*limits_s))
-    assert said == outcome
-    assert by.startswith(told)
+    assert said.kind == outcome
+    assert said.by.startswith(told)
+
+
+def checkout(folder: Path, source: str) -> Path:
+    """Return a folder like a copy of the checkout, with one file of tests."""
+    settings = "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
+    files = {
+        "test_a.py": source,
+        "conftest.py": settings,
+        "plugins/opir_x/x.py": "",
+        "pytest.ini": "[pytest]\nmarkers = slow\naddopts = --disable-plugin-autoload -p hypothesispytest -p xdist",
+    }
+    write(folder, files)
+    return folder
+
+
+#: What the tests of a copy may be without a mutant.
+FAILS = "import nothing_of_this_name\n"
+PASSES = "def test_a(): pass\n"
+SLEEPS = "import time\ndef test_a(): time.sleep({})\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("outcome", "unmutated", "confirmed"),
+    [
+        (("killed", "by", "test_a.py::test_a"), PASSES, "killed"),
+        (("killed", "by", ""), PASSES, "killed"),
+        (("hang", "by", "test_a.py::test_a"), PASSES, "hang"),
+        (("hang", "by", "test_a.py::test_a"), SLEEPS.format(2.1), "survived"),
+    ],
+)
+def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
+    tmp_path: Path, outcome: tuple[str, str, str], unmutated: str, confirmed: str
+) -> None:
+    """The limit is 20 s: a hang counts if the test takes less than 2 s, however long the process takes."""
+    stage = sample.Stage(["test_a.py"], "not slow")
+    copy = checkout(tmp_path, unmutated)
+    said = sample._confirmed(copy, stage, sample.Outcome(*outcome), sample.Limits(20.0, 60.0))
+    assert said.kind == confirmed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("unmutated", "test"), [(FAILS, ""), ("def test_a(): assert False", "test_a.py::test_a")])
+def test_an_environment_in_which_a_killing_test_fails_anyway_is_refused(
+    tmp_path: Path, unmutated: str, test: str
+) -> None:
+    stage = sample.Stage(["test_a.py"], "not slow")
+    outcome = sample.Outcome("killed", "by", test)
+    with pytest.raises(SystemExit, match=r"(?s)cannot be judged .*fails without a mutant.* test_a.py.*make install"):
+        sample._confirmed(checkout(tmp_path, unmutated), stage, outcome, sample.Limits(60.0, 60.0))
+
+
+def test_an_environment_without_the_libraries_of_tests_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mutation_environment.peer_libraries, "missing", lambda: {"numba", "astropy"})
+    with pytest.raises(SystemExit, match=r"(?s)`peers` is missing: astropy, numba\..*make install"):
+        mutation_environment.check_libraries()
+
+
+def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -> None:
+    """In a copy, `json` of the standard library is elsewhere, and `opir_x` is that of the copy with its path only."""
+    copy = tmp_path.resolve()
+    write(copy, {"plugins/opir_x/opir_x/__init__.py": "", "tests/a": ""})
+    assert mutation_environment.packages_of(["plugins/opir_x/opir_x/a.py", "opir_core/b/c.py"]) == [
+        "opir_core",
+        "opir_x",
+    ]
+    mutation_environment.check_installation(copy, ["opir_x"], sample._variables(copy))
+    with pytest.raises(SystemExit, match=r"(?s)not imported from .*opir_x \(not installed\).*make install"):
+        mutation_environment.check_installation(copy, ["opir_x"])
+    with pytest.raises(SystemExit, match=r"json \(.*__init__\.py\)"):
+        mutation_environment.check_installation(copy, ["json", "opir_x"], sample._variables(copy))
 
 
 @pytest.mark.slow

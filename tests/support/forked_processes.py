@@ -45,13 +45,13 @@ def killed_at_random(module: str, function: str, folder: Path, moments: int, lon
     dice, first = random.Random(moments), 0
     for _ in range(moments):
         folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
-        number = int(within(30.0, folk.stdout.readline))
-        until(lambda: next_number(folder / "taken") > first, 30.0)  # noqa: B023
+        number = int(within(120.0, folk.stdout.readline))
+        until(lambda: next_number(folder / "taken") > first)  # noqa: B023
         time.sleep(longest_s * dice.random())
         os.kill(number, signal.SIGKILL)
-        until(lambda: not is_alive(number), 30.0)  # noqa: B023 - read before the next is born
+        until(lambda: not is_alive(number))  # noqa: B023 - read before the next is born
         first = next_number(folder / "taken")
-    folk.communicate(timeout=30.0)
+    folk.communicate(timeout=60.0)
     return first
 
 

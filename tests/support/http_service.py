@@ -74,7 +74,7 @@ class Stand:
         body: Any = None,
         headers: Mapping[str, str] | None = None,
         *,
-        timeout_s: float = 20,
+        timeout_s: float = 60,
     ) -> Answer:
         """Make one request; a body that is not bytes is sent as JSON. An answer that does not end in time fails."""
         raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
@@ -115,12 +115,12 @@ def serving(
         thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
         thread.start()
         try:
-            assert begun.wait(10.0), "the server does not start"
+            assert begun.wait(60.0), "the server does not start"
             yield Stand(listening.getsockname()[1], service, servers[0])
         finally:
             for server in servers:
                 server.should_exit = True
-            thread.join(10.0)
+            thread.join(60.0)
             service.feed.stop()
             service.run.stop()
             assert not thread.is_alive(), "the server does not stop"

@@ -14,6 +14,8 @@ from opir_http.server import Server, bound
 from opir_http.viewing import view_server
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+#: How long a page may take to show what it is waited for, on a machine that does other work, ms.
+PATIENCE_MS = 60_000
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -35,6 +37,7 @@ def opened(
 ) -> tuple[Page, list[str], list[str]]:
     """Open the page; return it with the messages of its console and the addresses that it requests."""
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     complaints: list[str] = []
     asked: list[str] = []
@@ -43,7 +46,7 @@ def opened(
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"http://127.0.0.1:{port}/")
-    expect(page.locator("#state")).to_have_text(state, timeout=20_000)
+    expect(page.locator("#state")).to_have_text(state, timeout=PATIENCE_MS)
     return page, complaints, asked
 
 
@@ -72,9 +75,9 @@ def viewing(replay: Replay) -> Iterator[int]:
         thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
         thread.start()
         try:
-            assert begun.wait(10.0), "the server does not start"
+            assert begun.wait(60.0), "the server does not start"
             yield listening.getsockname()[1]
         finally:
             for server in servers:
                 server.should_exit = True
-            thread.join(10.0)
+            thread.join(60.0)

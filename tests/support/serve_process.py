@@ -38,10 +38,10 @@ class Nursery:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f"opir {json.dumps([str(log), *words])}\n")
-        return int(within(30.0, self._process.stdout.readline))
+        return int(within(120.0, self._process.stdout.readline))
 
     def close(self) -> None:
-        self._process.communicate(timeout=20.0)
+        self._process.communicate(timeout=60.0)
 
 
 @contextmanager

@@ -104,7 +104,7 @@ class WatchedService:
         return self.log.read_text(encoding="utf-8") if self.log.exists() else ""
 
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             more = {"Content-Type": "application/json"} if body is not None else {}
             connection.request(method, path, None if body is None else json.dumps(body), {**more, **headers})
@@ -149,7 +149,7 @@ class WatchedService:
         assert self.number is not None
         self._observe_given()
         os.kill(self.number, signal.SIGTERM)
-        until(lambda: not is_alive(self.number or 0), 20.0)
+        until(lambda: not is_alive(self.number or 0))
         self.number, self.is_faulty = None, False
         told = self.told()
         assert "Traceback" not in told, told
@@ -192,7 +192,7 @@ class WatchedService:
 
     def _observe_given(self) -> None:
         """Note how many events were given; a window is counted after it is in the spool, so wait until it is."""
-        give_up_s = time.monotonic() + (3.0 if not self.is_faulty else 0.3)
+        give_up_s = time.monotonic() + (60.0 if not self.is_faulty else 0.3)
         while True:
             sinks = self.ask("GET", "/status")[1]["sinks"]
             off = [sum(sink[name] for name in COUNTS) - sink["given"] - sink["recovered"] for sink in sinks]

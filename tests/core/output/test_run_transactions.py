@@ -302,7 +302,7 @@ def test_a_process_that_a_signal_ends_leaves_the_run_before(
     until(lambda: (good / "e.jsonl.part").exists() and (good / "e.jsonl.part").stat().st_size > 0)
     time.sleep(0.1)
     process.send_signal(getattr(signal, number))
-    assert process.wait(30.0) == code
+    assert process.wait(60.0) == code
     after = contents(good)
     assert {name: after[name] for name in NAMES} == before
     assert (len(after) == len(NAMES)) == (number != "SIGKILL")

@@ -20,7 +20,7 @@ def test_health_is_answered_above_the_limit_of_connections(tmp_path: Path, monke
     monkeypatch.setattr(server, "MAXIMUM_CONNECTIONS", 3)
     with serving(tmp_path) as running, ExitStack() as held:
         for _ in range(3):
-            held.enter_context(socket.create_connection(("127.0.0.1", running.port), timeout=10))
+            held.enter_context(socket.create_connection(("127.0.0.1", running.port), timeout=60))
         until(lambda: len(running.server.server_state.connections) == 3)
         assert running.ask("GET", "/health/live").status == 200
         refused = running.ask("GET", "/status")
@@ -30,7 +30,7 @@ def test_health_is_answered_above_the_limit_of_connections(tmp_path: Path, monke
 def test_a_client_has_a_limit_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "LOOPBACK", frozenset())
     monkeypatch.setattr(server, "CONNECTIONS_PER_CLIENT", 1)
-    with serving(tmp_path) as running, socket.create_connection(("127.0.0.1", running.port), timeout=10):
+    with serving(tmp_path) as running, socket.create_connection(("127.0.0.1", running.port), timeout=60):
         until(lambda: len(running.server.server_state.connections) == 1)
         assert running.ask("GET", "/status").status == 503
         assert running.ask("GET", "/health/live").status == 200

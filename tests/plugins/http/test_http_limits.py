@@ -44,7 +44,7 @@ def test_viewers_are_bounded(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
         config = running.ask("GET", "/config").json
         running.ask("PUT", "/config", config | {"http": config["http"] | {"maximum_viewers": 1}}, {"If-Match": "*"})
-        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as first:
+        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as first:
             first.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
             assert first.recv(15).startswith(b"HTTP/1.1 200")
             second = running.ask("GET", "/stream")
@@ -115,9 +115,9 @@ def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(server, "_CHECK_S", 0.1)
     monkeypatch.setattr(gate, "BODY_S", 0.5)
     with serving(tmp_path) as running:
-        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as slow, pytest.raises(ConnectionError):
-            trickle(slow, b"GET /status HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 200)
-        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as slow:
+        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as slow, pytest.raises(ConnectionError):
+            trickle(slow, b"GET /status HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 2000)
+        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as slow:
             head = b"POST /trigger HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
             slow.sendall(head + b"Content-Length: 100\r\n\r\n{")
             assert slow.recv(100).startswith(b"HTTP/1.1 408")

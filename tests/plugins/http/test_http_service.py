@@ -165,7 +165,7 @@ def test_a_sink_that_falls_behind_makes_the_service_not_ready(tmp_path: Path, mo
     with serving(tmp_path, "--speed", "5") as running:
         outlet = running.service.run._sinks[0]
         gate_ = threading.Event()
-        outlet._sink.write = lambda _window: gate_.wait(20.0)
+        outlet._sink.write = lambda _window: gate_.wait(60.0)
 
         def is_unready() -> bool:
             time.sleep(0.1)
@@ -189,7 +189,7 @@ def test_the_stream_brings_detections_and_status(stand: Stand) -> None:
 
 
 def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
-    connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
 
     def events() -> list[tuple[str, Any]]:
         connection.request("GET", path)
