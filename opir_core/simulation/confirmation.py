@@ -3,6 +3,9 @@
 import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
+from opir_core.interfaces.optional import ConfirmingModel
+from opir_core.planning.plan import Plan
+from opir_core.simulation.output_checks import checked_confirmation
 
 #: Before every scan.
 _NEVER = -(1 << 62)
@@ -47,3 +50,15 @@ class Confirmation:
             new = scan[np.where(is_new, start + times - 1 - back, start)]
             old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
             self.recent[pair, back] = np.where(is_new, new, old)
+
+
+def confirmation_of(plan: Plan) -> Confirmation | None:
+    """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
+    model = plan.detection
+    if not isinstance(model, ConfirmingModel):
+        return None
+    confirmation = checked_confirmation(model.confirmation, len(plan.sensors))
+    if not np.any(confirmation[:, 0] > 1):
+        return None
+    needed, scans = confirmation[plan.pairs.sensor].T
+    return Confirmation(needed, scans)
