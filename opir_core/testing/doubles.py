@@ -22,7 +22,7 @@ from opir_core.interfaces.records import (
     Window,
 )
 from opir_core.orbits.orbit_models import GeostationaryOrbit
-from opir_core.planning.pair_compiler import compile_pairs
+from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.solar_exclusion import solar_exclusions
 from opir_core.planning.targets import join_targets
@@ -292,9 +292,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
     end_ns = round(scene.duration_s * _NS)
     starts = [0.0] * len(sensors)
     exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
-    pairs, sightlines = compile_pairs(
-        sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns, exclusions=exclusions
-    )
+    pairs, sightlines = PairCompiler(sensors, targets, starts, scene.light_time, end_ns, exclusions).compiled()
     models: dict[str, Any] = {
         "detection": CertainDetection(),
         "classifier": UnknownClassifier(),
