@@ -55,11 +55,11 @@ class SpectralClassifier:
     confidence: float
     least_log_odds: float
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: types vary from detection to detection."""
         return None
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`; no random numbers are drawn."""
         return self.reported(self.log_posterior(sightings))
 

@@ -141,12 +141,12 @@ class SnrDetection:
         """Return the scene times (targets, k) at which signals may jump or bend."""
         return self.environment.breakpoints_s()
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the measurements of looks that detected."""
-        return self.measure_response(self.response(exposures), exposures.sensor, dice)
+        return self.measure_response(self.response(exposures), exposures.sensor, rng)
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return measurements conditional on the detection: a free draw, or another if that does not detect."""
         found = MeasuredColumns.of(len(sensor), self.width)
@@ -157,7 +157,7 @@ class SnrDetection:
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
-                measured = dice.take(part).normals("measurement", width)
+                measured = rng.take(part).normals("measurement", width)
                 measured += response.snr[part, :width]
                 again = np.flatnonzero(~rule.passes(measured, receiver.slopes(noise, response.sine(part))))
                 found.put(part, measured, noise, rule, spread)
@@ -165,7 +165,7 @@ class SnrDetection:
             left = np.concatenate(failed)
             if len(left):
                 # The bits of a uniform number are exact on every platform, those of a normal number are not.
-                seeds = np.ascontiguousarray(dice.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
+                seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
                 snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
                 slopes = receiver.slopes(noise, response.sine(left))
                 measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)

@@ -84,7 +84,7 @@ def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatA
 def solved_from(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what `solved` does, from guesses of azimuths and burnout speeds."""
+    """Return azimuths and burnout speeds as `solved` does, from initial guesses."""
     two_body = shot.in_two_body_motion()
     azimuth_rad, speed_m_s = corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
     if two_body is shot:

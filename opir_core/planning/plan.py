@@ -267,7 +267,7 @@ def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
 
 
 def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
-    """Return what the component of a scene's choice builds, of the choice's configuration or another.
+    """Build the component of a scene's choice, from the choice's configuration or another.
 
     Raises `ModelError` that names the component and its owner if it fails.
     """
@@ -278,7 +278,7 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
 
 
 def _tracker_fault(part: Any) -> str:
-    """Return what a tracker lacks, or ""; one that never steps needs no methods."""
+    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no methods."""
     if getattr(part, "cadence_s", 0.0) is None:
         return ""
     what = kind_of(part)
@@ -296,7 +296,7 @@ def _tracker_fault(part: Any) -> str:
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
-    """Return what is built of each block of `sources`."""
+    """Build the sources, one for each block of `sources`."""
     if not scene.sources:
         return ()
     from opir_core.planning.environment import make_sources

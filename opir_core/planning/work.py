@@ -88,7 +88,7 @@ class Workload:
                 raise SceneError([Problem(f"limits.{limit}", text)])
 
     def _remedy(self, span: str) -> str:
-        """Return what to change: the scan period of the sensor with the most looks and false alarms."""
+        """Return the remedy: a longer scan period of the sensor with the most looks and false alarms."""
         work = self._false_alarms_per_s() * self.end_ns / _NS
         np.add.at(work, self.pairs.sensor, self.pairs.looks.astype(np.float64))
         sensor = self.sensors[int(work.argmax())]

@@ -123,7 +123,7 @@ class StraightTrajectories:
         return position
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return what each is and where it begins."""
+        """Return the truth of each source, its kind and start, as plain values."""
         return self.told
 
 

@@ -148,7 +148,7 @@ class TargetClass:
         return values.get(self.name, values.get(self.resembles))
 
     def fault(self) -> str:
-        """Return what is wrong with the class (`with ...`, `without ...`), or ""."""
+        """Return the first error of the class (`with ...`, `without ...`), or ""."""
         names = [profile.name for profile in self.profiles]
         lacking = [name for name in names if name not in self.plumes]
         faults = (

@@ -192,9 +192,9 @@ class FalseAlarmGenerator:
     def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
         """Return reported types and log probabilities; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
-        if self._classifier.pair_type(nobody, nobody, _NoDice()) is not None:
+        if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
             return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
-        return classified(self._classifier, sightings, _NoDice(len(sightings)), self._types_total)
+        return classified(self._classifier, sightings, _NoDraws(len(sightings)), self._types_total)
 
 
 def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
@@ -205,7 +205,7 @@ def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
 
 
 @frozen
-class _NoDice:
+class _NoDraws:
     """Random draws for classifiers where there is no pair: always one half."""
 
     rows: int = 0
@@ -219,8 +219,8 @@ class _NoDice:
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         return np.full((self.rows, words), 0.5)
 
-    def take(self, rows: Any) -> "_NoDice":
-        return _NoDice(len(np.arange(self.rows)[rows]))
+    def take(self, rows: Any) -> "_NoDraws":
+        return _NoDraws(len(np.arange(self.rows)[rows]))
 
 
 def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:

@@ -176,7 +176,7 @@ def _are_whole(numbers: Any, count: int) -> bool:
 
 
 def _fault(estimates: Any, tick_s: float) -> str:
-    """Return what is wrong with the estimates of a tick, or ""."""
+    """Return the first error in the estimates of a tick, or ""."""
     if not isinstance(estimates, Tracks):
         return f"returned {outline(estimates)}, no opir_core.interfaces.records.Tracks"
     times: Any = estimates.tick_s
@@ -201,7 +201,7 @@ def _fault(estimates: Any, tick_s: float) -> str:
 
 
 def _fault_in_values(estimates: Tracks) -> str:
-    """Return what is wrong with the numbers of estimates, or ""; nan stands for what is unknown."""
+    """Return the first error in the values of estimates, or ""; nan stands for unknown values."""
     for name in ("state", "launch", "impact", "burnout"):
         if np.isinf(getattr(estimates, name)).any():
             return f"returned {name} with infinite values"
@@ -219,7 +219,7 @@ def _fault_in_values(estimates: Tracks) -> str:
 
 
 def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
-    """Return what is wrong with covariances (n, k, k), or "": symmetric, no negative variance in any direction."""
+    """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive semidefinite."""
     known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
     if not len(known):
         return ""

@@ -193,7 +193,7 @@ class CertainDetection:
         """Return the probability of each look."""
         return np.full(len(exposures), self.chance)
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the first band, and no SNR."""
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
@@ -202,11 +202,11 @@ class CertainDetection:
 class UnknownClassifier:
     """A classifier that reports UNKNOWN."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: detection by detection."""
         return None
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
         return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
 

@@ -73,7 +73,7 @@ class Staging:
         return burns - self.tail_off_s
 
     def fault(self) -> str:
-        """Return what is wrong with the stages, or ""."""
+        """Return the first error of the stages, or ""."""
         turned_s = self.vertical_rise_s + self.pitch_over_s + self.tail_off_s
         if turned_s >= self.stages[0].burn_time_s:
             burn = f"stage 1 burns for {self.stages[0].burn_time_s:g} s"
