@@ -35,8 +35,7 @@ class ConstantDetection:
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
         """Return the probabilities (n,) of pairs."""
-        chosen: FloatArray = self.probability_table[sensor, self.class_number[target]]
-        return chosen
+        return self.probability_table[sensor, self.class_number[target]]
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probabilities (n,) of looks: those of their pairs."""

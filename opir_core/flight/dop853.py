@@ -297,8 +297,7 @@ class Stages:
 
 def _square(rows: FloatArray) -> FloatArray:
     rows *= rows
-    square: FloatArray = rows[0] + rows[1] + rows[2]
-    return square
+    return rows[0] + rows[1] + rows[2]
 
 
 class DenseOutput(NamedTuple):

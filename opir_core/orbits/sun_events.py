@@ -127,8 +127,7 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
 def _arc(opposite: FloatArray, side: FloatArray, other: FloatArray) -> FloatArray:
     """Return the angle of a spherical triangle between two sides, by the law of cosines."""
     cosine = (np.cos(opposite) - np.cos(side) * np.cos(other)) / (np.sin(side) * np.sin(other))
-    angle: FloatArray = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return angle
+    return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 def _closest(sensor: Sensor, intervals_s: FloatArray, epoch_us: int) -> tuple[FloatArray, FloatArray]:

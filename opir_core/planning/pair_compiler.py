@@ -241,5 +241,4 @@ def _runs(sensor: IndexArray) -> list[tuple[int, slice]]:
 
 def _first_scan(after_ns: IntArray, phase_ns: IntArray, period_ns: IntArray) -> IntArray:
     """Return the first scans (n,) after scene times (n,)."""
-    scan: IntArray = np.maximum((after_ns - phase_ns) // period_ns + 1, 0)
-    return scan
+    return np.maximum((after_ns - phase_ns) // period_ns + 1, 0)

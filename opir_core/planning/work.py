@@ -102,8 +102,7 @@ class Workload:
         if not isinstance(self.detection, FalseAlarmModel):
             return np.zeros(len(self.sensors))
         period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / _NS
-        per_s: FloatArray = np.asarray(self.detection.rate_per_scan, dtype=np.float64) / period_s
-        return per_s
+        return np.asarray(self.detection.rate_per_scan, dtype=np.float64) / period_s
 
 
 def most_looks(pairs: Pairs, duration_ns: int) -> float:

@@ -193,8 +193,7 @@ def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
 def _read(name: str) -> Mapping[str, Any]:
     import json
 
-    read: Mapping[str, Any] = json.loads((_DATA / name).read_text(encoding="utf-8"))
-    return read
+    return json.loads((_DATA / name).read_text(encoding="utf-8"))
 
 
 @cache

@@ -34,8 +34,7 @@ class Confirmation:
         first[inside] = scan[inside - back[inside]]
         first[before] = self.recent[pair[before], back[before] - 1 - place[before]]
         self._remember(pair[start], times, scan, start)
-        confirmed: BoolArray = scan - first < self._scans[pair]
-        return confirmed
+        return scan - first < self._scans[pair]
 
     def take_over(self, former: "Confirmation", own_row: IntArray, former_row: IntArray) -> None:
         """Continue with the last detections of pairs of another one."""

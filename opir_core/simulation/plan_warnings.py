@@ -94,8 +94,7 @@ def _is_aligned(sensors: Sequence[Sensor]) -> BoolArray:
 def _on_scan_instant(time_s: FloatArray, period_ns: IntArray | int, end_ns: int) -> BoolArray:
     """Return which events (n,) of a run are at whole periods, within the tolerance."""
     periods = time_s * 1e9 / period_ns
-    on_instant: BoolArray = (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)
-    return on_instant
+    return (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)
 
 
 def _ids(numbers: IntArray, ids: Sequence[str]) -> str:

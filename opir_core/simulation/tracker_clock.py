@@ -146,8 +146,7 @@ class CheckedTracker:
             raise self._error(f"associate returned {outline(track)} for {len(detections)} detections; {_REQUIRED}")
         if len(track) and track.min() < -1:
             raise self._error(f"associate returned the track {track.min()}; {_REQUIRED}")
-        numbers: IntArray = track
-        return numbers
+        return track
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at a tick."""
@@ -155,8 +154,7 @@ class CheckedTracker:
         fault = _fault(estimates, tick_s)
         if fault:
             raise self._error(f"step at {tick_s:g} s {fault}")
-        tracks: Tracks = estimates
-        return tracks
+        return estimates
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""

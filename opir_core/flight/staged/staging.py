@@ -130,8 +130,7 @@ class StageColumns:
     def acceleration_m_s2(self, stage: int, time_s: FloatArray) -> FloatArray:
         """Return the thrust accelerations (n,) of a stage before its tail-off, at times since ignition (n,)."""
         share = (time_s - self.ignition_s[stage]) / self.burn_time_s[stage]
-        acceleration: FloatArray = self.amplitude_m_s2[stage] / (1.0 - self.q[stage] * share)
-        return acceleration
+        return self.amplitude_m_s2[stage] / (1.0 - self.q[stage] * share)
 
 
 @cache
