@@ -4,7 +4,7 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
 from opir_core.interfaces.optional import ConfirmingModel
-from opir_core.planning.plan import Plan
+from opir_core.planning.sightlines import Pairs
 from opir_core.simulation.output_checks import checked_confirmation
 
 #: Before every scan.
@@ -51,13 +51,12 @@ class Confirmation:
             self.recent[pair, back] = np.where(is_new, new, old)
 
 
-def confirmation_of(plan: Plan) -> Confirmation | None:
+def confirmation_of(model: object, pairs: Pairs, sensors: int) -> Confirmation | None:
     """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
-    model = plan.detection
     if not isinstance(model, ConfirmingModel):
         return None
-    confirmation = checked_confirmation(model.confirmation, len(plan.sensors))
+    confirmation = checked_confirmation(model.confirmation, sensors)
     if not np.any(confirmation[:, 0] > 1):
         return None
-    needed, scans = confirmation[plan.pairs.sensor].T
+    needed, scans = confirmation[pairs.sensor].T
     return Confirmation(needed, scans)

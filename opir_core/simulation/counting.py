@@ -16,7 +16,7 @@ class CountDetections:
     def __init__(self, plan: Plan) -> None:
         self._names = plan.pair_names()
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
-        self._confirmation: Confirmation | None = confirmation_of(plan)
+        self._confirmation: Confirmation | None = confirmation_of(plan.detection, plan.pairs, len(plan.sensors))
 
     @property
     def carried(self) -> Sequence[IntArray]:

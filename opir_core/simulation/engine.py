@@ -57,7 +57,7 @@ class Engine:
         """Return the stages of a window, in order. What does not happen in the scene is not among them."""
         pairs, geometry = plan.pairs, plan.look_geometry()
         find_looks = FindLooks(pairs, self._streams)
-        curves = interpolant_of(plan, geometry)
+        curves = interpolant_of(plan.detection, geometry)
         build = BuildDetections.of(plan, geometry, self._streams)
         draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry)
         stages: list[Stage | None] = [
@@ -139,7 +139,7 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Sta
         return None, None
     from opir_core.simulation.insertion import DrawFalseAlarms, insert_false_alarms
 
-    return DrawFalseAlarms.of(plan, plan.detection, geometry), insert_false_alarms
+    return DrawFalseAlarms(plan, plan.detection, geometry), insert_false_alarms
 
 
 def _reporting_delays(plan: Plan) -> "ReportingDelays | None":

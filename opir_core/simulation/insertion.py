@@ -1,48 +1,28 @@
 """Stages of the engine, of scenes with false alarms: these get rows among the detections of targets."""
 
 import numpy as np
-from attrs import frozen
 
 from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
-from opir_core.planning.sightlines import Pairs
-from opir_core.random_streams.detection_ids import stream_key_words
 from opir_core.simulation.false_alarms import FalseAlarmGenerator
 from opir_core.simulation.observation import Observation
 
 
-@frozen(eq=False)
 class DrawFalseAlarms:
     """Takes `hits` and `order`; gives `false_alarms` and their `places`, and an `order` with a row for each."""
 
-    generator: FalseAlarmGenerator
-    pairs: Pairs
-
-    @classmethod
-    def of(cls, plan: Plan, model: FalseAlarmModel, geometry: LookGeometry) -> "DrawFalseAlarms":
-        """Return the stage of a plan with a model that has false alarms."""
-        scene, names = plan.scene, plan.sensor_names()
-        generator = FalseAlarmGenerator(
-            model,
-            classifier=plan.classifier,
-            confidence=plan.confidence,
-            states=geometry.states,
-            seed=scene.seed,
-            names=names,
-            id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, [(name, "\x1fnoise") for name in names]),
-            exclusions=geometry.exclusions,
-            types=len(plan.reported_types),
-        )
-        return cls(generator, plan.pairs)
+    def __init__(self, plan: Plan, model: FalseAlarmModel, geometry: LookGeometry) -> None:
+        self._generator = FalseAlarmGenerator(plan, model, geometry)
+        self._sensor = plan.pairs.sensor
 
     def __call__(self, window: Observation) -> None:
         """Draw the false alarms of the window and make room for them."""
-        false_alarms = window.false_alarms = self.generator.between(window.start_ns, window.end_ns)
+        false_alarms = window.false_alarms = self._generator.between(window.start_ns, window.end_ns)
         hits, order = window.hits, window.order
         if false_alarms is None or not len(order):
             return
-        places = window.places = false_alarms.places(hits.time_ns, self.pairs.sensor[hits.pair], order)
+        places = window.places = false_alarms.places(hits.time_ns, self._sensor[hits.pair], order)
         # `insert_false_alarms` overwrites the rows at `places`: any row fills them.
         window.order = np.insert(order, np.sort(places) - np.arange(len(places)), order[0])
 

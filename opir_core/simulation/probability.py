@@ -9,7 +9,6 @@ from opir_core.arrays import FloatArray
 from opir_core.interfaces.optional import SignalModel
 from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks
-from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_probability
 
@@ -69,9 +68,8 @@ class VisibilityTest:
             window.probability[part] *= self.geometry.visible(looks.pair[part], looks.scan[part])
 
 
-def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
-    """Return the interpolated P_d of a plan, or None if its detection model does not allow interpolation."""
-    model = plan.detection
+def interpolant_of(model: object, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
+    """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation."""
     if not isinstance(model, SignalModel) or model.probability_tolerance is None:
         return None
     from opir_core.simulation.interpolation import ProbabilityInterpolant

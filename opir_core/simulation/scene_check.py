@@ -5,6 +5,7 @@ instants, visibility is computed, in blocks that are not kept.
 """
 
 import numpy as np
+from attrs import asdict
 
 from opir_core.arrays import BoolArray
 from opir_core.planning.plan import PlanParts, plan_parts
@@ -26,7 +27,7 @@ def check_scene(scene: Scene, host: Host | None = None) -> CheckedScene:
             parts.work_of(_pairs(parts, everything)).require_run()
         met = aligned_pairs(parts.sensors, parts.targets, len(scene.targets), parts.end_ns)
         pairs = _pairs(parts, met) if met.any() else Pairs.empty()
-    return CheckedScene(scene=scene, sensors=parts.sensors, targets=parts.targets, pairs=pairs, end_ns=parts.end_ns)
+    return CheckedScene(**asdict(parts, recurse=False), pairs=pairs)
 
 
 def _pairs(parts: PlanParts, is_chosen: BoolArray) -> Pairs:

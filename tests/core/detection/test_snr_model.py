@@ -30,7 +30,7 @@ SKIES = {
 def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calibrate: str, tolerance: float) -> None:
     chosen = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, **SKIES[sky]))
-    interpolant, looks = interpolant_of(near, near.look_geometry()), Looks.between(near.pairs, 0, near.end_ns)
+    interpolant, looks = interpolant_of(near.detection, near.look_geometry()), Looks.between(near.pairs, 0, near.end_ns)
     assert interpolant is not None
     spans = interpolant.over(looks)
     exposed = near.look_geometry().exposures(looks.pair, looks.scan)
