@@ -89,8 +89,7 @@ class SpectralClassifier:
 
     def log_odds(self, log_posterior: FloatArray) -> FloatArray:
         """Return ln of the odds (n,) of a missile over anything else, of posteriors (n, 4)."""
-        odds: FloatArray = log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE]
-        return odds
+        return log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE]
 
     def evidence(self, sightings: ClassifierInputs) -> TypeEvidence:
         """Return the evidence of measured intensities and counts, row by row."""

@@ -56,8 +56,7 @@ def checked_intensities(intensity: Any, bands: int, rows: int) -> FloatArray:
     fault = _fault(intensity, (bands, rows), 0.0, math.nextafter(math.inf, 0.0), "[0, inf) W/sr")
     if fault:
         raise ModelError(f"a signature of the scene's targets or sources: intensity_w_sr {fault}")
-    checked: FloatArray = intensity
-    return checked
+    return intensity
 
 
 def _fault(column: Any, shape: tuple[int, int], low: float, high: float, allowed: str) -> str:

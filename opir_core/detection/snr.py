@@ -120,8 +120,7 @@ class SnrDetection:
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""
-        chance: FloatArray = ndtr(self.response(exposures).probit)
-        return chance
+        return ndtr(self.response(exposures).probit)
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         """Return the expected measurements of looks, with P_d to within `slack`."""
@@ -273,8 +272,7 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
 
 def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:
     """Return the numbers of resolution cells in cones of half angles (n,): their solid angle over the IFOV squared."""
-    cells: FloatArray = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
-    return cells
+    return 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
 
 
 def _confirmed(
@@ -310,8 +308,7 @@ class _Chances(NamedTuple):
         if self.probability is not None:
             return self.probability[rows]
         assert self.probit is not None
-        chance: FloatArray = ndtr(self.probit[rows])
-        return chance
+        return ndtr(self.probit[rows])
 
 
 def _parts(rows: slice | IntArray) -> list[slice | IntArray]:
