@@ -1,7 +1,7 @@
 """Parameters of the flights of `foreign_flights`, and many flights with slightly other ones, flown at once.
 
 What an estimator could know that knows their law: the gravity turn with its stages, pitch-over, launch and azimuth, and
-the ranges from which these are drawn. `opir_core.scoring.flight_bound` makes a bound of it.
+the ranges from which these are drawn. `benchmarks/flight_bound.py` makes a bound of it.
 """
 
 from itertools import pairwise

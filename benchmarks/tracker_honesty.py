@@ -21,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import foreign_bound
 import numpy as np
+from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 from foreign_flights import RADIUS_M, drawn_flight, ecef
 
 import opir_core as opir
@@ -30,7 +31,6 @@ from opir_core.scoring.bound import DetectedLooks
 from opir_core.scoring.containments import containment, proportion
 from opir_core.scoring.errors import bias_turns
 from opir_core.scoring.evidence import true_states
-from opir_core.scoring.flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 
 BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")

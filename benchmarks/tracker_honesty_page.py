@@ -24,7 +24,7 @@ of the burn. With two sensors the large ones come from a flight in a hundred wit
 its covariance states. All figures with their 95 % intervals: [tracker_honesty.csv](tracker_honesty.csv).
 
 **Sharp?** Errors over the posterior Cramér–Rao bound of an estimator that knows the law of these flights and has its
-parameters to find (`opir_core.scoring.flight_bound`): medians over flights, of impacts 5 s after burnout. Root mean
+parameters to find (`benchmarks/flight_bound.py`): medians over flights, of impacts 5 s after burnout. Root mean
 squares are in the CSV.
 
 {sharp}

@@ -112,7 +112,7 @@ def number_of(noun: str, count: int) -> str:
 
 
 def kind_of(value: object) -> str:
-    """Return what a value is, `a list` or `None`."""
+    """Return the type of a value in words, `a list` or `None`."""
     return "None" if value is None else with_article(type(value).__name__)
 
 

@@ -30,7 +30,7 @@ from results_csv import read_csv, write_csv
 import opir_core as opir
 from opir_core.planning.looks import Looks, blocks
 from opir_core.planning.plan import Plan
-from opir_core.simulation.engine import Engine
+from opir_core.simulation.probability import interpolant_of
 from opir_core.simulation.run import plan_windows
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "raid_100.yaml"
@@ -166,7 +166,7 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     lines = []
     for tolerance in options.tolerances:
         plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)
-        knots = Engine(plan)._interpolant
+        knots = interpolant_of(plan.detection, plan.look_geometry())
         assert knots is not None
         off = np.abs(knots.over(looks).probability()[rows] - true)
         own = found(plan)

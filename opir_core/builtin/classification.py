@@ -32,13 +32,13 @@ class ConfusionClassifier:
     class_number: IndexArray
     classes: int
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
-        return self.pair_type(sightings.sensor, sightings.target, dice)
+        return self.pair_type(sightings.sensor, sightings.target, rng)
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
-        drawn = dice.pair_uniforms("classification")[:, 0]
+        drawn = rng.pair_uniforms("classification")[:, 0]
         row = sensor * self.classes + self.class_number[target]
         reported = np.zeros(len(drawn), dtype=np.uint8)
         for threshold in self.thresholds:
@@ -52,11 +52,11 @@ class TrueType:
 
     type_code: NDArray[np.uint8]
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
-        return self.pair_type(sightings.sensor, sightings.target, dice)
+        return self.pair_type(sightings.sensor, sightings.target, rng)
 
-    def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
         return self.type_code[target]
 
@@ -65,11 +65,11 @@ class TrueType:
 class NoClassifier:
     """UNKNOWN, each time."""
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
-        return self.pair_type(sightings.sensor, sightings.target, dice)
+        return self.pair_type(sightings.sensor, sightings.target, rng)
 
-    def pair_type(self, sensor: IndexArray, _target: IndexArray, _dice: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
         return np.full(len(sensor), UNKNOWN_TYPE, dtype=np.uint8)
 

@@ -35,20 +35,19 @@ class ConstantDetection:
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
         """Return the probabilities (n,) of pairs."""
-        chosen: FloatArray = self.probability_table[sensor, self.class_number[target]]
-        return chosen
+        return self.probability_table[sensor, self.class_number[target]]
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probabilities (n,) of looks: those of their pairs."""
         return self.pair_probability(exposures.sensor, exposures.target)
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the bands that confirm; there is no SNR in this model, so it is nan."""
         counts = self.band_count[exposures.sensor]
-        bands = _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, dice)
+        bands = _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, rng)
         return Measured(bands, np.full(len(counts), np.nan))
 
-    def _confirmed(self, counts: NDArray[np.uint8], dice: RandomDraws) -> NDArray[np.uint8]:
+    def _confirmed(self, counts: NDArray[np.uint8], rng: RandomDraws) -> NDArray[np.uint8]:
         """Return masks of the bands that confirm.
 
         Sensors with equally many bands draw together, so that a row's numbers do not hang on what else is in the scene.
@@ -56,7 +55,7 @@ class ConstantDetection:
         bands = np.zeros(len(counts), dtype=np.uint8)
         for count in _present(counts[counts > 0]):
             rows = np.flatnonzero(counts == count)
-            confirms = dice.uniforms("bands", count)[rows] < self.band_confirmation
+            confirms = rng.uniforms("bands", count)[rows] < self.band_confirmation
             bands[rows] = np.packbits(confirms, axis=1, bitorder="little")[:, 0]
         return np.where((bands == 0) & (counts > 0), np.uint8(1), bands)
 

@@ -172,7 +172,7 @@ def _problems(
     range_m: FloatArray,
     paths: Sequence[str],
 ) -> list[Problem]:
-    """Return what is wrong with each target that cannot fly as asked."""
+    """Return the problems of targets that cannot fly as configured."""
     problems = []
     for row, (config, staging, path) in enumerate(zip(configs, chosen, paths, strict=True)):
         if not flights.is_solved[row]:

@@ -125,7 +125,7 @@ def _problems(
     profiles: Sequence[BoostProfile],
     paths: Sequence[str],
 ) -> list[Problem]:
-    """Return what is wrong with each target that cannot fly as asked."""
+    """Return the problems of targets that cannot fly as configured."""
     problems = []
     for row, (complaint, kind, path) in enumerate(zip(complaints, classes, paths, strict=True)):
         if row in unknown:

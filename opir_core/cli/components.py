@@ -147,7 +147,7 @@ def _component_text(row: Mapping[str, Any]) -> str:
 
 
 def _profiles(row: Mapping[str, Any]) -> list[str]:
-    """Return what a target class is reported as, what follows burnout, and its profiles."""
+    """Return the reported type of a target class, its phase after burnout, and its profiles."""
     ((after, settings),) = row["after_burnout"].items()
     heads = ("profile", "burn time s", "burnout m/s", "range km", "peak W/sr", "stages")
     profiles = [

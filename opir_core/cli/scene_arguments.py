@@ -69,7 +69,7 @@ def check_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Checke
 
 
 def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callable[[], Made]) -> Made:
-    """Return what is made of a scene; errors have the scene's file."""
+    """Return the result of `make`, a step that may be slow; its errors name the scene's file."""
     size = f"{grouped(len(scene.sensors))} sensors and {grouped(len(scene.targets))} targets"
     try:
         with told_if_slow(f"{doing} {arguments.scene} ({size})", is_shown=_is_shown(arguments)):

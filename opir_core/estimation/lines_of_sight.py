@@ -192,19 +192,16 @@ def tangent_axes(direction: FloatArray) -> FloatArray:
 def matvec(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return the products (..., n, r) of matrices (n, r, c) with vectors (n, c) or (k, n, c)."""
     if vectors.shape[-2] < FEW_ROWS:
-        few: FloatArray = (matrix @ vectors[..., None])[..., 0]
-        return few
+        return (matrix @ vectors[..., None])[..., 0]
     if vectors.ndim == 2:
-        product: FloatArray = np.einsum("nrc,nc->nr", matrix, vectors)
-        return product
+        return np.einsum("nrc,nc->nr", matrix, vectors)
     return np.array([matvec(matrix, some) for some in vectors])
 
 
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the dot products (n,) of vectors (n, 2) or (n, 3), summed in order."""
     if len(first) < FEW_ROWS:
-        few: FloatArray = np.add.reduce(first * second, axis=1)
-        return few
+        return np.add.reduce(first * second, axis=1)
     total: FloatArray = first[:, 0] * second[:, 0]
     for column in range(1, first.shape[1]):
         total += first[:, column] * second[:, column]

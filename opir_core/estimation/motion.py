@@ -147,8 +147,7 @@ class Motion:
         if len(position_m) <= FEW_STATES:
             pull = self.field.alone_with_inverse_radius
             return np.array([pull(x, y, z)[:3] for x, y, z in position_m.tolist()]).reshape(-1, 3)
-        down: FloatArray = np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
-        return down
+        return np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
         """Return the gravity gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is neglected."""
@@ -158,8 +157,7 @@ class Motion:
         square = dot(position_m, position_m)
         scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
         weighed = position_m * (3.0 * scale / square)[:, None]
-        gradient: FloatArray = weighed[:, :, None] * position_m[:, None, :] - scale[:, None, None] * _UNIT
-        return gradient
+        return weighed[:, :, None] * position_m[:, None, :] - scale[:, None, None] * _UNIT
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, d) after steps (n,), s."""
@@ -341,11 +339,9 @@ def taylor_weights(offset_s: FloatArray) -> FloatArray:
     power = np.empty((len(offset_s), 5))
     power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
-    powers: FloatArray = np.multiply.accumulate(power, axis=1, out=power)
-    return powers
+    return np.multiply.accumulate(power, axis=1, out=power)
 
 
 def taylor_positions(derivative: FloatArray, weight: FloatArray) -> FloatArray:
     """Return positions (n, 3) from derivatives (n, 5, 3) and Taylor weights (n, 5)."""
-    position: FloatArray = np.einsum("nk,nkc->nc", weight, derivative)
-    return position
+    return np.einsum("nk,nkc->nc", weight, derivative)

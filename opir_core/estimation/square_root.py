@@ -33,12 +33,10 @@ def triangular(rows: FloatArray) -> FloatArray:
     count, _, size = rows.shape
     if count == 1:
         factor = _lapack().dgeqrf(rows[0], lwork=size)[0][:size]
-        lone: FloatArray = (factor * _above(size, size, "F"))[None]
-        return lone
+        return (factor * _above(size, size, "F"))[None]
     raw: Any = np.linalg.qr(rows, mode="raw")[0]
     side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
-    upper: FloatArray = side * _above(side.shape[1], side.shape[2])
-    return upper
+    return side * _above(side.shape[1], side.shape[2])
 
 
 @cache
@@ -64,11 +62,9 @@ def inverse_root(root: FloatArray) -> FloatArray:
         lone, singular = _lapack().dtrtri(root[0])
         if singular:
             raise np.linalg.LinAlgError("Singular matrix")
-        alone: FloatArray = lone[None]
-        return alone
+        return lone[None]
     inverse: Any = np.linalg.inv(root)
-    side: FloatArray = inverse
-    return side
+    return inverse
 
 
 def covariance(root: FloatArray) -> FloatArray:
@@ -131,11 +127,9 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
         lone, singular = _lapack().dtrtrs(upper[0], right[0])
         if singular:
             raise np.linalg.LinAlgError("Singular matrix")
-        alone: FloatArray = lone[None]
-        return alone
+        return lone[None]
     raw: Any = np.linalg.solve(upper, right)
-    solution: FloatArray = raw
-    return solution
+    return raw
 
 
 def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
@@ -144,8 +138,7 @@ def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
         own, others = prod(root[0].diagonal().tolist()), prod(other[0].diagonal().tolist())
         return np.array([log(abs(own / others))])
     ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
-    total: FloatArray = np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
-    return total
+    return np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
 
 
 def moment_matched(

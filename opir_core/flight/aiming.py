@@ -84,7 +84,7 @@ def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatA
 def solved_from(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what `solved` does, from guesses of azimuths and burnout speeds."""
+    """Return azimuths and burnout speeds as `solved` does, from initial guesses."""
     two_body = shot.in_two_body_motion()
     azimuth_rad, speed_m_s = corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
     if two_body is shot:
@@ -140,8 +140,7 @@ def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatAr
     """
     half_sine = np.sin(0.5 * psi_rad)
     drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(gamma_rad + 0.5 * psi_rad) * half_sine
-    speed: FloatArray = half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
-    return speed
+    return half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
 
 
 def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -269,8 +268,7 @@ def _lambert_range_m(
     angle = 2.0 * np.arctan2(np.sqrt(chord), np.sqrt(antichord))
     x = (angle - np.sin(angle)) * sin_sum * cos_difference / np.where(antichord > 0.0, antichord, 1.0)
     y = (angle + np.sin(angle)) * cos_sum * sin_difference / np.where(chord > 0.0, chord, 1.0)
-    distance: FloatArray = EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
-    return distance
+    return EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
 
 
 def forces_on(model: "ForceModel", n: int) -> "Forces | None":

@@ -272,11 +272,9 @@ class AltitudeEvents:
         position, velocity, acceleration = start
         radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]
         squares = velocity * velocity
-        bend: FloatArray = (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
-        return bend
+        return (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
 
 
 def _inverse_length(rows: FloatArray) -> FloatArray:
     squares = rows * rows
-    inverse: FloatArray = 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
-    return inverse
+    return 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])

@@ -85,8 +85,7 @@ class Ascent:
 
     def burnout_height_m(self, burnout_speed_m_s: FloatArray) -> FloatArray:
         """Return the height at burnout, (n,)."""
-        height_m: FloatArray = burnout_speed_m_s * self.climb_s[-1]
-        return height_m
+        return burnout_speed_m_s * self.climb_s[-1]
 
     def burnout_swept_rad(self, burnout_speed_m_s: FloatArray, radius_m: FloatArray) -> FloatArray:
         """Return the angle swept at burnout over spheres of that radius, (n,)."""
@@ -154,8 +153,7 @@ def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatAr
     later, latest = np.zeros_like(double_y), np.zeros_like(double_y)
     for coefficient in series[:0:-1]:
         later, latest = latest, double_y * latest - later + coefficient[target]
-    value: FloatArray = 0.5 * double_y * latest - later + series[0][target]
-    return value
+    return 0.5 * double_y * latest - later + series[0][target]
 
 
 def _second_exponential(y: FloatArray) -> FloatArray:

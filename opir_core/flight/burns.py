@@ -17,8 +17,7 @@ def dark_gaps_s(burns_s: FloatArray) -> FloatArray:
     gaps = np.stack([burns_s[:, :-1, 1], burns_s[:, 1:, 0]], axis=-1)
     # A burn that follows at once leaves no gap.
     gaps[~(gaps[..., 1] > gaps[..., 0])] = np.nan
-    kept: FloatArray = gaps[:, np.isfinite(gaps[..., 0]).any(axis=0)]
-    return kept
+    return gaps[:, np.isfinite(gaps[..., 0]).any(axis=0)]
 
 
 def in_gap(gaps_s: FloatArray, target: IndexArray, time_s: FloatArray) -> BoolArray:
@@ -39,5 +38,4 @@ def joined_burns_s(parts: Sequence[FloatArray]) -> FloatArray:
 def plain_gaps_s(burns_s: FloatArray) -> list[list[float]]:
     """Return the dark gaps of one target with burns (k, 2), as plain values."""
     gaps = dark_gaps_s(burns_s[None])[0]
-    plain: list[list[float]] = gaps[np.isfinite(gaps[:, 0])].tolist()
-    return plain
+    return gaps[np.isfinite(gaps[:, 0])].tolist()

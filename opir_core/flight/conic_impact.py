@@ -173,8 +173,7 @@ def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -
     equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
     polar = (EARTH_POLAR_RADIUS_M + height_m) / arcs.length_m
     scale = c2 + arcs.alpha * s2
-    excess: FloatArray = (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
-    return excess
+    return (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
 
 
 #: A start this close to the surface, m, is on it, so that rounding does not decide whether it falls.

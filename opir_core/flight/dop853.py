@@ -222,7 +222,7 @@ def stepped(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
 
 
 def stepped_in_columns(right_side: ColumnAcceleration, start: StepStart, h: FloatArray) -> Step:
-    """Return what `stepped` does, always in columns; the right side is called at `NODES[1:STAGES + 1]`, in order."""
+    """Return the step as `stepped` does, always in columns; calls the right side at `NODES[1:STAGES + 1]`, in order."""
     stages = Stages(right_side, start, h, [start.acceleration])
     for stage in range(1, STAGES):
         stages.append(stage)
@@ -297,8 +297,7 @@ class Stages:
 
 def _square(rows: FloatArray) -> FloatArray:
     rows *= rows
-    square: FloatArray = rows[0] + rows[1] + rows[2]
-    return square
+    return rows[0] + rows[1] + rows[2]
 
 
 class DenseOutput(NamedTuple):

@@ -103,8 +103,7 @@ class GlidePath:
     @property
     def time_scale_s(self) -> FloatArray:
         """Return E v_c/g, (n,): the glide's parameter falls by 1 in that time."""
-        scale_s: FloatArray = self.shape.lift_to_drag * np.sqrt(self.radius_m**3 / EARTH_MU_M3_S2)
-        return scale_s
+        return self.shape.lift_to_drag * np.sqrt(self.radius_m**3 / EARTH_MU_M3_S2)
 
     @property
     def duration_s(self) -> FloatArray:
@@ -114,10 +113,7 @@ class GlidePath:
     @property
     def final_height_m(self) -> FloatArray:
         """Return the heights (n,) above the ellipsoid, along the geocentric direction, at the final speed."""
-        height_m: FloatArray = self.height_m - 2.0 * self.shape.scale_height_m * np.log(
-            np.sinh(self.start) / np.sinh(self.end)
-        )
-        return height_m
+        return self.height_m - 2.0 * self.shape.scale_height_m * np.log(np.sinh(self.start) / np.sinh(self.end))
 
     def state(self, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities relative to the Earth (n, 3) at times (n,) since burnout."""
@@ -144,16 +140,14 @@ def _ground_radius_m(direction: FloatArray) -> FloatArray:
     """Return the distances (n,) of the WGS 84 ellipsoid from the Earth's centre in unit directions (n, 3)."""
     x, y, z = components(direction)
     a, b = EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-    radius: FloatArray = 1.0 / np.sqrt((x * x + y * y) / (a * a) + z * z / (b * b))
-    return radius
+    return 1.0 / np.sqrt((x * x + y * y) / (a * a) + z * z / (b * b))
 
 
 def _ground_slope_m(direction: FloatArray, onward: FloatArray) -> FloatArray:
     """Return the derivatives (n,) of `_ground_radius_m` in the angle from the direction onward, m/rad."""
     a, b = EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
     x, y, z = components(direction * onward)
-    slope: FloatArray = -(_ground_radius_m(direction) ** 3) * ((x + y) / (a * a) + z / (b * b))
-    return slope
+    return -(_ground_radius_m(direction) ** 3) * ((x + y) / (a * a) + z / (b * b))
 
 
 @frozen(eq=False)

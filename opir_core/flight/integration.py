@@ -255,8 +255,7 @@ class Integration:
 
 def _square(rows: FloatArray) -> FloatArray:
     squares = rows * rows
-    square: FloatArray = squares[0] + squares[1] + squares[2]
-    return square
+    return squares[0] + squares[1] + squares[2]
 
 
 def _eighth_root(column: FloatArray) -> FloatArray:

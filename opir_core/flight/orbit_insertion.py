@@ -130,13 +130,9 @@ def _step(slopes: FloatArray, errors: FloatArray) -> FloatArray:
     a, b, c = slopes
     determinant = _triple(a, b, c)
     step = np.stack([_triple(errors, b, c), _triple(a, errors, c), _triple(a, b, errors)]) / determinant
-    shrunk: FloatArray = step * (_LARGEST_STEP / np.maximum(np.abs(step).max(axis=0), _LARGEST_STEP))
-    return shrunk
+    return step * (_LARGEST_STEP / np.maximum(np.abs(step).max(axis=0), _LARGEST_STEP))
 
 
 def _triple(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Return the determinants (n,) of the matrices with columns a, b and c, (3, n)."""
-    determinant: FloatArray = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    return determinant
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])

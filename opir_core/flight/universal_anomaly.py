@@ -24,8 +24,7 @@ from opir_core.arrays import BoolArray, FloatArray
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return scalar products (n,)."""
-    product: FloatArray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return product
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -35,8 +34,7 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def length(a: FloatArray) -> FloatArray:
     """Return Euclidean lengths (n,)."""
-    root: FloatArray = np.sqrt(dot(a, a))
-    return root
+    return np.sqrt(dot(a, a))
 
 
 #: Single or double precision; results have that of the arguments.

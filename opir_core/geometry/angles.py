@@ -117,8 +117,7 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
 
 def _elevation(east: FloatArray, north: FloatArray, up: FloatArray) -> FloatArray:
     """Return the angle above the horizontal, +-pi/2 straight up and down, nan without direction."""
-    angle: FloatArray = np.arctan(up / np.sqrt(east * east + north * north))
-    return angle
+    return np.arctan(up / np.sqrt(east * east + north * north))
 
 
 def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:

@@ -163,15 +163,13 @@ def _bisected(function: RowFunction, brackets: _Brackets, tolerance_s: float) ->
         middle = 0.5 * (low + high)
         is_before = (function(brackets.row, middle) < 0.0) == (brackets.at_start < 0.0)
         low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
-    found: FloatArray = 0.5 * (low + high)
-    return found
+    return 0.5 * (low + high)
 
 
 def _has_one_sign(brackets: _Brackets) -> BoolArray:
     """Return which brackets have finite values of one sign at both ends."""
     alike = (brackets.at_start < 0.0) == (brackets.at_stop < 0.0)
-    finite: BoolArray = alike & np.isfinite(brackets.at_start + brackets.at_stop)
-    return finite
+    return alike & np.isfinite(brackets.at_start + brackets.at_stop)
 
 
 def _iterations(width_s: FloatArray, tolerance_s: float, share: float) -> int:

@@ -79,8 +79,7 @@ def height_along_normal(
 def support_m(sine: FloatArray, cosine: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike) -> FloatArray:
     """Return the distance, m, from the centre to the ellipse's tangent whose normal has that latitude."""
     axial, radial = floats(semi_minor_m) * sine, floats(semi_major_m) * cosine
-    distance: FloatArray = np.sqrt(axial * axial + radial * radial)
-    return distance
+    return np.sqrt(axial * axial + radial * radial)
 
 
 def _with_bisected(

@@ -218,5 +218,4 @@ def _with_depths(
     target = np.broadcast_to(floats(target_ecef_m), shape)[where]
     deepened = np.array(np.broadcast_to(height, shape[:-1]))
     deepened[where] = least_height_inside_m(observer, target)
-    depths: FloatArray = deepened[()]
-    return depths
+    return deepened[()]

@@ -28,8 +28,7 @@ def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
     """
     half = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2
     half = half + np.cos(other[:, 0]) * np.cos(one[:, 0]) * np.sin(0.5 * (other[:, 1] - one[:, 1])) ** 2
-    distance: FloatArray = 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
-    return distance
+    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
 
 
 @frozen(eq=False)

@@ -79,8 +79,7 @@ def _dynamical_centuries(day: FloatArray, second: FloatArray | float) -> FloatAr
 
 def _obliquity_rad(centuries: FloatArray) -> FloatArray:
     """Return the mean obliquity of the ecliptic (Meeus, Astronomical Algorithms, 22.2)."""
-    obliquity: FloatArray = np.radians(23.43929111 - 0.0130041667 * centuries)
-    return obliquity
+    return np.radians(23.43929111 - 0.0130041667 * centuries)
 
 
 def _position_m(centuries: FloatArray, in_longitude: FloatArray, in_obliquity: FloatArray) -> FloatArray:
@@ -119,8 +118,7 @@ def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
 @lru_cache(maxsize=64)
 def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
     """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before `behind`."""
-    knots: FloatArray = sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
-    return knots
+    return sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
 
 
 class _Discs(NamedTuple):

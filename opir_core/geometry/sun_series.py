@@ -72,8 +72,7 @@ def geometric_longitude_rad(centuries: FloatArray) -> FloatArray:
     total = np.zeros(np.shape(centuries))
     for amplitude, phase, rate in _LONGITUDE:
         total = total + amplitude * np.sin(np.radians(phase + rate * centuries))
-    longitude: FloatArray = np.radians(282.7771834 + 36000.76953744 * centuries) + 1e-7 * total
-    return longitude
+    return np.radians(282.7771834 + 36000.76953744 * centuries) + 1e-7 * total
 
 
 def nutation_rad(centuries: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -41,29 +41,25 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> FloatArray:
 
 def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> FloatArray:
     """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike `numpy.where`."""
-    picked: FloatArray = np.where(condition, yes, no)[()]
-    return picked
+    return np.where(condition, yes, no)[()]
 
 
 def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     """Return the Euclidean length of vectors given by their components, to one unit in the last place."""
-    root: FloatArray = np.sqrt(x * x + y * y + z * z)
-    return root
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
     """Return the scalar products (...) of vectors (..., 3), which broadcast."""
     (ax, ay, az), (bx, by, bz) = components(one), components(other)
-    product: FloatArray = ax * bx + ay * by + az * bz
-    return product
+    return ax * bx + ay * by + az * bz
 
 
 def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
     """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near 0 and pi too."""
     (ax, ay, az), (bx, by, bz) = components(one), components(other)
     across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-    angle: FloatArray = np.arctan2(across, ax * bx + ay * by + az * bz)
-    return angle
+    return np.arctan2(across, ax * bx + ay * by + az * bz)
 
 
 def lengths_and_remainders(

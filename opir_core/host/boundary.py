@@ -97,7 +97,7 @@ class PluginErrors:
 
 
 def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:
-    """Return what a call returns; what it raises, opir's own errors and Ctrl-C aside, leaves as `ModelError`."""
+    """Call a component; re-raise its exceptions as `ModelError` (opir's own errors and KeyboardInterrupt pass)."""
     try:
         return call()
     except OpirError:

@@ -92,7 +92,7 @@ class SignalModel(Protocol):
         """Return the expected measurements of looks, with P_d to within `slack`."""
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
 

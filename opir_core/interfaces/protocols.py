@@ -201,17 +201,17 @@ class DetectionProbability(Protocol):
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look, in [0, 1]."""
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the measurements of looks that detected."""
 
 
 class Classifier(Protocol):
     """Measurements to the reported target type."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> ByteArray | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> ByteArray | None:
         """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> ByteArray:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
 

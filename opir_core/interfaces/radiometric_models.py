@@ -214,7 +214,7 @@ class ManyBandSignatures(Protocol):
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return what `intensity_w_sr` does of each band, (bands, n)."""
+        """Return `intensity_w_sr` of each band, (bands, n)."""
 
 
 @runtime_checkable
@@ -222,7 +222,7 @@ class ManyBandTransmittance(Protocol):
     """What a `Transmittance` also has that knows several bands at once, cheaper than one after the other."""
 
     def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
-        """Return what `transmittance` does of each band, (bands, n)."""
+        """Return `transmittance` of each band, (bands, n)."""
 
 
 @runtime_checkable
@@ -230,7 +230,7 @@ class ManyBandBackground(Protocol):
     """What a `Background` also has that knows several bands, and their clutter, at once."""
 
     def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return what `radiance_w_m2_sr` and `clutter_w_m2_sr` do of each band, (bands, n) both."""
+        """Return `radiance_w_m2_sr` and `clutter_w_m2_sr` of each band, (bands, n) both."""
 
 
 @frozen(kw_only=True)

@@ -275,7 +275,7 @@ def _walker_places(total: int, planes: int, phasing: int) -> list[tuple[int, int
 
 
 def walker_complaint(total: int, planes: int, phasing: int) -> str | None:
-    """Return what is wrong with the numbers of a Walker pattern, or None."""
+    """Return the first error in the numbers of a Walker pattern, or None."""
     if total < 1 or planes < 1 or total % planes:
         return f"{total} satellites cannot be shared evenly among {planes} planes"
     if not 0 <= phasing < planes:

@@ -51,7 +51,7 @@ _MOST_TURNS_A_DAY = 18.0
 
 
 def tle_complaint(lines: tuple[str, str] | None) -> str | None:
-    """Return what is wrong with the two lines of a TLE (no title line), or None."""
+    """Return the first error in the two lines of a TLE (no title line), or None."""
     for number, line in enumerate(lines or ()):
         complaint = _line_complaint(number, line)
         if complaint:
@@ -64,7 +64,7 @@ def tle_complaint(lines: tuple[str, str] | None) -> str | None:
 
 
 def omm_complaint(omm: Mapping[str, Any] | None) -> str | None:
-    """Return what is wrong with the keywords of an OMM, or None; keywords that SGP4 does not use may be anything."""
+    """Return the first error in the keywords of an OMM, or None; keywords that SGP4 does not use are not checked."""
     if omm is None:
         return None
     missing = [name for name in ("EPOCH", *OMM_NUMBERS) if name not in omm]

@@ -98,7 +98,7 @@ def outage_times_s(
     reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
 
     def margin(time_s: FloatArray) -> FloatArray:
-        """Return what is negative while the Sun is near the field and in view."""
+        """Return a margin (n,), rad, negative while the Sun is near the field of regard and in view."""
         position, sun = sensor.orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)
         near = nadir_angle_rad(position, sun) - reach_rad
         return np.maximum(near, -shadow_margins_rad(position, sun).umbra)
@@ -127,8 +127,7 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
 def _arc(opposite: FloatArray, side: FloatArray, other: FloatArray) -> FloatArray:
     """Return the angle of a spherical triangle between two sides, by the law of cosines."""
     cosine = (np.cos(opposite) - np.cos(side) * np.cos(other)) / (np.sin(side) * np.sin(other))
-    angle: FloatArray = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return angle
+    return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 def _closest(sensor: Sensor, intervals_s: FloatArray, epoch_us: int) -> tuple[FloatArray, FloatArray]:

@@ -112,14 +112,12 @@ _ENCODER_ABILITIES = ((PartialEncoder, _Partial), (TrackEncoder, _OfTracks))
 
 def checked_sink(sink: Sink, owner: Callable[[], str], hint: str) -> Sink:
     """Return a sink behind the boundary, with its optional abilities."""
-    made: Sink = _composed(CheckedSink, _SINK_ABILITIES, sink)(sink, owner, hint)
-    return made
+    return _composed(CheckedSink, _SINK_ABILITIES, sink)(sink, owner, hint)
 
 
 def checked_encoder(encoder: Encoder, owner: Callable[[], str], hint: str) -> Encoder:
     """Return an encoder behind the boundary, with its optional abilities."""
-    made: Encoder = _composed(CheckedEncoder, _ENCODER_ABILITIES, encoder)(encoder, owner, hint)
-    return made
+    return _composed(CheckedEncoder, _ENCODER_ABILITIES, encoder)(encoder, owner, hint)
 
 
 def is_of_core(component: Any) -> bool:

@@ -66,8 +66,7 @@ def _ring_from(positions: Any) -> FloatArray:
     )
     if not (closed and np.abs(degrees[:, 1]).max() <= _POLE_DEG):
         raise ValueError("a ring is a list of at least four [longitude, latitude], the last equal to the first")
-    ring: FloatArray = np.radians(degrees[:, ::-1])
-    return ring
+    return np.radians(degrees[:, ::-1])
 
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
@@ -124,8 +123,7 @@ def _planar(polygon: Sequence[FloatArray], poles: Poles = None) -> Rings:
 
 def _moved(ring: FloatArray, turns: int) -> FloatArray:
     """Return a ring moved east by whole turns."""
-    moved: FloatArray = ring + np.array([360.0 * turns, 0.0])
-    return moved
+    return ring + np.array([360.0 * turns, 0.0])
 
 
 #: The whole Earth as a ring, by longitude from that of its middle.
@@ -261,8 +259,7 @@ def _is_hole(ring: FloatArray, rings: Rings) -> bool:
 
 
 def _middle(ring: FloatArray) -> FloatArray:
-    point: FloatArray = ring[len(ring) // 2]
-    return point
+    return ring[len(ring) // 2]
 
 
 def _distinct(ring: FloatArray) -> FloatArray:
@@ -271,16 +268,14 @@ def _distinct(ring: FloatArray) -> FloatArray:
     differs = np.empty(len(points), dtype=np.bool_)
     differs[1:] = (x[1:] != x[:-1]) | (y[1:] != y[:-1])
     differs[0] = x[0] != x[-1] or y[0] != y[-1]
-    distinct: FloatArray = points[differs]
-    return distinct
+    return points[differs]
 
 
 def _closed(points: FloatArray, *, is_outer: bool) -> list[list[float]]:
     x, y = points.T
     is_counter_clockwise = float(x[:-1] @ y[1:] - x[1:] @ y[:-1] + x[-1] * y[0] - x[0] * y[-1]) > 0.0
     ordered = points if is_counter_clockwise == is_outer else points[::-1]
-    closed: list[list[float]] = np.concatenate([ordered, ordered[:1]]).tolist()
-    return closed
+    return np.concatenate([ordered, ordered[:1]]).tolist()
 
 
 def _is_inside(point: FloatArray, ring: FloatArray) -> bool:

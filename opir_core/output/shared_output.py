@@ -60,7 +60,7 @@ class SharedOutput:
             yield window
 
     def texts(self, name: str) -> Sequence[Text] | None:
-        """Return what the workers made of the present window, or None."""
+        """Return the texts of the current window that the workers encoded for an output, or None."""
         return self._texts.get(name)
 
     def sink(self, path: str, sink: Sink) -> Sink:

@@ -183,5 +183,4 @@ def _known(values: FloatArray) -> list[Any]:
 
 
 def _is_finite(values: FloatArray) -> BoolArray:
-    finite: BoolArray = np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))
-    return finite
+    return np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))

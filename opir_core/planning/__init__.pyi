@@ -4,7 +4,7 @@ from opir_core.planning.looks import (
     look_times_s as look_times_s,
 )
 from opir_core.planning.pair_compiler import (
-    compile_pairs as compile_pairs,
+    PairCompiler as PairCompiler,
 )
 from opir_core.planning.plan import (
     drawn_bias as drawn_bias,

@@ -26,7 +26,7 @@ _RANGES = {
 
 
 def sensor_fault(sensor: Any) -> str:
-    """Return what is wrong with a sensor, or ""; calls its orbit once."""
+    """Return the first error of a sensor, or ""; calls its orbit once."""
     if not isinstance(sensor, Sensor):
         return f"{kind_of(sensor)}, no opir_core.plugin.Sensor"
     for name, (low, high) in _RANGES.items():
@@ -65,7 +65,7 @@ def _probability_fault(sensor: Sensor) -> str:
 
 
 def trajectories_fault(trajectories: Any, count: int) -> str:
-    """Return what is wrong with the columns of the trajectories of `count` targets, or ""."""
+    """Return the first error in the columns of the trajectories of `count` targets, or ""."""
     for name, kinds in {"type_code": "iu", "ignition_s": "f", "burnout_s": "f"}.items():
         column = getattr(trajectories, name, None)
         if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (count,):

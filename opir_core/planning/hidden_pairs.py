@@ -83,8 +83,7 @@ def surely_hidden(
 
 def _all_of_pair(grid: CoarseGrid, is_so: BoolArray) -> BoolArray:
     """Return which pairs (n,) have something at all their points (m,)."""
-    everywhere: BoolArray = np.bincount(grid.pair[~is_so], minlength=len(grid.first)) == 0
-    return everywhere
+    return np.bincount(grid.pair[~is_so], minlength=len(grid.first)) == 0
 
 
 def _shadow_radius_m(grid: CoarseGrid, target_ecef_m: FloatArray) -> FloatArray:
@@ -99,5 +98,4 @@ def _shadow_radius_m(grid: CoarseGrid, target_ecef_m: FloatArray) -> FloatArray:
     sagitta_m[cells + 1] = np.maximum(sagitta_m[cells + 1], sagitta_m[cells])
     lowest_m = normal(*components(target_ecef_m)).height - sagitta_m
     underground_m = np.maximum(-np.minimum.reduceat(lowest_m, grid.first), 0.0)
-    radius_m: FloatArray = WGS84.polar_radius_m - (2.0 * _CHORD_ERROR_M + underground_m + _SPARE_M)
-    return radius_m
+    return WGS84.polar_radius_m - (2.0 * _CHORD_ERROR_M + underground_m + _SPARE_M)

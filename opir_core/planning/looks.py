@@ -99,8 +99,7 @@ def blocks(rows: int) -> list[slice]:
 
 def look_times_ns(pairs: Pairs, pair: IntArray, scan: IntArray) -> IntArray:
     """Return the scene times of scans (n,) of pairs (n,), ns."""
-    times: IntArray = pairs.phase_ns[pair] + scan * pairs.period_ns[pair]
-    return times
+    return pairs.phase_ns[pair] + scan * pairs.period_ns[pair]
 
 
 def look_times_s(pairs: Pairs, pair: IntArray, scan: IntArray) -> FloatArray:

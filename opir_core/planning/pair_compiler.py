@@ -39,31 +39,12 @@ _NS = 1_000_000_000
 _LIGHT_TIME_CHANGE_S = 1.0
 
 
-def compile_pairs(
-    sensors: Sequence[Sensor],
-    targets: Targets,
-    uniforms: Sequence[float],
-    *,
-    light_time: bool,
-    end_ns: int,
-    exclusions: Sequence[SolarExclusion | None] = (),
-) -> tuple[Pairs, Sightlines]:
-    """Return all pairs, including those without looks before the scene's end, and their lines of sight.
+class PairCompiler:
+    """Compiles blocks of pairs; the settings of the sensors are columns.
 
     `uniforms` are the sensors' random numbers in [0, 1) for scan patterns with a random start, `exclusions` their solar
     exclusions, or nothing if none of them has any.
     """
-    compiler = PairCompiler(sensors, targets, uniforms, light_time, end_ns, exclusions)
-    pairs, lines = list[Pairs](), list[Sightlines]()
-    for block in compiler.blocks():
-        of_block, lines_of_block = compiler.block(*block)
-        pairs.append(of_block)
-        lines.append(lines_of_block)
-    return Pairs.concatenate(pairs), Sightlines.joined(lines)
-
-
-class PairCompiler:
-    """Compiles blocks of pairs; the settings of the sensors are columns."""
 
     def __init__(
         self,
@@ -72,7 +53,7 @@ class PairCompiler:
         uniforms: Sequence[float],
         light_time: bool,
         end_ns: int,
-        exclusions: Sequence[SolarExclusion | None],
+        exclusions: Sequence[SolarExclusion | None] = (),
     ) -> None:
         self._sensors, self._targets, self._uniforms = sensors, targets, uniforms
         self._light_time, self._end_ns = light_time, end_ns
@@ -83,6 +64,15 @@ class PairCompiler:
         self._half_angle_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
         self._least_rad = np.array([sensor.minimum_elevation_rad for sensor in sensors])
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
+
+    def compiled(self) -> tuple[Pairs, Sightlines]:
+        """Return all pairs, including those without looks before the scene's end, and their lines of sight."""
+        pairs, lines = list[Pairs](), list[Sightlines]()
+        for block in self.blocks():
+            of_block, lines_of_block = self.block(*block)
+            pairs.append(of_block)
+            lines.append(lines_of_block)
+        return Pairs.concatenate(pairs), Sightlines.joined(lines)
 
     def most_looks(self) -> FloatArray:
         """Return upper bounds (sensors,) of the looks; scan patterns are asked for the phases of all pairs."""
@@ -251,5 +241,4 @@ def _runs(sensor: IndexArray) -> list[tuple[int, slice]]:
 
 def _first_scan(after_ns: IntArray, phase_ns: IntArray, period_ns: IntArray) -> IntArray:
     """Return the first scans (n,) after scene times (n,)."""
-    scan: IntArray = np.maximum((after_ns - phase_ns) // period_ns + 1, 0)
-    return scan
+    return np.maximum((after_ns - phase_ns) // period_ns + 1, 0)

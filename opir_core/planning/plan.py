@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, kind_of, number_of
@@ -18,7 +18,7 @@ from opir_core.interfaces.contexts import ModelContext, SensorContext, Surroundi
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.pair_compiler import compile_pairs
+from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import paper_codes, reported_types, with_paper_types
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
@@ -40,18 +40,13 @@ _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 
 @frozen(eq=False, kw_only=True, repr=False)
-class Plan:
-    """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own from `make_tracker`.
-
-    To run a tracker object of your own: `attrs.evolve(plan, make_tracker=lambda: MyTracker())`.
-    """
+class PlanParts:
+    """What is built of a scene: a plan without pairs, lines of sight and solar exclusions."""
 
     scene: Scene
     host: Host
     sensors: tuple[Sensor, ...]
     targets: Targets
-    pairs: Pairs
-    sightlines: Sightlines
     detection: DetectionProbability
     classifier: Classifier
     confidence: Confidence
@@ -59,12 +54,36 @@ class Plan:
     make_tracker: Callable[[], Tracker]
     bias: PointingBias | None
     end_ns: int
-    #: How often each sensor's scans were renumbered; empty if the scan rates never changed.
-    scan_generations: tuple[int, ...] = ()
     #: What is built of the scene's `sources`; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
     #: The names of the types that events report, by code.
     reported_types: tuple[str, ...] = REPORTED_TYPES
+
+    def pair_compiler(self, exclusions: Sequence[SolarExclusion | None]) -> PairCompiler:
+        """Return the compiler of the pairs of sensors and targets."""
+        starts = scan_starts(self.scene.seed, self.sensors)
+        return PairCompiler(self.sensors, self.targets, starts, self.scene.light_time, self.end_ns, exclusions)
+
+    def solar_exclusions(self) -> tuple[SolarExclusion | None, ...]:
+        """Return the sensors' solar exclusions; empty if none of them has any."""
+        return solar_exclusions(self.sensors, self.scene.epoch_us, self.scene.duration_s)
+
+    def work_of(self, pairs: Pairs) -> Workload:
+        """Return the workload of pairs in place of those of a plan."""
+        return Workload(pairs, self.sensors, self.detection, self.end_ns, self.scene.limits)
+
+
+@frozen(eq=False, kw_only=True, repr=False)
+class Plan(PlanParts):
+    """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own from `make_tracker`.
+
+    To run a tracker object of your own: `attrs.evolve(plan, make_tracker=lambda: MyTracker())`.
+    """
+
+    pairs: Pairs
+    sightlines: Sightlines
+    #: How often each sensor's scans were renumbered; empty if the scan rates never changed.
+    scan_generations: tuple[int, ...] = ()
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
 
@@ -77,7 +96,7 @@ class Plan:
     @property
     def workload(self) -> Workload:
         """What the work of the plan follows from."""
-        return Workload(self.pairs, self.sensors, self.detection, self.end_ns, self.scene.limits)
+        return self.work_of(self.pairs)
 
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
@@ -129,48 +148,39 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         raise TypeError(f"a scene is needed, not {kind_of(scene)}: {need}")
     host = host or Host.discover()
     with PluginErrors(host, scene):
-        plan = _compiled(scene, host)
+        parts = plan_parts(scene, host)
+        exclusions = parts.solar_exclusions()
+        pairs, sightlines = parts.pair_compiler(exclusions).compiled()
+    plan = Plan(**asdict(parts, recurse=False), pairs=pairs, sightlines=sightlines, exclusions=exclusions)
     plan.workload.require_run()
     return plan
 
 
-def _compiled(scene: Scene, host: Host) -> Plan:
-    parts = plan_parts(scene, host)
-    sensors, targets = parts["sensors"], parts["targets"]
-    exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
-    pairs, sightlines = compile_pairs(
-        sensors,
-        targets,
-        scan_starts(scene.seed, sensors),
-        light_time=scene.light_time,
-        end_ns=parts["end_ns"],
-        exclusions=exclusions,
-    )
-    return Plan(**parts, pairs=pairs, sightlines=sightlines, exclusions=exclusions)
-
-
-def plan_parts(scene: Scene, host: Host) -> dict[str, Any]:
-    """Return what is built of a scene, by the names of a plan: all but pairs, lines of sight and solar exclusions."""
-    sensors: tuple[Sensor, ...] = tuple(
+def plan_parts(scene: Scene, host: Host) -> PlanParts:
+    """Build the components of a scene: sensors, sources, targets, models of detection, tracker."""
+    sensors = tuple(
         _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
     )
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
+    detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
-    return {
-        "scene": scene,
-        "host": host,
-        "sensors": sensors,
-        "targets": targets,
-        **_models(scene, host, sensors, targets, sources),
-        "make_tracker": make_tracker,
-        "bias": drawn_bias(scene.seed, sensors),
-        "end_ns": round(scene.duration_s * _NS),
-        "sources": sources,
-        "reported_types": reported_types(scene, host),
-    }
+    return PlanParts(
+        scene=scene,
+        host=host,
+        sensors=sensors,
+        targets=targets,
+        detection=detection,
+        classifier=classifier,
+        confidence=confidence,
+        make_tracker=make_tracker,
+        bias=drawn_bias(scene.seed, sensors),
+        end_ns=round(scene.duration_s * _NS),
+        sources=sources,
+        reported_types=reported_types(scene, host),
+    )
 
 
 def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
@@ -182,8 +192,9 @@ def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
     with PluginErrors(plan.host, plan.scene):
-        models = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
-    return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
+        detection, classifier, confidence = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
+    changed = evolve(plan, detection=detection, classifier=classifier, confidence=confidence)
+    return evolve(changed, targets=targets, pairs=pairs, sightlines=sightlines)
 
 
 def whole_flights(plan: Plan) -> Targets:
@@ -208,8 +219,8 @@ def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
 
 def _models(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
-) -> dict[str, Any]:
-    """Return the models of detection, classification and confidence, by their names in a plan."""
+) -> tuple[DetectionProbability, Classifier, Confidence]:
+    """Return the models of detection, classification and confidence."""
     context = ModelContext(
         sensors=sensors,
         target_type_code=targets.type_code,
@@ -221,8 +232,7 @@ def _models(
     detection = built(host, scene.detection, context)
     context = evolve(context, detection=detection)
     classifier = built(host, scene.classification, context)
-    confidence = built(host, scene.confidence, evolve(context, classifier=classifier))
-    return {"detection": detection, "classifier": classifier, "confidence": confidence}
+    return detection, classifier, built(host, scene.confidence, evolve(context, classifier=classifier))
 
 
 def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
@@ -248,7 +258,7 @@ def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
 
 
 def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
-    """Return what the component of a scene's choice builds, of the choice's configuration or another.
+    """Build the component of a scene's choice, from the choice's configuration or another.
 
     Raises `ModelError` that names the component and its owner if it fails.
     """
@@ -259,7 +269,7 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
 
 
 def _tracker_fault(part: Any) -> str:
-    """Return what a tracker lacks, or ""; one that never steps needs no methods."""
+    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no methods."""
     if getattr(part, "cadence_s", 0.0) is None:
         return ""
     what = kind_of(part)
@@ -277,7 +287,7 @@ def _tracker_fault(part: Any) -> str:
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
-    """Return what is built of each block of `sources`."""
+    """Build the sources, one for each block of `sources`."""
     if not scene.sources:
         return ()
     from opir_core.planning.sources import make_sources

@@ -44,8 +44,7 @@ class GridPlace:
     def interpolated(self, values: FloatArray) -> FloatArray:
         """Return values at the looks, interpolated linearly between the points."""
         early = values[self.point]
-        between: FloatArray = early + (values[self.point + 1] - early) * self.fraction
-        return between
+        return early + (values[self.point + 1] - early) * self.fraction
 
 
 @frozen(eq=False)
@@ -122,13 +121,11 @@ class Pairs(Columns):
     @property
     def looks(self) -> IntArray:
         """Number of looks of each pair."""
-        count: IntArray = np.maximum(self.last_scan - self.first_scan + 1, 0)
-        return count
+        return np.maximum(self.last_scan - self.first_scan + 1, 0)
 
     def is_over(self, time_ns: int) -> BoolArray:
         """Return which pairs have no look at or after a scene time."""
-        over: BoolArray = self.phase_ns + self.last_scan * self.period_ns < time_ns
-        return over
+        return self.phase_ns + self.last_scan * self.period_ns < time_ns
 
 
 #: Step of the velocities at the ends of a flight, s.
@@ -225,5 +222,4 @@ def _step_s(start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
 def distance_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:
     """Return the distances (n,) between positions (n, 3)."""
     x, y, z = (one_m[:, axis] - other_m[:, axis] for axis in range(3))
-    distance: FloatArray = np.sqrt(x * x + y * y + z * z)
-    return distance
+    return np.sqrt(x * x + y * y + z * z)

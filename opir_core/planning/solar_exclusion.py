@@ -55,8 +55,7 @@ class SolarExclusion:
 
     def is_clear(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, time_s: FloatArray) -> BoolArray:
         """Return which lines of sight (n, 3) the Sun leaves free at scene times (n,)."""
-        free: BoolArray = self.margin_rad(sensor_ecef_m, target_ecef_m, time_s) > 0.0
-        return free
+        return self.margin_rad(sensor_ecef_m, target_ecef_m, time_s) > 0.0
 
 
 def solar_exclusions(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> tuple[SolarExclusion | None, ...]:

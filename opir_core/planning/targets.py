@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.optional import FreeFlight, WithBurns, WithClasses
-from opir_core.interfaces.protocols import Sensor, Trajectories
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.scene import EMITTER_TYPES
 
 
@@ -42,10 +42,6 @@ class Targets:
     def is_dark(self, target: IndexArray, time_s: FloatArray) -> BoolArray:
         """Return whether targets (n,) are in a dark gap between two burns at scene times (n,)."""
         return in_gap(self.dark_gaps_s, target, time_s)
-
-    def observed_until_s(self, sensor: Sensor) -> FloatArray:
-        """Return the scene times (n,) up to which a sensor observes the targets."""
-        return self.end_s if sensor.follows_bodies else self.burnout_s
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,), m; nan outside ignition to `end_s`."""

@@ -35,8 +35,7 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
     half_angle_rad, least_rad = sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
     margins = Margins.of(half_angle_rad, least_rad, sensor_ecef_m, target_ecef_m)
     clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
-    seen: BoolArray = clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
-    return seen
+    return clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
 
 
 @frozen(eq=False, repr=False)

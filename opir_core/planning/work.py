@@ -88,7 +88,7 @@ class Workload:
                 raise SceneError([Problem(f"limits.{limit}", text)])
 
     def _remedy(self, span: str) -> str:
-        """Return what to change: the scan period of the sensor with the most looks and false alarms."""
+        """Return the remedy: a longer scan period of the sensor with the most looks and false alarms."""
         work = self._false_alarms_per_s() * self.end_ns / _NS
         np.add.at(work, self.pairs.sensor, self.pairs.looks.astype(np.float64))
         sensor = self.sensors[int(work.argmax())]
@@ -102,8 +102,7 @@ class Workload:
         if not isinstance(self.detection, FalseAlarmModel):
             return np.zeros(len(self.sensors))
         period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / _NS
-        per_s: FloatArray = np.asarray(self.detection.rate_per_scan, dtype=np.float64) / period_s
-        return per_s
+        return np.asarray(self.detection.rate_per_scan, dtype=np.float64) / period_s
 
 
 def most_looks(pairs: Pairs, duration_ns: int) -> float:

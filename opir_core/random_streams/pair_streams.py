@@ -242,8 +242,7 @@ class RowDraws:
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
-        chosen: FloatArray = self.streams.constants(purpose, words)[self.pair]
-        return chosen
+        return self.streams.constants(purpose, words)[self.pair]
 
     def take(self, rows: Any) -> "RowDraws":
         """Return the random draws of some of the rows."""
@@ -308,8 +307,7 @@ class FalseAlarmStream:
 
     def _block_counts(self, first: int, blocks: int) -> IntArray:
         """Return the numbers of false alarms in blocks of scans."""
-        counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
-        return counts
+        return np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
 
 
 @lru_cache(maxsize=64)

@@ -75,8 +75,7 @@ class Reader:
         self._place["key"] = (key & _HALF_MASK, key >> 64)
         self._place["counter"] = (block & _HALF_MASK, block >> 64, 0, 0)
         self._generator.state = self._state
-        raw: NDArray[np.uint64] = self._generator.random_raw(skipped + count)[skipped:]
-        return raw
+        return self._generator.random_raw(skipped + count)[skipped:]
 
 
 class Stream:

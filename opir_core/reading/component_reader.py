@@ -270,5 +270,4 @@ def _preset(component: Any, node: Node) -> Mapping[str, Any]:
         known = f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
         message = f"the {component.kind} {component.name} has no preset {shown_text(name)}; {known}"
         raise InvalidNode([Complaint(message, node.place, (".preset",))])
-    preset: Mapping[str, Any] = component.presets[name]
-    return preset
+    return component.presets[name]

@@ -211,8 +211,7 @@ def _entry(node: Node, key: str, path: str, shown: str) -> Node:
     """Return the value of a key, an empty block where there is none."""
     if not isinstance(node.value, dict):
         raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
-    entry: Node = node.value.setdefault(key, Node({}, shown, shown))
-    return entry
+    return node.value.setdefault(key, Node({}, shown, shown))
 
 
 def _count(node: Node, path: str, shown: str) -> int:
@@ -229,8 +228,7 @@ def _item(node: Node, index: int, path: str, shown: str) -> Node:
     count = len(node.value)
     if index >= count:
         raise InvalidNode([Complaint(f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0")])
-    item: Node = node.value[index]
-    return item
+    return node.value[index]
 
 
 def _kind(node: Node) -> str:

@@ -62,7 +62,7 @@ _ODD = (
 
 
 def plain_value(text: str) -> Any:
-    """Return what an unquoted scalar means: None, a truth value, an int, a float, a `SwitchWord` or text.
+    """Return the value of an unquoted scalar: None, a truth value, an int, a float, a `SwitchWord` or text.
 
     Raises `ValueError`, with words for the user, where that depends on who reads it or would not keep the number.
     """
@@ -280,7 +280,7 @@ def _refuse_unprintable(text: str, origin: str | None) -> None:
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:
-    """Return what the parser complains of, in our words where there are some, and the mark of the place."""
+    """Return the message of a parser error, in our words where there are some, and the mark of its place."""
     problem = error.problem or "this does not follow the rules of YAML"
     said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
     begun, mark = error.context_mark, error.problem_mark or error.context_mark

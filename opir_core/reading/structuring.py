@@ -155,7 +155,7 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
 
 
 def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
-    """Return what all parts come to, or raise the complaints of all parts."""
+    """Return the values of all parts; raises the errors of all parts together."""
     collector, values = ErrorCollector(), []
     for step, reader, node in parts:
         with collector.at(step):
@@ -355,7 +355,7 @@ _SCALARS: Mapping[type, Reader] = {
     Node: read_node,
 }
 
-#: Which types can be read, and what makes their
+#: (predicate, factory) of each readable type; the first match makes its reader.
 _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (
     (lambda kind: isinstance(kind, type) and kind in _SCALARS, lambda kind: _SCALARS[kind]),
     (lambda kind: kind is Any, lambda _kind: _read_data),

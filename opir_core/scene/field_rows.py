@@ -102,7 +102,7 @@ def shown(value: Any) -> str:
 
 
 def _default(attribute: "Attribute[Any]", base: Any) -> Any:
-    """Return what a field is where a scene leaves it out, `NOTHING` where it has to be given."""
+    """Return the default value of a field, `NOTHING` if the field is required."""
     if base is not None:
         return getattr(base, attribute.name)
     default: Any = attribute.default

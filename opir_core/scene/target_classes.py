@@ -148,7 +148,7 @@ class TargetClass:
         return values.get(self.name, values.get(self.resembles))
 
     def fault(self) -> str:
-        """Return what is wrong with the class (`with ...`, `without ...`), or ""."""
+        """Return the first error of the class (`with ...`, `without ...`), or ""."""
         names = [profile.name for profile in self.profiles]
         lacking = [name for name in names if name not in self.plumes]
         faults = (
@@ -193,8 +193,7 @@ def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
 def _read(name: str) -> Mapping[str, Any]:
     import json
 
-    read: Mapping[str, Any] = json.loads((_DATA / name).read_text(encoding="utf-8"))
-    return read
+    return json.loads((_DATA / name).read_text(encoding="utf-8"))
 
 
 @cache

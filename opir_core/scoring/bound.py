@@ -144,15 +144,13 @@ class _Looks(NamedTuple):
 
     def near(self, row: int) -> FloatArray:
         """Return the target position (3,) about the time of a look."""
-        place: FloatArray = self.target_m[min(row, len(self.target_m) - 1)]
-        return place
+        return self.target_m[min(row, len(self.target_m) - 1)]
 
 
 def _steps(start_s: float, end_s: float, longest_s: float) -> list[float]:
     """Return the ends of equal steps from one time to another."""
     count = max(1, int(np.ceil((end_s - start_s) / longest_s)))
-    ends: list[float] = np.linspace(start_s, end_s, count + 1)[1:].tolist()
-    return ends
+    return np.linspace(start_s, end_s, count + 1)[1:].tolist()
 
 
 def _widened(transition: FloatArray, biases: int) -> FloatArray:

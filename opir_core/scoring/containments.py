@@ -199,8 +199,7 @@ def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatA
     slope = np.concatenate([slope, slope * after_s[:, None, None]], axis=2)
     spread = slope @ tracks.state_covariance @ slope.transpose(0, 2, 1)
     spread[:, [0, 1], [0, 1]] += np.square(evidence.sigma_rad[rows])[:, None]
-    squares: FloatArray = np.sum(measured * np.linalg.solve(spread, measured[:, :, None])[:, :, 0], axis=1)
-    return squares
+    return np.sum(measured * np.linalg.solve(spread, measured[:, :, None])[:, :, 0], axis=1)
 
 
 _GROUND_FREEDOM = 2

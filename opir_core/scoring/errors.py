@@ -108,8 +108,7 @@ def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Owner
 def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
     """Return the ground distances (n,), m, of predicted impacts from the true one; nan without a prediction."""
     place = np.broadcast_to(np.array(place_of(truth.get("impact"))), (len(tracks), 3))
-    error: FloatArray = np.linalg.norm(ground_error(tracks.impact, place), axis=1)
-    return error
+    return np.linalg.norm(ground_error(tracks.impact, place), axis=1)
 
 
 def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:

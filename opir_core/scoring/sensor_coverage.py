@@ -95,5 +95,4 @@ def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
         return np.full(5, np.nan)
     powers = parts[:, 1:4] / parts[:, 4:]
     each = powers.sum(axis=1) ** (1.0 / order)
-    mean: FloatArray = np.concatenate([parts[:, :1], each[:, None], powers], axis=1).mean(axis=0)
-    return mean
+    return np.concatenate([parts[:, :1], each[:, None], powers], axis=1).mean(axis=0)

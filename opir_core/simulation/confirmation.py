@@ -3,6 +3,9 @@
 import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
+from opir_core.interfaces.optional import ConfirmingModel
+from opir_core.planning.sightlines import Pairs
+from opir_core.simulation.output_checks import checked_confirmation
 
 #: Before every scan.
 _NEVER = -(1 << 62)
@@ -31,8 +34,7 @@ class Confirmation:
         first[inside] = scan[inside - back[inside]]
         first[before] = self.recent[pair[before], back[before] - 1 - place[before]]
         self._remember(pair[start], times, scan, start)
-        confirmed: BoolArray = scan - first < self._scans[pair]
-        return confirmed
+        return scan - first < self._scans[pair]
 
     def take_over(self, former: "Confirmation", own_row: IntArray, former_row: IntArray) -> None:
         """Continue with the last detections of pairs of another one."""
@@ -47,3 +49,14 @@ class Confirmation:
             new = scan[np.where(is_new, start + times - 1 - back, start)]
             old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
             self.recent[pair, back] = np.where(is_new, new, old)
+
+
+def confirmation_of(model: object, pairs: Pairs, sensors: int) -> Confirmation | None:
+    """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
+    if not isinstance(model, ConfirmingModel):
+        return None
+    confirmation = checked_confirmation(model.confirmation, sensors)
+    if not np.any(confirmation[:, 0] > 1):
+        return None
+    needed, scans = confirmation[pairs.sensor].T
+    return Confirmation(needed, scans)

@@ -42,7 +42,7 @@ class _LookNoise(NamedTuple):
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return what a plan computes, skips and omits, sensor by sensor and pair by pair, as plain values."""
+    """Return the work of a plan, computed, skipped and omitted, by sensor and by pair, as plain values."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -137,7 +137,7 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
 
 
 def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return what focal planes come to by band, with the noise of looks in this scene; nothing for models without."""
+    """Return the figures of the focal planes by band, with the noise of looks in this scene; none without planes."""
     receivers = getattr(plan.detection, "receivers", ())
     if not isinstance(plan.detection, SignalModel) or all(receiver.plane is None for receiver in receivers):
         return []
@@ -193,7 +193,7 @@ def _names(plan: Plan, row: int) -> Mapping[str, str]:
 
 
 def _not_computed(plan: Plan) -> list[str]:
-    """Return what the engine does not compute for this scene."""
+    """Return the computations that the engine omits for this scene."""
     everyone = np.zeros(0, dtype=np.int32)
     constant = plan.detection.pair_probability(everyone, everyone) is not None
     omitted = (

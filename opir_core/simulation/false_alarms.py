@@ -5,7 +5,6 @@ over the solid angle of the field of regard. No cell is visited. A sensor's fals
 by blocks of scans, so that neither windows nor other sensors or targets change them.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,13 @@ from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel
-from opir_core.interfaces.protocols import Classifier, Confidence, Measured
+from opir_core.interfaces.protocols import Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
-from opir_core.planning.sensor_states import SensorStates
-from opir_core.planning.solar_exclusion import SolarExclusion
-from opir_core.random_streams.detection_ids import uuid8_words
+from opir_core.planning.looks import LookGeometry
+from opir_core.planning.plan import Plan
+from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
-from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import classified, classifier_inputs, confidences
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
 
@@ -72,42 +71,29 @@ class FalseAlarms:
 
 
 class FalseAlarmGenerator:
-    """Draws a run's false alarms, window by window.
+    """Draws a run's false alarms, window by window; there are none where the Sun prevents looks."""
 
-    `names` (sensors,) are the names of the sensors' streams, `id_keys` (sensors, 2) the keys of the detection ids.
-    There are no false alarms where the Sun prevents looks: `exclusions` are the sensors' own, or empty.
-    """
-
-    def __init__(
-        self,
-        model: FalseAlarmModel,
-        *,
-        classifier: Classifier,
-        confidence: Confidence,
-        states: SensorStates,
-        seed: int,
-        names: Sequence[str],
-        id_keys: WordArray,
-        exclusions: Sequence[SolarExclusion | None] = (),
-        types: int = len(REPORTED_TYPES),
-    ) -> None:
-        self._types_total = types
-        self._model, self._classifier, self._confidence, self._states = model, classifier, confidence, states
-        sensors = states.sensors
+    def __init__(self, plan: Plan, model: FalseAlarmModel, geometry: LookGeometry) -> None:
+        self._model, self._classifier, self._confidence = model, plan.classifier, plan.confidence
+        self._states, self._types_total = geometry.states, len(plan.reported_types)
+        scene, sensors, names = plan.scene, plan.sensors, plan.sensor_names()
         rate = checked_rates(model.rate_per_scan, len(sensors))
         self._streams = {
-            number: FalseAlarmStream(sensors[number], number, names[number], seed, float(rate[number]), model.words)
+            number: FalseAlarmStream(
+                sensors[number], number, names[number], scene.seed, float(rate[number]), model.words
+            )
             for number in np.flatnonzero(rate > 0.0).tolist()
         }
-        self._id_keys = id_keys
-        self._exclusions = {number: each for number, each in enumerate(exclusions) if each is not None}
+        noise_names = [(name, "\x1fnoise") for name in names]
+        self._id_keys = stream_key_words(scene.seed, scene.name, scene.epoch_us, noise_names)
+        self._exclusions = {number: each for number, each in enumerate(plan.exclusions) if each is not None}
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
-    def between(self, start_ns: int, end_ns: int) -> "FalseAlarms | None":
+    def between(self, start_ns: int, end_ns: int) -> FalseAlarms | None:
         """Return the false alarms in [start, end) of scene time, or None if there are none."""
         parts = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
         drawn = [part for part in parts if len(part)]
@@ -141,7 +127,7 @@ class FalseAlarmGenerator:
             phase_ns[rows] = self._streams[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
         return phase_ns
 
-    def _measured(self, noise: _Placed) -> "FalseAlarms":
+    def _measured(self, noise: _Placed) -> FalseAlarms:
         rows, bands = len(noise.time_ns), int(self._band_totals.max())
         noise_only = self._model.measure_noise(noise.sensor, noise.uniforms)
         measured = checked_measured(noise_only, rows, bands, "measure_noise")
@@ -192,9 +178,9 @@ class FalseAlarmGenerator:
     def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
         """Return reported types and log probabilities; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
-        if self._classifier.pair_type(nobody, nobody, _NoDice()) is not None:
+        if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
             return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
-        return classified(self._classifier, sightings, _NoDice(len(sightings)), self._types_total)
+        return classified(self._classifier, sightings, _NoDraws(len(sightings)), self._types_total)
 
 
 def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
@@ -205,7 +191,7 @@ def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
 
 
 @frozen
-class _NoDice:
+class _NoDraws:
     """Random draws for classifiers where there is no pair: always one half."""
 
     rows: int = 0
@@ -219,8 +205,8 @@ class _NoDice:
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         return np.full((self.rows, words), 0.5)
 
-    def take(self, rows: Any) -> "_NoDice":
-        return _NoDice(len(np.arange(self.rows)[rows]))
+    def take(self, rows: Any) -> "_NoDraws":
+        return _NoDraws(len(np.arange(self.rows)[rows]))
 
 
 def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:

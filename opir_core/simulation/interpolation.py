@@ -124,9 +124,9 @@ class WindowInterpolant:
         undecided[np.searchsorted(self._looks.active, self._whole.pieces.pair[open_])] = True
         return undecided
 
-    def measured(self, row: IntArray, sensor: IndexArray, dice: RandomDraws, probability: FloatArray) -> Measured:
+    def measured(self, row: IntArray, sensor: IndexArray, rng: RandomDraws, probability: FloatArray) -> Measured:
         """Return the measurements of looks (n,) that detected, given by their rows in the window, in order."""
-        return self._whole.model.measure_response(self.response(row), sensor, dice, probability)
+        return self._whole.model.measure_response(self.response(row), sensor, rng, probability)
 
     def response(self, row: IntArray) -> Response:
         """Return the signals and noise of looks (n,), given by their rows in the window, in order."""

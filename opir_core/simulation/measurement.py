@@ -1,127 +1,24 @@
-"""Detections from looks that detect: measurement, classification, confidence and id."""
+"""What follows from the measurements of looks that detect: type, confidence, measured line of sight."""
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
-from opir_core.interfaces.columns import Columns
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.optional import PosteriorClassifier, TypeConfidence
-from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured, RandomDraws
-from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks
-from opir_core.planning.looks import LookGeometry
+from opir_core.interfaces.protocols import Classifier, Confidence, Measured, RandomDraws
+from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 from opir_core.planning.sensor_states import SensorStates
-from opir_core.random_streams.detection_ids import uuid8_words
-from opir_core.random_streams.pair_streams import RowDraws, WindowNumbers
 from opir_core.random_streams.philox import normal_pairs
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.output_checks import (
     checked_confidence,
     checked_log_probability,
-    checked_measured,
     checked_types,
 )
 
 #: The number of bits set in each byte.
 BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
-
-
-@frozen(eq=False, repr=False)
-class Hits(Columns):
-    """Looks of a window that detect: row among the looks, pair, scan, time, detection count so far, P_d.
-
-    `direction_words` are the raw random words of the line-of-sight error; further normal numbers are derived from them.
-    """
-
-    row: IntArray
-    pair: IntArray
-    scan: IntArray
-    time_ns: IntArray
-    count: IndexArray
-    probability: FloatArray
-    direction_words: WordArray
-
-
-@frozen(eq=False, kw_only=True)
-class DetectionBuilder:
-    """Builds detections of hits, block by block.
-
-    `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one that uses measurements;
-    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands,
-    `types` the number of types that events may report.
-    """
-
-    geometry: LookGeometry
-    detection: DetectionProbability
-    classifier: Classifier
-    confidence: Confidence
-    pair_type: NDArray[np.uint8] | None
-    id_keys: WordArray
-    band_totals: IntArray
-    types: int = len(REPORTED_TYPES)
-
-    @property
-    def classifies_measurements(self) -> bool:
-        """Whether the classifier uses measurements, not pairs."""
-        return self.pair_type is None
-
-    def block(
-        self, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
-    ) -> tuple[Detections, DetectionTruth]:
-        """Return the detections of a block of hits, and their truth; the model measures what is not `measured` yet."""
-        dice, states = numbers.of(hits.row, hits.pair, hits.direction_words), self.geometry.states
-        time_s = hits.time_ns.astype(np.float64) * 1e-9
-        exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
-        if measured is None:
-            measured = checked_measured(self.detection.measure(exposed, dice), len(hits), int(self.band_totals.max()))
-        total = self.band_totals[exposed.sensor]
-        sightings = classifier_inputs(
-            measured,
-            exposed.time_s,
-            exposed.sensor,
-            exposed.target,
-            exposed.range_m,
-            exposed.elevation_sine,
-            total,
-            hits.count,
-        )
-        sigma_rad = measured.line_of_sight_sigma_rad
-        if sigma_rad is None:
-            sigma_rad = states.sigma_rad.take(exposed.sensor)
-        detections = self._detections(exposed, sightings, sigma_rad, hits, dice)
-        truth = DetectionTruth(
-            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
-        )
-        return detections, truth
-
-    def _detections(
-        self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, dice: RowDraws
-    ) -> Detections:
-        none = np.full(len(hits), -1, dtype=np.int64)
-        reported_type, log_probability = self._types(sightings, hits, dice)
-        return Detections(
-            time_ns=hits.time_ns,
-            sensor=exposed.sensor,
-            scan=exposed.scan,
-            detection_id=uuid8_words(self.id_keys[hits.pair], exposed.scan),
-            reported_type=reported_type,
-            bands=sightings.bands,
-            detection_count=hits.count,
-            confidence=confidences(self.confidence, sightings, reported_type, log_probability),
-            line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
-            sensor_ecef_m=exposed.sensor_ecef_m,
-            snr=sightings.snr,
-            track=none,
-            estimate=none,
-            line_of_sight_sigma_rad=sigma_rad,
-            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
-            type_log_probability=log_probability,
-        )
-
-    def _types(self, sightings: ClassifierInputs, hits: Hits, dice: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
-        if self.pair_type is None:
-            return classified(self.classifier, sightings, dice, self.types)
-        return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
 
 
 def classifier_inputs(
@@ -153,12 +50,12 @@ def classifier_inputs(
 
 
 def classified(
-    classifier: Classifier, sightings: ClassifierInputs, dice: RandomDraws, types: int = len(REPORTED_TYPES)
+    classifier: Classifier, sightings: ClassifierInputs, rng: RandomDraws, types: int = len(REPORTED_TYPES)
 ) -> tuple[NDArray[np.uint8], FloatArray]:
     """Return reported types (n,) and ln of the type probabilities (n, 4), or (n, 0) if the classifier has none."""
     rows = len(sightings)
     if not isinstance(classifier, PosteriorClassifier):
-        codes = checked_types(classifier.reported_type(sightings, dice), rows, types, "reported_type")
+        codes = checked_types(classifier.reported_type(sightings, rng), rows, types, "reported_type")
         return codes, np.empty((rows, 0))
     log_probability = checked_log_probability(
         classifier.log_posterior(sightings), rows, len(REPORTED_TYPES), "log_posterior"

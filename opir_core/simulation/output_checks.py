@@ -55,8 +55,7 @@ def checked_types(codes: Any, rows: int, types: int, method: str) -> NDArray[np.
         row = int(np.argmax((codes < 0) | (codes >= types)))
         words = f"returned the code {codes[row]} in row {row}; codes are 0 to {types - 1}"
         raise InvalidOutput(_CLASSIFICATION, method, words)
-    checked: NDArray[np.uint8] = codes
-    return checked
+    return codes
 
 
 def checked_log_probability(log_probability: Any, rows: int, types: int, method: str) -> FloatArray:
@@ -68,8 +67,7 @@ def checked_log_probability(log_probability: Any, rows: int, types: int, method:
         row = int(np.argmin(sound))
         words = f"returned probabilities that sum to {total[row]:.9g} in row {row}, not to 1"
         raise InvalidOutput(_CLASSIFICATION, method, words)
-    checked: FloatArray = log_probability
-    return checked
+    return log_probability
 
 
 def checked_confidence(confidence: Any, rows: int, method: str) -> FloatArray:
@@ -82,8 +80,7 @@ def checked_rates(rate_per_scan: Any, sensors: int) -> FloatArray:
     """Return the rates (sensors,) of false alarms, finite and not negative."""
     _require_array(rate_per_scan, "f", (sensors,), _DETECTION, "rate_per_scan")
     _require_range(rate_per_scan, 0.0, 1e15, _DETECTION, "rate_per_scan", "per scan")
-    checked: FloatArray = rate_per_scan
-    return checked
+    return rate_per_scan
 
 
 def checked_confirmation(confirmation: Any, sensors: int) -> IntArray:
@@ -94,8 +91,7 @@ def checked_confirmation(confirmation: Any, sensors: int) -> IntArray:
         row = int(np.argmax((needed < 1) | (scans < needed)))
         words = f"is {needed[row]} of {scans[row]} scans for sensor {row}; 1 <= M <= N is required"
         raise InvalidOutput(_DETECTION, "confirmation", words)
-    checked: IntArray = confirmation
-    return checked
+    return confirmation
 
 
 def _in_unit_interval(values: FloatArray, key: str, method: str) -> FloatArray:

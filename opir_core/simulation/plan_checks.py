@@ -10,11 +10,10 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.protocols import Sensor
-from opir_core.planning.plan import Plan
+from opir_core.planning.plan import Plan, PlanParts
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets
 from opir_core.scene.plausibility import REMEDY, implausible_values
-from opir_core.scene.scene import Scene
 from opir_core.sensors.scan_patterns import AlignedScan
 
 #: How far an event may be from a scan instant, in scan periods.
@@ -27,15 +26,11 @@ _LISTED = 3
 _LISTED_VALUES = 8
 
 
-@frozen(eq=False, kw_only=True)
-class CheckedScene:
+@frozen(eq=False, kw_only=True, repr=False)
+class CheckedScene(PlanParts):
     """What is built of a valid scene, and the pairs that warnings may be about."""
 
-    scene: Scene
-    sensors: tuple[Sensor, ...]
-    targets: Targets
     pairs: Pairs
-    end_ns: int
 
 
 def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
@@ -94,8 +89,7 @@ def _is_aligned(sensors: Sequence[Sensor]) -> BoolArray:
 def _on_scan_instant(time_s: FloatArray, period_ns: IntArray | int, end_ns: int) -> BoolArray:
     """Return which events (n,) of a run are at whole periods, within the tolerance."""
     periods = time_s * 1e9 / period_ns
-    on_instant: BoolArray = (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)
-    return on_instant
+    return (np.abs(periods - np.rint(periods)) <= TOLERANCE) & (time_s * 1e9 <= end_ns)
 
 
 def _ids(numbers: IntArray, ids: Sequence[str]) -> str:

@@ -179,8 +179,7 @@ class GridRefiner:
         looks, row = np.unique(pair * most + scan, return_inverse=True)
         first = self._count
         self._evaluate(looks // most, looks % most)
-        rows: IntArray = first + row.reshape(scan.shape)
-        return rows
+        return first + row.reshape(scan.shape)
 
     def _evaluate(self, pair: IntArray, scan: IntArray) -> None:
         """Evaluate looks, sorted by pair, and append their values."""
@@ -223,8 +222,7 @@ class GridRefiner:
         """Return which pieces have signals that are nearly linear and change little: three knots suffice."""
         signals = values[1 : len(values) // 2].take(pieces.row, axis=1)
         change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
-        steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
-        return steady
+        return np.all(change, axis=0) & self._is_straight(pieces, values)
 
     def _is_fine(self, pieces: Intervals) -> BoolArray:
         """Return which pieces are interpolated to within the tolerance by curves and lines through their knots."""
@@ -268,8 +266,7 @@ def certain_beyond(tolerance: float) -> float:
 
 def _positions(pieces: Intervals) -> FloatArray:
     """Return the positions (m, k) of knots in [0, 1] between the first and the last of their piece."""
-    positions: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
-    return positions
+    return (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
 
 
 def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
@@ -327,5 +324,4 @@ def _scans_from(geometry: LookGeometry, pair: IntArray, emission_s: FloatArray) 
     near_s = np.clip(left_s, first_s, look_times_s(pairs, pair, pairs.last_scan[pair]))
     travel_s = geometry.sightlines.place(pair, near_s).interpolated(geometry.sightlines.travel_s)
     seen_ns = (left_s + travel_s) * 1e9 - pairs.phase_ns[pair]
-    scans: IntArray = np.ceil(seen_ns / pairs.period_ns[pair]).astype(np.int64).reshape(emission_s.shape)
-    return scans
+    return np.ceil(seen_ns / pairs.period_ns[pair]).astype(np.int64).reshape(emission_s.shape)

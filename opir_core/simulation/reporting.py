@@ -1,4 +1,4 @@
-"""Reporting latencies: when the detections of each scan are reported; imported only for scenes with latency."""
+"""Stage of the engine: when the detections of each scan are reported; imported only for scenes with latency."""
 
 from collections.abc import Sequence
 
@@ -10,6 +10,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.protocols import ReportingStage, Sensor
 from opir_core.interfaces.records import Detections
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
+from opir_core.simulation.observation import Observation
 
 #: The purpose of a sensor's stream for its reporting latencies.
 STREAM = "reporting"
@@ -25,7 +26,7 @@ LATE_CHANCE = 0.001
 
 
 class ReportingDelays:
-    """The latencies of a run's reports: one draw per sensor and scan, which all detections of the scan share.
+    """Takes `detections`; gives them their `reported_ns`: one draw per sensor and scan, for all detections of the scan.
 
     `names` (sensors,) are the names of the sensors' streams.
     """
@@ -36,6 +37,10 @@ class ReportingDelays:
             number: Stream(stream_key(seed, names[number], STREAM), words=len(stages))
             for number, stages in self._stages.items()
         }
+
+    def __call__(self, window: Observation) -> None:
+        """Draw the latencies of the window's reports."""
+        window.detections = self.reported(window.detections)
 
     def reported(self, detections: Detections) -> Detections:
         """Return detections with the times of their reports."""

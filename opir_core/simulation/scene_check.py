@@ -4,19 +4,14 @@ The looks of a run have a bound that needs no visibility. Only above the limits,
 instants, visibility is computed, in blocks that are not kept.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
+from attrs import asdict
 
 from opir_core.arrays import BoolArray
 from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import plan_parts, scan_starts
+from opir_core.planning.plan import PlanParts, plan_parts
 from opir_core.planning.sightlines import Pairs
-from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
-from opir_core.planning.work import Workload
 from opir_core.scene.scene import Scene
 from opir_core.simulation.plan_checks import CheckedScene, aligned_pairs
 
@@ -26,27 +21,15 @@ def check_scene(scene: Scene, host: Host | None = None) -> CheckedScene:
     host = host or Host.discover()
     with PluginErrors(host, scene):
         parts = plan_parts(scene, host)
-        sensors, targets, end_ns = parts["sensors"], parts["targets"], parts["end_ns"]
-        most_looks = float(_compiler(parts, ()).most_looks().sum())
-        if not _workload(parts, Pairs.empty()).accepts(most_looks):
-            everything = np.ones((len(sensors), len(targets.ids)), dtype=np.bool_)
-            _workload(parts, _pairs(parts, everything)).require_run()
-        met = aligned_pairs(sensors, targets, len(scene.targets), end_ns)
+        most_looks = float(parts.pair_compiler(()).most_looks().sum())
+        if not parts.work_of(Pairs.empty()).accepts(most_looks):
+            everything = np.ones((len(parts.sensors), len(parts.targets.ids)), dtype=np.bool_)
+            parts.work_of(_pairs(parts, everything)).require_run()
+        met = aligned_pairs(parts.sensors, parts.targets, len(scene.targets), parts.end_ns)
         pairs = _pairs(parts, met) if met.any() else Pairs.empty()
-    return CheckedScene(scene=scene, sensors=sensors, targets=targets, pairs=pairs, end_ns=end_ns)
+    return CheckedScene(**asdict(parts, recurse=False), pairs=pairs)
 
 
-def _workload(parts: Mapping[str, Any], pairs: Pairs) -> Workload:
-    return Workload(pairs, parts["sensors"], parts["detection"], parts["end_ns"], parts["scene"].limits)
-
-
-def _pairs(parts: Mapping[str, Any], is_chosen: BoolArray) -> Pairs:
+def _pairs(parts: PlanParts, is_chosen: BoolArray) -> Pairs:
     """Return the chosen pairs (sensors, targets) with their looks."""
-    scene: Scene = parts["scene"]
-    return _compiler(parts, solar_exclusions(parts["sensors"], scene.epoch_us, scene.duration_s)).pairs(is_chosen)
-
-
-def _compiler(parts: Mapping[str, Any], exclusions: Sequence[SolarExclusion | None]) -> PairCompiler:
-    scene, sensors = parts["scene"], parts["sensors"]
-    starts = scan_starts(scene.seed, sensors)
-    return PairCompiler(sensors, parts["targets"], starts, scene.light_time, parts["end_ns"], exclusions)
+    return parts.pair_compiler(parts.solar_exclusions()).pairs(is_chosen)

@@ -225,8 +225,7 @@ def _semi_major_km(tracks: Tracks, point: str) -> list[float]:
     """Return the semi-major axes (n,), km, of the 95 % ellipses of launch or impact points; nan where unknown."""
     covariance = getattr(tracks, f"{point}_covariance")[:, :2, :2]
     sigmas = tracks.impact_sigmas if point == "impact" else None
-    axes_km: list[float] = (containment_ellipse(covariance, reported_sigmas=sigmas).semi_major_m * 1e-3).tolist()
-    return axes_km
+    return (containment_ellipse(covariance, reported_sigmas=sigmas).semi_major_m * 1e-3).tolist()
 
 
 def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, Any] | None:

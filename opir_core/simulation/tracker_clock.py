@@ -146,8 +146,7 @@ class CheckedTracker:
             raise self._error(f"associate returned {outline(track)} for {len(detections)} detections; {_REQUIRED}")
         if len(track) and track.min() < -1:
             raise self._error(f"associate returned the track {track.min()}; {_REQUIRED}")
-        numbers: IntArray = track
-        return numbers
+        return track
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at a tick."""
@@ -155,8 +154,7 @@ class CheckedTracker:
         fault = _fault(estimates, tick_s)
         if fault:
             raise self._error(f"step at {tick_s:g} s {fault}")
-        tracks: Tracks = estimates
-        return tracks
+        return estimates
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
@@ -176,7 +174,7 @@ def _are_whole(numbers: Any, count: int) -> bool:
 
 
 def _fault(estimates: Any, tick_s: float) -> str:
-    """Return what is wrong with the estimates of a tick, or ""."""
+    """Return the first error in the estimates of a tick, or ""."""
     if not isinstance(estimates, Tracks):
         return f"returned {outline(estimates)}, no opir_core.interfaces.records.Tracks"
     times: Any = estimates.tick_s
@@ -201,7 +199,7 @@ def _fault(estimates: Any, tick_s: float) -> str:
 
 
 def _fault_in_values(estimates: Tracks) -> str:
-    """Return what is wrong with the numbers of estimates, or ""; nan stands for what is unknown."""
+    """Return the first error in the values of estimates, or ""; nan stands for unknown values."""
     for name in ("state", "launch", "impact", "burnout"):
         if np.isinf(getattr(estimates, name)).any():
             return f"returned {name} with infinite values"
@@ -219,7 +217,7 @@ def _fault_in_values(estimates: Tracks) -> str:
 
 
 def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
-    """Return what is wrong with covariances (n, k, k), or "": symmetric, no negative variance in any direction."""
+    """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive semidefinite."""
     known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
     if not len(known):
         return ""

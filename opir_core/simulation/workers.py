@@ -212,8 +212,7 @@ class WindowWorkers:
         """Compute a window and send it: a message, and the file in memory to which it refers."""
         packing = _Packing(buffer)
         try:
-            self._engine.turn = self._relay.turn(number, self._engine)
-            window = self._engine.observe(*self._tasks[number])
+            window = self._engine.observe(*self._tasks[number], self._relay.turn(number, self._engine))
             round_, slot = divmod(number, len(self._slots))
             if self._encoders:
                 self._relay.wait_until(lambda: self._written[slot] >= round_)

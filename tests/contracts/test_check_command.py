@@ -59,7 +59,7 @@ def test_what_is_broken_is_told_with_what_to_change() -> None:
     row = told["test_the_same_seed_gives_the_same_bytes"]
     assert row.state == "failed"
     assert "in a second run there are" in row.seen
-    assert "Draw random numbers only from the argument `dice`" in row.change
+    assert "Draw random numbers only from the argument `rng`" in row.change
 
 
 @pytest.mark.parametrize(

@@ -291,8 +291,7 @@ def _finer(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatA
     wide = exists & (loft != 0.0)
     low = np.where(wide, table.kick_rad[row, np.minimum(first, _KICKS - 1)], shots.kick_rad) / step
     high = np.where(wide, table.kick_rad[row, np.maximum(last, 0)], shots.kick_rad) * step
-    finer: FloatArray = low[:, None] * (high / low)[:, None] ** np.linspace(0.0, 1.0, _KICKS)
-    return finer
+    return low[:, None] * (high / low)[:, None] ** np.linspace(0.0, 1.0, _KICKS)
 
 
 def _lofted(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -185,8 +185,7 @@ class RightSide:
         if leg.kind != LegKind.TAIL_OFF:
             return stages.acceleration_m_s2(leg.stage, time_s)
         left = (leg.stop_s - time_s) / np.maximum(leg.stop_s - leg.start_s, 1e-9)
-        thrust: FloatArray = stages.acceleration_m_s2(leg.stage, leg.start_s) * left
-        return thrust
+        return stages.acceleration_m_s2(leg.stage, leg.start_s) * left
 
     def _direction(self, time_s: FloatArray, velocity: FloatArray, speed: FloatArray) -> FloatArray:
         if self._leg.kind == LegKind.RISE:
@@ -198,8 +197,7 @@ class RightSide:
         lead = self._kick_rad * np.sin(np.pi * share) ** 2
         ahead = self._heading - _dot(self._heading, along) * along
         ahead /= np.sqrt(_dot(ahead, ahead))
-        direction: FloatArray = np.cos(lead) * along + np.sin(lead) * ahead
-        return direction
+        return np.cos(lead) * along + np.sin(lead) * ahead
 
 
 def _density(height_m: FloatArray, air: ExponentialAtmosphere | str) -> FloatArray:
@@ -212,8 +210,7 @@ def _density(height_m: FloatArray, air: ExponentialAtmosphere | str) -> FloatArr
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     product = one * other
-    total: FloatArray = product[0] + product[1] + product[2]
-    return total
+    return product[0] + product[1] + product[2]
 
 
 @frozen(eq=False)

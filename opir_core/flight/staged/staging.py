@@ -73,7 +73,7 @@ class Staging:
         return burns - self.tail_off_s
 
     def fault(self) -> str:
-        """Return what is wrong with the stages, or ""."""
+        """Return the first error of the stages, or ""."""
         turned_s = self.vertical_rise_s + self.pitch_over_s + self.tail_off_s
         if turned_s >= self.stages[0].burn_time_s:
             burn = f"stage 1 burns for {self.stages[0].burn_time_s:g} s"
@@ -130,8 +130,7 @@ class StageColumns:
     def acceleration_m_s2(self, stage: int, time_s: FloatArray) -> FloatArray:
         """Return the thrust accelerations (n,) of a stage before its tail-off, at times since ignition (n,)."""
         share = (time_s - self.ignition_s[stage]) / self.burn_time_s[stage]
-        acceleration: FloatArray = self.amplitude_m_s2[stage] / (1.0 - self.q[stage] * share)
-        return acceleration
+        return self.amplitude_m_s2[stage] / (1.0 - self.q[stage] * share)
 
 
 @cache

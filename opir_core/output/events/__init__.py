@@ -26,8 +26,7 @@ def schema(name: str) -> dict[str, Any]:
     """Return one of `SCHEMAS` (draft 2020-12)."""
     import json
 
-    document: dict[str, Any] = json.loads(schema_text(name))
-    return document
+    return json.loads(schema_text(name))
 
 
 def schema_text(name: str) -> str:

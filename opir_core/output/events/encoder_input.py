@@ -111,14 +111,12 @@ def _rules(window: Window, sensors: Sequence[Sensor], types: int) -> Iterator[tu
 @np.errstate(over="ignore")
 def _is_unit(vectors: FloatArray) -> BoolArray:
     x, y, z = vectors.T
-    result: BoolArray = np.abs(np.sqrt(x * x + y * y + z * z) - 1.0) <= _UNIT_ROUNDING
-    return result
+    return np.abs(np.sqrt(x * x + y * y + z * z) - 1.0) <= _UNIT_ROUNDING
 
 
 def _is_sigma(detections: Detections) -> BoolArray:
     sigma_rad = detections.line_of_sight_sigma_rad
-    result: BoolArray = (sigma_rad >= 0.0) & (sigma_rad < np.inf)
-    return result
+    return (sigma_rad >= 0.0) & (sigma_rad < np.inf)
 
 
 def _sensor_name(detections: Detections, row: int, sensors: Sequence[Sensor]) -> str:

@@ -147,8 +147,7 @@ def _point_texts(kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], p
 
 def are_on_earth(place: FloatArray) -> BoolArray:
     """Return which points (n, 3), latitude_rad, longitude_rad and time, have a known position on the Earth."""
-    on_earth: BoolArray = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
-    return on_earth
+    return np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
 
 
 def time_texts(time_s: FloatArray, epoch_us: int) -> list[str | None]:
@@ -236,5 +235,4 @@ def _state_texts(
 
 def _is_finite(rows: FloatArray) -> BoolArray:
     """Return which rows (n, d) are finite throughout."""
-    finite: BoolArray = np.logical_and.reduce(np.isfinite(rows), axis=1)
-    return finite
+    return np.logical_and.reduce(np.isfinite(rows), axis=1)

@@ -56,8 +56,7 @@ class ForgeC2Encoder:
     def encodable(self, window: Window) -> BoolArray:
         """Return which detections (n,) have a position; invalid values raise `ModelError`."""
         require_valid(window, self._sensors, self._types)
-        has_position: BoolArray = np.isfinite(positions_ecef_m(window)[:, 0])
-        return has_position
+        return np.isfinite(positions_ecef_m(window)[:, 0])
 
     def encode(self, window: Window) -> bytes:
         """Return the detections with a position as lines; invalid values raise `ModelError`."""
@@ -121,8 +120,7 @@ def _irradiance_w_m2(detections: Detections) -> FloatArray:
     measured = detections.band_irradiance_w_m2
     if not measured.shape[1]:
         return np.full(len(detections), np.nan)
-    total: FloatArray = np.where(np.isnan(measured).all(axis=1), np.nan, np.nansum(measured, axis=1))
-    return total
+    return np.where(np.isnan(measured).all(axis=1), np.nan, np.nansum(measured, axis=1))
 
 
 def _frequencies(sensor: Sensor) -> list[bytes]:

@@ -25,8 +25,7 @@ def unix_microseconds(time_ns: IntArray, epoch_us: int) -> IntArray:
     `epoch_us` is the epoch, in µs since 1970-01-01 without leap seconds.
     """
     whole, rest = np.divmod(time_ns, _NS_PER_US)
-    rounded: IntArray = whole + (2 * rest >= _NS_PER_US) + epoch_us
-    return rounded
+    return whole + (2 * rest >= _NS_PER_US) + epoch_us
 
 
 def writable_unix_microseconds(time_s: FloatArray, epoch_us: int) -> tuple[IntArray, NDArray[np.bool_]]:
@@ -70,8 +69,7 @@ def _second_characters(seconds: IntArray) -> NDArray[np.uint8]:
     is_new = np.diff(seconds, prepend=seconds[:1] - 1) != 0
     text = np.datetime_as_string(seconds[is_new].astype("M8[s]")).astype(f"S{_TO_SECONDS}")
     characters = text.view(np.uint8).reshape(-1, _TO_SECONDS)
-    repeated: NDArray[np.uint8] = np.take(characters, np.cumsum(is_new) - 1, axis=0)
-    return repeated
+    return np.take(characters, np.cumsum(is_new) - 1, axis=0)
 
 
 def refuse_unwritable(unix_us: IntArray) -> None:
@@ -164,5 +162,4 @@ def propagated_positions(window: Window, rows: IntArray) -> FloatArray:
     estimate = window.detections.estimate[rows]
     state = window.estimates.state[estimate]
     since_tick_s = window.detections.time_s[rows] - window.estimates.tick_s[estimate]
-    propagated: FloatArray = state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]
-    return propagated
+    return state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]

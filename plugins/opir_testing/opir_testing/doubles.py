@@ -13,7 +13,7 @@ from opir_core.builtin import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.orbits import GeostationaryOrbit
-from opir_core.planning import compile_pairs, drawn_bias, join_targets, solar_exclusions
+from opir_core.planning import PairCompiler, drawn_bias, join_targets, solar_exclusions
 from opir_core.plugin import (
     Band,
     ClassifierInputs,
@@ -193,7 +193,7 @@ class CertainDetection:
         """Return the probability of each look."""
         return np.full(len(exposures), self.chance)
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the first band, and no SNR."""
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
@@ -202,11 +202,11 @@ class CertainDetection:
 class UnknownClassifier:
     """A classifier that reports UNKNOWN."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: detection by detection."""
         return None
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
         return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
 
@@ -292,9 +292,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
     end_ns = round(scene.duration_s * _NS)
     starts = [0.0] * len(sensors)
     exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
-    pairs, sightlines = compile_pairs(
-        sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns, exclusions=exclusions
-    )
+    pairs, sightlines = PairCompiler(sensors, targets, starts, scene.light_time, end_ns, exclusions).compiled()
     models: dict[str, Any] = {
         "detection": CertainDetection(),
         "classifier": UnknownClassifier(),

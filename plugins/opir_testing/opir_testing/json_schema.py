@@ -83,5 +83,4 @@ def _resolved(reference: str, root: Schema) -> Schema:
     found: Any = root
     for step in reference.removeprefix("#/").split("/"):
         found = found[step]
-    schema: Schema = found
-    return schema
+    return found

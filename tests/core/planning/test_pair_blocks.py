@@ -8,7 +8,7 @@ import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.protocols import Orbit, ScanPattern, Sensor
 from opir_core.planning import pair_compiler
-from opir_core.planning.pair_compiler import compile_pairs
+from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sightlines import LIGHT_TIME_ITERATIONS, Pairs, Sightlines
 
@@ -78,7 +78,7 @@ def plan() -> Plan:
 
 def compiled(plan: Plan, sensors: "list[Sensor] | None" = None) -> tuple[Pairs, Sightlines]:
     chosen = plan.sensors if sensors is None else sensors
-    return compile_pairs(chosen, plan.targets, [0.25] * len(chosen), light_time=True, end_ns=plan.end_ns)
+    return PairCompiler(chosen, plan.targets, [0.25] * len(chosen), True, plan.end_ns).compiled()
 
 
 @pytest.mark.slow

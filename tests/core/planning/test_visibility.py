@@ -10,7 +10,7 @@ from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_core.geometry import elevation_rad, is_occluded
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.looks import look_times_s
-from opir_core.planning.pair_compiler import compile_pairs
+from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sightlines import Visibility
 from opir_core.planning.visibility import visible_now
@@ -61,7 +61,7 @@ def with_orbits(made: Plan, height_m: float) -> Plan:
         evolve(sensor, orbit=PolarOrbit(height_m, start), field_of_regard_half_angle_rad=1.5)
         for sensor, start in zip(made.sensors, np.linspace(-0.4, 0.3, len(made.sensors)), strict=True)
     )
-    pairs, sightlines = compile_pairs(sensors, made.targets, [0.0] * len(sensors), light_time=True, end_ns=made.end_ns)
+    pairs, sightlines = PairCompiler(sensors, made.targets, [0.0] * len(sensors), True, made.end_ns).compiled()
     return evolve(made, sensors=sensors, pairs=pairs, sightlines=sightlines)
 
 

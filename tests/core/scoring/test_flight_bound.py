@@ -1,10 +1,15 @@
 """The bound of flights that parameters describe, against closed forms and what an efficient estimator reaches."""
 
+import sys
+
 import numpy as np
 import pytest
+from repository import ROOT
 
 from opir_core.scoring.bound import DetectedLooks, state_bound
-from opir_core.scoring.flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
+
+sys.path.append(str(ROOT / "benchmarks"))
+from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 
 #: Two sensors that look from across each other at a target that rises from (6.6e6, 0, 0), m.
 SENSORS = np.array([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 4.0e6]])

@@ -15,16 +15,22 @@ from opir_testing import (
     stub_scene,
     stub_sensor,
 )
+from repository import ROOT
 
 from examples import examples
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
 from opir_core.interfaces.records import Detections, Window
+from opir_core.planning.plan import compile_plan
 from opir_core.planning.sightlines import Blocked
+from opir_core.reading import load_scene
+from opir_core.scene.scene import Scene
 from opir_core.sensors.scan_patterns import AlignedScan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import window_edges_ns
+
+EXAMPLES = ROOT / "examples"
 
 
 def targets(count: int = 3, seed: int = 5) -> VerticalTargets:
@@ -254,3 +260,14 @@ def test_what_leaves_the_engine_cannot_be_written_to() -> None:
     found = run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene()), [10**11])[0].detections
     with pytest.raises(ValueError, match="read-only"):
         found.time_ns[0] = 1
+
+
+def stages_of(scene: Scene) -> set[str]:
+    return {getattr(stage, "__name__", type(stage).__name__) for stage in Engine(compile_plan(scene))._stages}
+
+
+def test_what_does_not_happen_in_a_scene_is_no_stage_of_its_engine() -> None:
+    constant, photons = (stages_of(load_scene(EXAMPLES / name)) for name in ("first_light.yaml", "photons.yaml"))
+    assert constant - photons == {"EvaluatedProbability"}
+    only_photons = {"InterpolatedProbability", "MeasureResponses", "DrawFalseAlarms", "insert_false_alarms"}
+    assert photons - constant == only_photons

@@ -18,6 +18,7 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.output.delivery import deliver
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.simulation import run, workers
+from opir_core.simulation.counting import CountDetections
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.shared_run import counted
 from opir_core.simulation.summary import Tally
@@ -130,7 +131,7 @@ def test_text_without_room_in_the_buffer_is_the_same(monkeypatch: pytest.MonkeyP
 def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
     """Let the worker of the window at 20 s be killed so many times: before its turn, in it, or after it."""
     flag = Path("deaths")
-    observe, counted = Engine.observe, Engine._counted
+    observe, counted, due = Engine.observe, CountDetections._counted, set()
 
     def kill() -> None:
         deaths = len(flag.read_bytes()) if flag.exists() else 0
@@ -138,23 +139,25 @@ def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
             flag.write_bytes(b"x" * (deaths + 1))
             os.kill(os.getpid(), signal.SIGKILL)
 
-    def killed(engine: Engine, start_ns: int, end_ns: int) -> Window:
-        engine.is_due = start_ns <= 20_000_000_000 < end_ns  # type: ignore[attr-defined]
-        if at == "before" and engine.is_due:  # type: ignore[attr-defined]
+    def killed(engine: Engine, start_ns: int, end_ns: int, turn: Any) -> Window:
+        due.clear()
+        if start_ns <= 20_000_000_000 < end_ns:
+            due.add(at)
+        if "before" in due:
             kill()
-        window = observe(engine, start_ns, end_ns)
-        if at == "after" and engine.is_due:  # type: ignore[attr-defined]
+        window = observe(engine, start_ns, end_ns, turn)
+        if "after" in due:
             kill()
         return window
 
-    def killed_in_turn(engine: Engine, *given: Any) -> Any:
-        result = counted(engine, *given)
-        if at == "in" and engine.is_due:  # type: ignore[attr-defined]
+    def killed_in_turn(count: CountDetections, *given: Any) -> Any:
+        result = counted(count, *given)
+        if "in" in due:
             kill()
         return result
 
     monkeypatch.setattr(Engine, "observe", killed)
-    monkeypatch.setattr(Engine, "_counted", killed_in_turn)
+    monkeypatch.setattr(CountDetections, "_counted", killed_in_turn)
     return flag
 
 
@@ -180,10 +183,10 @@ def test_what_a_worker_raises_is_raised_when_its_window_is_due(monkeypatch: pyte
     observe = Engine.observe
     seen: list[float] = []
 
-    def wrong(engine: Engine, start_ns: int, end_ns: int) -> Window:
+    def wrong(engine: Engine, start_ns: int, end_ns: int, turn: Any) -> Window:
         if end_ns > 30_000_000_000:
             raise ModelError("the model of Smith returned nonsense")
-        return observe(engine, start_ns, end_ns)
+        return observe(engine, start_ns, end_ns, turn)
 
     monkeypatch.setattr(Engine, "observe", wrong)
     with pytest.raises(ModelError, match="the model of Smith returned nonsense"):

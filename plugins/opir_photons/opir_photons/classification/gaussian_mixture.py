@@ -85,8 +85,7 @@ class Mixture:
         pivot, residual = np.maximum(work[row, row], _LEAST_VARIANCE), work[row, -1]
         factors = work[row + 1 :, row] / pivot
         work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
-        log_normal: FloatArray = -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
-        return log_normal
+        return -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
 
     def by_class(self, log_densities: FloatArray) -> FloatArray:
         """Return ln of the sums (n, classes) of densities (n, K)."""
@@ -102,16 +101,14 @@ def log_sum(values: FloatArray) -> FloatArray:
     most = values.max(axis=-1)
     at = np.where(most > -np.inf, most, 0.0)
     # The largest term is 1: a smaller sum has no terms.
-    total: FloatArray = most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
-    return total
+    return most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
 
 
 def log_shares(values: FloatArray) -> FloatArray:
     """Return the log softmax (n, m) of rows, without overflow; a row of -inf is nan."""
     with np.errstate(invalid="ignore"):
         off = values - values.max(axis=-1, keepdims=True)
-    shares: FloatArray = off - np.log(np.exp(off).sum(axis=-1, keepdims=True))
-    return shares
+    return off - np.log(np.exp(off).sum(axis=-1, keepdims=True))
 
 
 def cell_moments(

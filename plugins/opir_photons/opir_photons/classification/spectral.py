@@ -53,11 +53,11 @@ class SpectralClassifier:
     confidence: float
     least_log_odds: float
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: types vary from detection to detection."""
         return None
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`; no random numbers are drawn."""
         return self.reported(self.log_posterior(sightings))
 
@@ -87,8 +87,7 @@ class SpectralClassifier:
 
     def log_odds(self, log_posterior: FloatArray) -> FloatArray:
         """Return ln of the odds (n,) of a missile over anything else, of posteriors (n, 4)."""
-        odds: FloatArray = log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE]
-        return odds
+        return log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE]
 
     def evidence(self, sightings: ClassifierInputs) -> TypeEvidence:
         """Return the evidence of measured intensities and counts, row by row."""

@@ -97,8 +97,7 @@ class SyntheticPlumes:
         length = np.sqrt(np.square(velocity).sum(axis=1))
         moves = length > 0.0
         way = np.where(moves[:, None], velocity / np.where(moves, length, 1.0)[:, None], self.path.plane.up[target])
-        aspect: FloatArray = np.arccos(np.clip((way * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
-        return aspect
+        return np.arccos(np.clip((way * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
 
 
 @frozen(eq=False)
@@ -116,8 +115,7 @@ class SyntheticSources:
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,), W/sr."""
-        intensity: FloatArray = self.peak_w_sr[band][target]
-        return intensity
+        return self.peak_w_sr[band][target]
 
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
         """Return zeros (n,): sources are isotropic."""
@@ -170,8 +168,7 @@ def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: fl
     They depend on the position of a band in its sensor only, not on other sensors.
     """
     normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(DRAWS, launches, -1)
-    factors: FloatArray = np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
-    return factors
+    return np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
 
 
 def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> SyntheticLooks:

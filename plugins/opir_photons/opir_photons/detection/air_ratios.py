@@ -61,8 +61,7 @@ class AirRatios:
         across = np.arcsinh(np.maximum(elevation_sine, 0.0) / _BEND) * ((_ELEVATIONS - 1) / math.asinh(1.0 / _BEND))
         row = np.minimum(across.astype(np.int64), _ELEVATIONS - 2)
         share = across - row
-        factors: FloatArray = np.exp(self._column(row) * (1.0 - share) + self._column(row + 1) * share).T
-        return factors
+        return np.exp(self._column(row) * (1.0 - share) + self._column(row + 1) * share).T
 
     def _column(self, row: IntArray) -> FloatArray:
         return self.log_factor.take(row, axis=1)

@@ -110,8 +110,7 @@ class AnyBand:
         weight = log_ndtr(snr - self.threshold) + before
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
         passed = np.cumsum(share, axis=1)
-        first: IntArray = np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
-        return first
+        return np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
 
 
 def _row_sum(columns: FloatArray) -> FloatArray:
@@ -269,5 +268,4 @@ def _undecided(margins: FloatArray, least: FloatArray, slack: float) -> IntArray
         failing += ndtr(-margins[rows, condition])
     # P_d is at most the least probability of a condition; the probability of any failure is at most the sum.
     is_known = (failing - ndtr(-least[rows]) <= slack) & (failing < 1.0)
-    undecided: IntArray = rows[~is_known]
-    return undecided
+    return rows[~is_known]

@@ -15,14 +15,12 @@ from opir_core.arrays import FloatArray
 
 def cfar_threshold(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
     """Return the thresholds on Student's t that N = `cells` reference cells need for false-alarm probabilities."""
-    threshold: FloatArray = -stdtrit(np.asarray(cells, dtype=np.float64) - 1.0, false_alarm_probability)
-    return threshold
+    return -stdtrit(np.asarray(cells, dtype=np.float64) - 1.0, false_alarm_probability)
 
 
 def cfar_false_alarm_probability(threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
     """Return the false-alarm probabilities of thresholds on Student's t with N = `cells` reference cells."""
-    probability: FloatArray = stdtr(np.asarray(cells, dtype=np.float64) - 1.0, -np.asarray(threshold, dtype=np.float64))
-    return probability
+    return stdtr(np.asarray(cells, dtype=np.float64) - 1.0, -np.asarray(threshold, dtype=np.float64))
 
 
 def cfar_probability_of_detection(snr: ArrayLike, threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
@@ -30,8 +28,7 @@ def cfar_probability_of_detection(snr: ArrayLike, threshold: ArrayLike, cells: A
     count = np.asarray(cells, dtype=np.float64)
     shift = np.asarray(snr, dtype=np.float64) / np.sqrt(1.0 + 1.0 / count)
     # The upper tail as the lower one of the mirrored distribution: no digit is lost where it is small.
-    probability: FloatArray = nctdtr(count - 1.0, -shift, -np.asarray(threshold, dtype=np.float64))
-    return probability
+    return nctdtr(count - 1.0, -shift, -np.asarray(threshold, dtype=np.float64))
 
 
 def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
@@ -43,8 +40,7 @@ def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArra
     count = np.asarray(cells, dtype=np.float64)
     threshold = cfar_threshold(false_alarm_probability, count)
     needed = _median_shift(count - 1.0, threshold) * np.sqrt(1.0 + 1.0 / count)
-    loss: FloatArray = needed / -ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
-    return loss
+    return needed / -ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
 
 
 def _median_shift(freedom: FloatArray, threshold: FloatArray) -> FloatArray:

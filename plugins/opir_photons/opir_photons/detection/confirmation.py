@@ -25,8 +25,7 @@ def gate_radius_cells(
 ) -> FloatArray:
     """Return the radii of confirmation gates, in resolution cells, the given numbers of scans before a detection."""
     moved_m = speed_m_s * scan_period_s * np.asarray(scans_before, dtype=np.float64)
-    radius: FloatArray = 1.0 + moved_m / (ifov_rad * range_m)
-    return radius
+    return 1.0 + moved_m / (ifov_rad * range_m)
 
 
 def repeated_crossing_probability(false_alarm_probability: float, correlation: ArrayLike) -> FloatArray:

@@ -16,5 +16,4 @@ def effective_looks(correlation: ArrayLike) -> FloatArray:
     rho = np.asarray(correlation, dtype=np.float64)
     count = rho.shape[-1]
     share = 1.0 - np.arange(count) / count
-    effective: FloatArray = count / (2.0 * (share * rho).sum(axis=-1) - rho[..., 0])
-    return effective
+    return count / (2.0 * (share * rho).sum(axis=-1) - rho[..., 0])

@@ -140,7 +140,7 @@ class LineOfSightError:
 
 
 def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background: Background) -> FocalPlaneTerms | None:
-    """Return what a radiometer's focal plane comes to in its bands, or None without one."""
+    """Return the figures of a radiometer's focal plane in its bands, or None without one."""
     if radiometer.focal_plane is None:
         return None
     structures = tuple(background.structures) if isinstance(background, StructuredBackground) else ()

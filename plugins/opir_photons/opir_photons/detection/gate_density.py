@@ -68,16 +68,14 @@ class Panels:
         start, width = self.edges[rows, panel], self.edges[rows, panel + 1] - self.edges[rows, panel]
         with np.errstate(invalid="ignore", divide="ignore"):
             place = _solved(inside, (wanted - before) / (0.5 * width))
-        point: FloatArray = start + width * 0.5 * (place + 1.0)
-        return point
+        return start + width * 0.5 * (place + 1.0)
 
     def _of_panels(self, values: FloatArray) -> FloatArray:
         shaped = values.reshape(len(values), -1, ORDER)
         total = shaped[:, :, 0] * _WEIGHTS[0]
         for node in range(1, ORDER):
             total += shaped[:, :, node] * _WEIGHTS[node]
-        panels: FloatArray = total * (0.5 * np.diff(self.edges, axis=1))
-        return panels
+        return total * (0.5 * np.diff(self.edges, axis=1))
 
 
 def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -88,8 +86,7 @@ def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
         middle = 0.5 * (low + high)
         is_below = legendre.legval(middle, coefficients, tensor=False) < wanted
         low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
-    place: FloatArray = 0.5 * (low + high)
-    return place
+    return 0.5 * (low + high)
 
 
 #: Standard deviations beyond which a normal tail is below the last bit of 1.
@@ -196,8 +193,7 @@ class GateDensity:
         base, gates = self.logarithms(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1))
         height = base + gates
         times = (height[:, 1:] < height[:, :1] - _DROP).sum(axis=1)
-        fallen: FloatArray = reach * np.exp2(-np.maximum(times - 1, 0))
-        return fallen
+        return reach * np.exp2(-np.maximum(times - 1, 0))
 
     def _first_open(self) -> FloatArray:
         """Return the least signal (n,) of the reference band, at least the threshold, for which all gates are open."""
@@ -246,8 +242,7 @@ class GateDensity:
             if not len(rows):
                 break
             low[rows], high[rows] = self.take(rows)._narrowed(low[rows], high[rows])
-        peak: FloatArray = 0.5 * (low + high)
-        return peak
+        return 0.5 * (low + high)
 
     def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parts of the intervals (n,) that contain the peak."""

@@ -176,8 +176,7 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
         whole = ndtr(reference - first) - ndtr(reference - last)
     for band in np.flatnonzero(~is_moving):
         whole *= passing[band]
-    integral: FloatArray = whole
-    return integral
+    return whole
 
 
 def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:

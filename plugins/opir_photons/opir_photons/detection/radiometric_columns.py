@@ -50,12 +50,11 @@ def checked_intensities(intensity: Any, bands: int, rows: int) -> FloatArray:
     fault = _fault(intensity, (bands, rows), 0.0, math.nextafter(math.inf, 0.0), "[0, inf) W/sr")
     if fault:
         raise ModelError(f"a signature of the scene's targets or sources: intensity_w_sr {fault}")
-    checked: FloatArray = intensity
-    return checked
+    return intensity
 
 
 def _fault(column: Any, shape: tuple[int, int], low: float, high: float, allowed: str) -> str:
-    """Return what is wrong with columns, or ""."""
+    """Return the first error of a column, or ""."""
     if not isinstance(column, np.ndarray) or column.dtype.kind != "f" or column.shape != shape:
         what = f"{column.dtype} {column.shape}" if isinstance(column, np.ndarray) else kind_of(column)
         return f"returned {what} for all bands; floats of shape {shape} are required"

@@ -41,10 +41,7 @@ def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> Floa
     `count_w_m2` is the irradiance of one count, hc/λ / (A η t), of aperture, efficiency and integration time. Counts
     are Poisson distributed.
     """
-    noise: FloatArray = np.sqrt(
-        np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
-    )
-    return noise
+    return np.sqrt(np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64))
 
 
 def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:

@@ -32,5 +32,4 @@ def scan_correlation(
     photons = photon_noise_w_m2(radiance[:, 0] * pixel_sr, counts)
     share = np.square(clutter / noise_w_m2(receiver.nei_w_m2, photons, clutter))
     structure = background.structures[int(number[0])]
-    correlation: FloatArray = share @ plane.clutter_correlation(structure, float(range_m[0]), interval_s) / len(share)
-    return correlation
+    return share @ plane.clutter_correlation(structure, float(range_m[0]), interval_s) / len(share)

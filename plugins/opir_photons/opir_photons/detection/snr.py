@@ -113,8 +113,7 @@ class SnrDetection:
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""
-        chance: FloatArray = ndtr(self.response(exposures).probit)
-        return chance
+        return ndtr(self.response(exposures).probit)
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         """Return the expected measurements of looks, with P_d to within `slack`."""
@@ -139,12 +138,12 @@ class SnrDetection:
         number = self.environment.bands.index(band)
         return self.environment.atmosphere.transmittance(number, self.environment.paths(exposures))
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the measurements of looks that detected."""
-        return self.measure_response(self.response(exposures), exposures.sensor, dice)
+        return self.measure_response(self.response(exposures), exposures.sensor, rng)
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return measurements conditional on the detection: a free draw, or another if that does not detect."""
         found = MeasuredColumns.of(len(sensor), self.width)
@@ -155,7 +154,7 @@ class SnrDetection:
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
-                measured = dice.take(part).normals("measurement", width)
+                measured = rng.take(part).normals("measurement", width)
                 measured += response.snr[part, :width]
                 again = np.flatnonzero(~rule.passes(measured, receiver.slopes(noise, response.sine(part))))
                 found.put(part, measured, noise, rule, spread)
@@ -163,7 +162,7 @@ class SnrDetection:
             left = np.concatenate(failed)
             if len(left):
                 # The bits of a uniform number are exact on every platform, those of a normal number are not.
-                seeds = np.ascontiguousarray(dice.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
+                seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
                 snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
                 slopes = receiver.slopes(noise, response.sine(left))
                 measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
@@ -271,8 +270,7 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
 
 def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:
     """Return the numbers of resolution cells in cones of half angles (n,): their solid angle over the IFOV squared."""
-    cells: FloatArray = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
-    return cells
+    return 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
 
 
 def _confirmed(
@@ -308,8 +306,7 @@ class _Chances(NamedTuple):
         if self.probability is not None:
             return self.probability[rows]
         assert self.probit is not None
-        chance: FloatArray = ndtr(self.probit[rows])
-        return chance
+        return ndtr(self.probit[rows])
 
 
 def _parts(rows: slice | IntArray) -> list[slice | IntArray]:

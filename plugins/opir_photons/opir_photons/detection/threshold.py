@@ -26,8 +26,7 @@ def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
     `false_alarm_probability` is per look and resolution cell, in (0, 1), down to the least double; `nan` outside. The
     result has its shape.
     """
-    threshold: FloatArray = -_special().ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
-    return threshold
+    return -_special().ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
 
 
 def false_alarm_probability(threshold: ArrayLike) -> FloatArray:
@@ -41,18 +40,12 @@ def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray
     `snr` is the signal in standard deviations of the noise (an amplitude ratio, not dB), `threshold` is T in the same
     unit. The result has their common shape; `nan` where an argument is.
     """
-    probability: FloatArray = _special().ndtr(
-        np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
-    )
-    return probability
+    return _special().ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
 
 
 def log_probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
     """Return ln P_d = ln Q(T - SNR), exact where P_d itself is too small for a double; arguments as above."""
-    logarithm: FloatArray = _special().log_ndtr(
-        np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
-    )
-    return logarithm
+    return _special().log_ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
 
 
 def required_snr(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
@@ -60,16 +53,12 @@ def required_snr(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
 
     Units and shapes as in `probability_of_detection`, which this inverts; `nan` outside the domain.
     """
-    snr: FloatArray = np.asarray(threshold, dtype=np.float64) + _special().ndtri(
-        np.asarray(probability, dtype=np.float64)
-    )
-    return snr
+    return np.asarray(threshold, dtype=np.float64) + _special().ndtri(np.asarray(probability, dtype=np.float64))
 
 
 def probit(log_hit: FloatArray, log_miss: FloatArray) -> FloatArray:
     """Return the standard normal quantiles of probabilities given by their logarithm and that of their complement."""
-    quantile: FloatArray = np.where(log_hit < log_miss, _special().ndtri_exp(log_hit), -_special().ndtri_exp(log_miss))
-    return quantile
+    return np.where(log_hit < log_miss, _special().ndtri_exp(log_hit), -_special().ndtri_exp(log_miss))
 
 
 def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> FloatArray:
@@ -83,5 +72,4 @@ def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> Float
         return np.ones_like(chance)
     if needed > looks:
         return np.zeros_like(chance)
-    result: FloatArray = _special().betainc(needed, looks - needed + 1, chance)
-    return result
+    return _special().betainc(needed, looks - needed + 1, chance)

@@ -16,8 +16,7 @@ def irradiance_at_aperture(intensity_w_sr: ArrayLike, range_m: ArrayLike, transm
     their common shape.
     """
     distance = np.asarray(range_m, dtype=np.float64)
-    received: FloatArray = np.asarray(intensity_w_sr) * np.asarray(transmittance) / distance / distance
-    return received
+    return np.asarray(intensity_w_sr) * np.asarray(transmittance) / distance / distance
 
 
 def irradiance_of_projected_area(

@@ -63,8 +63,7 @@ class CloudField:
         columns = self.first[row + 1] - self.first[row]
         turn = where.longitude_rad / (2.0 * np.pi)
         column = np.minimum(((turn - np.floor(turn)) * columns).astype(np.int64), columns - 1)
-        covered: BoolArray = self.cloudy[self.first[row] + column]
-        return covered
+        return self.cloudy[self.first[row] + column]
 
 
 _RADIUS_M = 6_371_000.0

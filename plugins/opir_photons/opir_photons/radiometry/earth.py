@@ -145,8 +145,7 @@ class EarthBackground:
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
-        radiance: FloatArray = self._radiances_w_m2_sr((band,), view)[0]
-        return radiance
+        return self._radiances_w_m2_sr((band,), view)[0]
 
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return the standard deviations (n,) of the radiance left after subtraction: a fixed share of the radiance."""
@@ -284,10 +283,8 @@ def _between(
     (row, across), (column, up) = of_row, of_column
     flat, at = table.ravel(), row * table.shape[1] + column
     lower, upper = _along(flat, at, up), _along(flat, at + table.shape[1], up)
-    mixed: FloatArray = lower * (1.0 - across) + upper * across
-    return mixed
+    return lower * (1.0 - across) + upper * across
 
 
 def _along(values: FloatArray, at: IntArray, share: FloatArray) -> FloatArray:
-    mixed: FloatArray = values.take(at) * (1.0 - share) + values.take(at + 1) * share
-    return mixed
+    return values.take(at) * (1.0 - share) + values.take(at + 1) * share

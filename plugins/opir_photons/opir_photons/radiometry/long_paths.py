@@ -94,8 +94,7 @@ class LimbTable:
         log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED))
         whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
         growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
-        grown: FloatArray = np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
-        return grown
+        return np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
 
     def _along_climbs(self, lowest_m: float, log_growth: FloatArray) -> FloatArray:
         """Return logarithms (climbs,) of growth from one lowest height by those (n,) of the table."""
@@ -207,5 +206,4 @@ def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     lower = here + across * (steeper - here)
     beyond = lower + up * (higher + across * (both - higher) - lower)
     level = np.exp(np.interp(turn_m, np.linspace(0.0, TOP_M, heights), np.log(depth[0])))
-    predicted: FloatArray = level + _WAY_BACK * np.maximum(level - beyond, 0.0)
-    return predicted
+    return level + _WAY_BACK * np.maximum(level - beyond, 0.0)

@@ -112,8 +112,7 @@ def shell_air_mass(sine: FloatArray | float) -> FloatArray:
     """
     ratio = RADIUS_M / SCALE_HEIGHT_M
     across = ratio * np.asarray(sine, dtype=np.float64)
-    mass: FloatArray = (2.0 * ratio + 1.0) / (np.sqrt(across * across + (2.0 * ratio + 1.0)) + across)
-    return mass
+    return (2.0 * ratio + 1.0) / (np.sqrt(across * across + (2.0 * ratio + 1.0)) + across)
 
 
 def _roots(transmittance: FloatArray) -> FloatArray:
@@ -140,8 +139,7 @@ class LowtranAtmosphere:
 
         Below the horizon they are cubic in the lowest height, linear in the root of the climb from there.
         """
-        transmittance: FloatArray = self.transmittances((band,), path)[0]
-        return transmittance
+        return self.transmittances((band,), path)[0]
 
     def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
         """Return those of several bands (bands, n), with one search in the grid."""

@@ -58,8 +58,7 @@ def _of_wide_spot(place: FloatArray, spread: float) -> FloatArray:
     """
     off = (place[:, None] + np.concatenate([-_NODES, _NODES])) / spread
     weight = np.tile(_WEIGHTS * (1.0 - _NODES), 2)
-    shares: FloatArray = (np.exp(-0.5 * off * off) * weight).sum(axis=1) / (spread * math.sqrt(2.0 * math.pi))
-    return shares
+    return (np.exp(-0.5 * off * off) * weight).sum(axis=1) / (spread * math.sqrt(2.0 * math.pi))
 
 
 def corner_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:

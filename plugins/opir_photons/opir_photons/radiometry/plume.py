@@ -63,8 +63,7 @@ class PlumeSignatures:
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,) at the source, W/sr: 0 before ignition, the body's after burnout."""
-        intensity: FloatArray = self.intensities_w_sr((band,), target, time_since_ignition_s, altitude_m, aspect_rad)[0]
-        return intensity
+        return self.intensities_w_sr((band,), target, time_since_ignition_s, altitude_m, aspect_rad)[0]
 
     def intensities_w_sr(
         self,
@@ -127,8 +126,7 @@ class PlumeSignatures:
     def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
         cosine = np.cos(aspect_rad)
         end_on = np.where(cosine > 0.0, self.nose_on[target], self.tail_on[target]) * cosine
-        shown: FloatArray = np.sqrt((1.0 - cosine) * (1.0 + cosine) + end_on * end_on)
-        return shown
+        return np.sqrt((1.0 - cosine) * (1.0 + cosine) + end_on * end_on)
 
 
 def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
@@ -219,8 +217,7 @@ def _bodies(configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: Si
     temperature_k = np.array([usual if own is None else own for own, usual in zip(own_k, usual_k, strict=True)])
     radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands]
     whole = np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(context.bands), -1)
-    bodies: FloatArray = shown_m2 * whole
-    return bodies
+    return shown_m2 * whole
 
 
 def _default_plume(config: PlumeConfig, context: SignatureContext, row: int) -> Plume:

@@ -41,8 +41,7 @@ def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
     inside = np.sqrt(1.0 - (1.0 - np.square(cosine)) / refractive_index**2)
     across = (cosine - refractive_index * inside) / (cosine + refractive_index * inside)
     along = (refractive_index * cosine - inside) / (refractive_index * cosine + inside)
-    mean: FloatArray = 0.5 * (np.square(across) + np.square(along))
-    return mean
+    return 0.5 * (np.square(across) + np.square(along))
 
 
 @frozen(eq=False)

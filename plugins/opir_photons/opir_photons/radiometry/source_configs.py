@@ -16,7 +16,7 @@ PLACE_FIELDS = ("lat_deg", "lon_deg")
 
 
 def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str | None:
-    """Return what is wrong with one emitter's own values, by the fields of its block's configuration class."""
+    """Return the first error in one emitter's own values, by the fields of its block's configuration class."""
     kind = type(block)
     infos = {name: info_of(fields_dict(kind)[name]) for name in own_fields(kind)}
     infos |= {
@@ -33,7 +33,7 @@ def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str 
 
 
 def names_complaint(names: Sequence[str], kind: type) -> str | None:
-    """Return what is wrong with the names of what emitters have of their own."""
+    """Return the first error in the names of emitters' own fields."""
     known = (*PLACE_FIELDS, *own_fields(kind))
     for name in names:
         if name not in known:
@@ -53,7 +53,7 @@ def _times_complaint(start_s: float, end_s: float | None) -> str | None:
 
 
 def own_fields(kind: type) -> tuple[str, ...]:
-    """Return what an emitter of a block of this configuration class may have of its own, besides its place."""
+    """Return the fields that an emitter may set itself, besides its place, in a block of this configuration class."""
     return tuple(name for name in (*OWN_FIELDS, *getattr(kind, "more_own_fields", ())) if name in fields_dict(kind))
 
 

@@ -64,8 +64,7 @@ class GlintSignatures:
 
     def _to_sun(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         offset = sun_ecef_m(time_s, self.epoch_us) - self.position_ecef_m[target]
-        unit: FloatArray = offset / length(*components(offset))[:, None]
-        return unit
+        return offset / length(*components(offset))[:, None]
 
     def _sun_sine(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         return dot(self._to_sun(target, time_s), self.up_ecef[target])
@@ -115,11 +114,10 @@ class StraightTrajectories:
         since_s = time_s - self.ignition_s[target]
         shines = (since_s >= 0.0) & (time_s <= self.burnout_s[target])
         since_s = np.where(shines, since_s, np.nan)
-        position: FloatArray = self.start_ecef_m[target] + since_s[:, None] * self.velocity_ecef_m_s[target]
-        return position
+        return self.start_ecef_m[target] + since_s[:, None] * self.velocity_ecef_m_s[target]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return what each is and where it begins."""
+        """Return the truth of each source, its kind and start, as plain values."""
         return self.told
 
 

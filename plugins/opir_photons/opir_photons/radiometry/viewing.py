@@ -56,5 +56,4 @@ def _up(point: FloatArray) -> FloatArray:
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    unit: FloatArray = vectors / length(*components(vectors))[:, None]
-    return unit
+    return vectors / length(*components(vectors))[:, None]

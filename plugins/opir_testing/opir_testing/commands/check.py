@@ -52,8 +52,7 @@ def _settings(written: Sequence[str]) -> Mapping[str, Any]:
     errors = overridden(root, written, {})
     if errors:
         raise SceneError([Problem("", error.message) for error in errors], source="--set")
-    settings: Mapping[str, Any] = data_of_node(root)
-    return settings
+    return data_of_node(root)
 
 
 def _expected(written: Sequence[str]) -> Mapping[str, str]:

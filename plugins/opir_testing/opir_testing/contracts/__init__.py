@@ -35,8 +35,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
 def contract_of(hook: str) -> type[Contract]:
     """Return the conformance tests of a hook's components."""
     module, name = HOMES[hook]
-    contract: type[Contract] = getattr(import_module(f"{__name__}.{module}"), name)
-    return contract
+    return getattr(import_module(f"{__name__}.{module}"), name)
 
 
 PASSED, FAILED, EXPECTED_FAILURE, UNEXPECTED_PASS = "passed", "failed", "xfailed", "xpassed"

@@ -113,7 +113,7 @@ class ClassifierContract(SceneContract):
             return
         require_rows("pair_type", of_pair, len(plan.pairs))
         same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
-        require(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
+        require(same, "pair_type and reported_type differ", "Draw both from rng.pair_uniforms, or return None.")
 
     def test_optional_abilities_are_complete(self) -> None:
         """An optional protocol is implemented completely or not at all."""
@@ -135,9 +135,9 @@ class ClassifierContract(SceneContract):
 
     def test_reserved_random_streams_are_not_used(self) -> None:
         """Classification does not use the purposes of the engine's random streams."""
-        dice = RecordingDraws(self.looks().draws(np.arange(len(self.inputs()))))
-        self.plan().classifier.reported_type(self.inputs(), dice)
-        dice.require_own_purposes()
+        rng = RecordingDraws(self.looks().draws(np.arange(len(self.inputs()))))
+        self.plan().classifier.reported_type(self.inputs(), rng)
+        rng.require_own_purposes()
 
     def test_detections_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the detections: computations are on arrays."""
@@ -146,8 +146,8 @@ class ClassifierContract(SceneContract):
 
     def test_a_built_classifier_pickles(self) -> None:
         """The built classifier can be pickled, and its copy returns the same."""
-        dice = self.looks().draws(np.arange(len(self.inputs())))
-        require_same_copy(self.plan().classifier, lambda model: model.reported_type(self.inputs(), dice))
+        rng = self.looks().draws(np.arange(len(self.inputs())))
+        require_same_copy(self.plan().classifier, lambda model: model.reported_type(self.inputs(), rng))
 
     def _codes(self, rows: Any) -> Any:
         seen = self.inputs().take(rows).freeze()

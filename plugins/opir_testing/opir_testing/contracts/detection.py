@@ -27,28 +27,28 @@ RESERVED_PURPOSES = frozenset({"detection", "line-of-sight", "scan-phase"})
 class RecordingDraws:
     """Random draws that record their purposes."""
 
-    def __init__(self, dice: RandomDraws, purposes: set[str] | None = None) -> None:
-        self._dice = dice
+    def __init__(self, rng: RandomDraws, purposes: set[str] | None = None) -> None:
+        self._rng = rng
         self.purposes: set[str] = set() if purposes is None else purposes
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
-        return self._dice.uniforms(purpose, words)
+        return self._rng.uniforms(purpose, words)
 
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
         """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
-        return self._dice.normals(purpose, count)
+        return self._rng.normals(purpose, count)
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
-        return self._dice.pair_uniforms(purpose, words)
+        return self._rng.pair_uniforms(purpose, words)
 
     def take(self, rows: Any) -> RandomDraws:
         """Return the draws of some of the rows."""
-        return RecordingDraws(self._dice.take(rows), self.purposes)
+        return RecordingDraws(self._rng.take(rows), self.purposes)
 
     def require_own_purposes(self) -> None:
         """Require that no purpose was one of the engine's own."""
@@ -167,9 +167,9 @@ class DetectionContract(SceneContract):
     def test_reserved_random_streams_are_not_used(self) -> None:
         """Measurements do not use the purposes of the engine's random streams."""
         looks = self.looks()
-        dice = RecordingDraws(looks.draws(np.arange(len(looks.exposures))))
-        self.model().measure(looks.exposures, dice)
-        dice.require_own_purposes()
+        rng = RecordingDraws(looks.draws(np.arange(len(looks.exposures))))
+        self.model().measure(looks.exposures, rng)
+        rng.require_own_purposes()
 
     def test_detections_occur_at_the_stated_rate(self) -> None:
         """The number of detections agrees with the probabilities, within 99.9 %."""

@@ -102,8 +102,7 @@ class EncoderContract(OutputContract):
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
         context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
-        made: Encoder = cls.component().build(cls.config(), context)
-        return made
+        return cls.component().build(cls.config(), context)
 
     def test_media_type_and_schema_version_are_stated(self) -> None:
         """The encoder states a media type and a schema version."""

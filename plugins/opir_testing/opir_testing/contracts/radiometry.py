@@ -136,8 +136,7 @@ class SignatureContract(EmitterContract):
             profiles=("",) * count,
             burn_time_s=np.full(count, _BURN_S),
         )
-        made: Signatures = cls.component().build([cls.config()] * count, context)
-        return made
+        return cls.component().build([cls.config()] * count, context)
 
 
 class SourceContract(EmitterContract):
@@ -157,8 +156,7 @@ class SourceContract(EmitterContract):
             duration_s=_DURATION_S,
             seed=_SEED,
         )
-        made: Sources = cls.component().build(cls.config(), context)
-        return made
+        return cls.component().build(cls.config(), context)
 
     @classmethod
     def signatures(cls) -> Signatures:
@@ -232,8 +230,7 @@ class AtmosphereContract(EnvironmentContract):
     def model(cls) -> Transmittance:
         """Return the built model."""
         context = AtmosphereContext(bands=tuple(cls.bands), path="atmosphere", seed=_SEED)
-        made: Transmittance = cls.component().build(cls.config(), context)
-        return made
+        return cls.component().build(cls.config(), context)
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
@@ -284,8 +281,7 @@ class BackgroundContract(EnvironmentContract):
         context = BackgroundContext(
             bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
         )
-        made: Background = cls.component().build(cls.config(), context)
-        return made
+        return cls.component().build(cls.config(), context)
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the radiances and clutter of some views."""

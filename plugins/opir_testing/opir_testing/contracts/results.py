@@ -75,8 +75,7 @@ class MetricContract(ResultContract):
     @cache
     def metric(cls) -> Metric:
         """Return the built metric."""
-        made: Metric = cls.component().build(cls.config(), MetricContext())
-        return made
+        return cls.component().build(cls.config(), MetricContext())
 
     def test_figures_have_names_and_units(self) -> None:
         """There is at least one figure; names are identifiers, units are text."""
@@ -128,8 +127,7 @@ class ExporterContract(ResultContract):
     @cache
     def exporter(cls) -> Exporter:
         """Return the built exporter."""
-        made: Exporter = cls.component().build(cls.config(), ExporterContext())
-        return made
+        return cls.component().build(cls.config(), ExporterContext())
 
     def written(self, run: Run) -> Mapping[str, bytes]:
         """Return the content of the files of a run by their paths in the folder."""
@@ -179,8 +177,7 @@ class ExecutorContract(Contract):
     @classmethod
     def executor(cls) -> Executor:
         """Return a newly built executor of two workers."""
-        made: Executor = cls.component().build(cls.config(), ExecutorContext(workers=2))
-        return made
+        return cls.component().build(cls.config(), ExecutorContext(workers=2))
 
     def results(self, function: Any, tasks: list[Any]) -> dict[int, Any]:
         """Return the results of tasks by index; each index may come once."""

@@ -22,7 +22,7 @@ from opir_testing.contracts.contract import (
 from opir_testing.json_schema import schema_errors
 from opir_testing.other_process import events_in_other_process
 
-_STREAMS = "Draw random numbers only from the argument `dice`, with a purpose of your own; keep no state between calls."
+_STREAMS = "Draw random numbers only from the argument `rng`, with a purpose of your own; keep no state between calls."
 
 #: The approximate number of events that are validated against the schema, evenly spread over the run.
 _VALIDATED = 200
@@ -96,7 +96,7 @@ class SceneContract(Contract):
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
         """Clock, entropy, network and global random state are not used."""
-        change = "Take times from the columns and random numbers from `dice`; read package data in build."
+        change = "Take times from the columns and random numbers from `rng`; read package data in build."
         require_no_outside_inputs(lambda: self.run_of(self.scene()), change)
 
     def test_a_scene_without_targets_runs(self) -> None:

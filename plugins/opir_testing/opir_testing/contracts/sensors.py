@@ -58,8 +58,7 @@ class SensorContract(SceneContract):
     @cache
     def sensor(cls) -> Sensor:
         """Return the built sensor."""
-        made: Sensor = cls.component().build(cls.config(), SensorContext(id=SUBJECT, epoch_us=_EPOCH_US))
-        return made
+        return cls.component().build(cls.config(), SensorContext(id=SUBJECT, epoch_us=_EPOCH_US))
 
     def test_fields_are_valid(self) -> None:
         """Bands, angles, errors and probabilities are valid."""
@@ -216,8 +215,7 @@ class SensorContract(SceneContract):
         require_same_copy(self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5))
 
     def _here(self) -> FloatArray:
-        here: FloatArray = self.sensor().orbit.position_ecef_m(np.zeros(1))[0]
-        return here
+        return self.sensor().orbit.position_ecef_m(np.zeros(1))[0]
 
 
 class ConstellationContract(SensorContract):
@@ -278,5 +276,4 @@ def _errors_rad(run: BenchRun) -> FloatArray:
         true = np.stack(plan.bias.applied(x, y, z, detections.sensor, detections.sensor_ecef_m), axis=1)
     # From the chord between unit vectors: for small angles an arccosine would lose all digits.
     chord = np.sqrt(np.sum((detections.line_of_sight_ecef - true) ** 2, axis=1))
-    angle: FloatArray = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
-    return angle
+    return 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))

@@ -72,8 +72,7 @@ class TargetContract(SceneContract):
             target_class=partial(cls.host().component, TargetClass),
         )
         configs = [read_config(cls.component(), block) for block in settings]
-        trajectories: Trajectories = cls.component().build(configs, context)
-        return trajectories
+        return cls.component().build(configs, context)
 
     @classmethod
     @cache

@@ -140,8 +140,7 @@ class TrackerContract(SceneContract):
     @classmethod
     def tracker(cls) -> Tracker:
         """Return a new tracker."""
-        made: Tracker = cls.component().build(cls.config(), cls.context())
-        return made
+        return cls.component().build(cls.config(), cls.context())
 
     @classmethod
     @cache

@@ -13,6 +13,7 @@ from opir_core.errors import ModelError
 from opir_core.planning.looks import Looks
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.simulation.probability import interpolant_of
 from opir_core.simulation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 
 SKIES = {
@@ -29,9 +30,9 @@ SKIES = {
 def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calibrate: str, tolerance: float) -> None:
     chosen = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, **SKIES[sky]))
-    engine, looks = Engine(near), Looks.between(near.pairs, 0, near.end_ns)
-    assert engine._interpolant is not None
-    spans = engine._interpolant.over(looks)
+    interpolant, looks = interpolant_of(near.detection, near.look_geometry()), Looks.between(near.pairs, 0, near.end_ns)
+    assert interpolant is not None
+    spans = interpolant.over(looks)
     exposed = near.look_geometry().exposures(looks.pair, looks.scan)
     exact = near.detection.response(exposed)
     probability = spans.probability()
@@ -43,7 +44,7 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calib
     off = np.abs(shared.snr - exact.snr)[seen] / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
     assert np.mean(off <= 1.0) > 0.998
     assert off.max() < 3.0
-    assert len(engine._interpolant.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
+    assert len(interpolant.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
 
 
 @pytest.mark.slow

@@ -30,8 +30,7 @@ def central_slopes(values: Callable[[FloatArray], FloatArray], parameters: Float
     shift = np.diag(step)
     there = values(np.concatenate([parameters + shift, parameters - shift]))
     count = len(step)
-    slopes: FloatArray = np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
-    return slopes
+    return np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
 
 
 def parameter_bound(
@@ -69,5 +68,4 @@ def parameter_bound(
 
 def bound_of(bounds: FloatArray, slope: FloatArray) -> FloatArray:
     """Return the bound's covariances (n, k, k) of values with slopes (n, k, p) by parameters of bounds (n, p, p)."""
-    covariance: FloatArray = slope @ bounds @ slope.transpose(0, 2, 1)
-    return covariance
+    return slope @ bounds @ slope.transpose(0, 2, 1)

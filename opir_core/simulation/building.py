@@ -1,0 +1,141 @@
+"""Stage of the engine: detections with their type, confidence and id, and their truth, from hits."""
+
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IntArray, WordArray
+from opir_core.interfaces.columns import Filling
+from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured
+from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
+from opir_core.planning.looks import LookGeometry, blocks
+from opir_core.planning.plan import Plan
+from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
+from opir_core.random_streams.pair_streams import PairStreams, RowDraws, WindowNumbers
+from opir_core.simulation.measurement import classified, classifier_inputs, confidences, measured_lines_of_sight
+from opir_core.simulation.observation import Hits, Observation
+from opir_core.simulation.output_checks import checked_measured, checked_types
+
+
+@frozen(eq=False, kw_only=True)
+class BuildDetections:
+    """Takes `hits`, `numbers`, `measured` and `order`; gives `detections` and `truth`, in this order.
+
+    `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one that uses measurements;
+    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands,
+    `types` the number of types that events may report.
+    """
+
+    geometry: LookGeometry
+    detection: DetectionProbability
+    classifier: Classifier
+    confidence: Confidence
+    pair_type: NDArray[np.uint8] | None
+    id_keys: WordArray
+    band_totals: IntArray
+    types: int
+
+    @classmethod
+    def of(cls, plan: Plan, geometry: LookGeometry, streams: PairStreams) -> "BuildDetections":
+        """Return the stage of a plan; a classifier that goes by pairs is asked once, here."""
+        scene, pairs, types = plan.scene, plan.pairs, len(plan.reported_types)
+        codes = plan.classifier.pair_type(pairs.sensor, pairs.target, streams.of_pairs())
+        return cls(
+            geometry=geometry,
+            detection=plan.detection,
+            classifier=plan.classifier,
+            confidence=plan.confidence,
+            pair_type=None if codes is None else checked_types(codes, len(pairs), types, "pair_type"),
+            id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
+            band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
+            types=types,
+        )
+
+    @property
+    def most_bands(self) -> int:
+        """The largest number of bands of a sensor."""
+        return int(self.band_totals.max())
+
+    def __call__(self, window: Observation) -> None:
+        """Build the detections in blocks of rows whose columns stay in the processor's cache."""
+        order, measured = window.order, window.measured
+        # Column by column: gathering rows of all columns at once touches more pages than the processor caches.
+        hits, measured = window.hits.take(order), None if measured is None else measured.take(order)
+        none = np.full(len(hits), -1, dtype=np.int64)
+        times = {"time_ns": hits.time_ns, "reported_ns": hits.time_ns}
+        columns = {**times, "scan": hits.scan, "detection_count": hits.count, "track": none, "estimate": none}
+        detections = Filling(Detections, len(hits), columns | _measured_columns(measured))
+        truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
+        for rows in blocks(len(hits)):
+            of_rows = None if measured is None else measured.take(rows)
+            block, block_truth = self._block(hits.take(rows), window.numbers, of_rows)
+            detections.put(block)
+            truth.put(block_truth)
+        window.detections, window.truth = detections.record(), truth.record()
+
+    def _block(
+        self, hits: Hits, numbers: WindowNumbers, measured: Measured | None
+    ) -> tuple[Detections, DetectionTruth]:
+        """Return the detections of a block of hits, and their truth; the model measures what is not `measured` yet."""
+        rng, states = numbers.of(hits.row, hits.pair, hits.direction_words), self.geometry.states
+        time_s = hits.time_ns.astype(np.float64) * 1e-9
+        exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
+        if measured is None:
+            measured = checked_measured(self.detection.measure(exposed, rng), len(hits), self.most_bands)
+        total = self.band_totals[exposed.sensor]
+        sightings = classifier_inputs(
+            measured,
+            exposed.time_s,
+            exposed.sensor,
+            exposed.target,
+            exposed.range_m,
+            exposed.elevation_sine,
+            total,
+            hits.count,
+        )
+        sigma_rad = measured.line_of_sight_sigma_rad
+        if sigma_rad is None:
+            sigma_rad = states.sigma_rad.take(exposed.sensor)
+        detections = self._detections(exposed, sightings, sigma_rad, hits, rng)
+        truth = DetectionTruth(
+            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
+        )
+        return detections, truth
+
+    def _detections(
+        self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, rng: RowDraws
+    ) -> Detections:
+        none = np.full(len(hits), -1, dtype=np.int64)
+        reported_type, log_probability = self._types(sightings, hits, rng)
+        return Detections(
+            time_ns=hits.time_ns,
+            sensor=exposed.sensor,
+            scan=exposed.scan,
+            detection_id=uuid8_words(self.id_keys[hits.pair], exposed.scan),
+            reported_type=reported_type,
+            bands=sightings.bands,
+            detection_count=hits.count,
+            confidence=confidences(self.confidence, sightings, reported_type, log_probability),
+            line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
+            sensor_ecef_m=exposed.sensor_ecef_m,
+            snr=sightings.snr,
+            track=none,
+            estimate=none,
+            line_of_sight_sigma_rad=sigma_rad,
+            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
+            type_log_probability=log_probability,
+        )
+
+    def _types(self, sightings: ClassifierInputs, hits: Hits, rng: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
+        if self.pair_type is None:
+            return classified(self.classifier, sightings, rng, self.types)
+        return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
+
+
+def _measured_columns(measured: Measured | None) -> dict[str, Any]:
+    """Return the columns of detections that are those of their measurements."""
+    names = ("bands", "snr", "line_of_sight_sigma_rad", "band_irradiance_w_m2")
+    columns = {name: getattr(measured, name, None) for name in names}
+    return {name: column for name, column in columns.items() if column is not None}

@@ -1,0 +1,77 @@
+"""Stages of the engine: the P_d of each look, from the detection model or interpolated; 0 if it is not visible."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.interfaces.optional import SignalModel
+from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.planning.looks import LookGeometry, Looks, blocks
+from opir_core.simulation.observation import Observation
+from opir_core.simulation.output_checks import checked_probability
+
+if TYPE_CHECKING:
+    from opir_core.simulation.interpolation import ProbabilityInterpolant
+
+
+@frozen(eq=False)
+class EvaluatedProbability:
+    """Takes `looks`; gives `probability` (l,), from the model: pair by pair if it is constant, else look by look."""
+
+    model: DetectionProbability
+    geometry: LookGeometry
+
+    def __call__(self, window: Observation) -> None:
+        """Evaluate the P_d of all looks."""
+        pairs, looks = self.geometry.pairs, window.looks
+        of_pair = self.model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
+        if of_pair is not None:
+            of_pair = checked_probability(of_pair, len(looks.active), "pair_probability")
+            window.probability = np.repeat(of_pair, looks.scans)
+        else:
+            parts = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
+            window.probability = np.concatenate([*parts, np.empty(0)])
+
+    def _varying(self, looks: Looks, rows: slice) -> FloatArray:
+        model = self.model
+        exposed = self.geometry.exposures(looks.pair[rows], looks.scan[rows], with_geometry=model.needs_geometry)
+        return checked_probability(model.probability(exposed), len(exposed))
+
+
+@frozen(eq=False)
+class InterpolatedProbability:
+    """Takes `looks`; gives `interpolant`, `probability` (l,) and `undecided`."""
+
+    whole: "ProbabilityInterpolant"
+
+    def __call__(self, window: Observation) -> None:
+        """Interpolate the P_d of all looks."""
+        interpolant = window.interpolant = self.whole.over(window.looks)
+        window.probability = checked_probability(interpolant.probability(), len(window.looks.pair), "response")
+        window.undecided = interpolant.undecided()
+
+
+@frozen(eq=False)
+class VisibilityTest:
+    """Takes `looks` and `probability` (l,), which becomes 0 where an uncertain look is not visible."""
+
+    geometry: LookGeometry
+
+    def __call__(self, window: Observation) -> None:
+        """Test the looks that the plan left open."""
+        looks = window.looks
+        unchecked = np.flatnonzero(self.geometry.pairs.is_checked[looks.pair])
+        for rows in blocks(len(unchecked)):
+            part = unchecked[rows]
+            window.probability[part] *= self.geometry.visible(looks.pair[part], looks.scan[part])
+
+
+def interpolant_of(model: object, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
+    """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation."""
+    if not isinstance(model, SignalModel) or model.probability_tolerance is None:
+        return None
+    from opir_core.simulation.interpolation import ProbabilityInterpolant
+
+    return ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
