@@ -20,6 +20,8 @@ from opir_core.plugin.components import (
     ExporterModel,
     MetricModel,
     NoConfig,
+    RendererModel,
+    RunView,
     SensorModel,
     SignatureModel,
     SinkModel,
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
     from opir_core.interfaces.contexts import (
         EncoderContext,
         ModelContext,
+        Renderer,
+        RendererContext,
         SensorContext,
         SinkContext,
         TargetContext,
@@ -128,7 +132,10 @@ _HOMES = {
             "PosteriorClassifier ReconfigurableTracker Response SignalModel TrackEncoder WithBreakpoints WithBurns "
             "WithClasses"
         ),
-        "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
+        "interfaces.contexts": (
+            "EncoderContext ModelContext Renderer RendererContext SensorContext SinkContext TargetContext "
+            "TrackerContext"
+        ),
         "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
         "plugin.host": "Host",
     }.items()
@@ -146,7 +153,9 @@ __all__ = [  # noqa: RUF022
     "Host", "ImpactRegion", "Measured",
     "Metric", "MetricContext", "MetricModel", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion",
     "PartialEncoder", "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
-    "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
+    "Renderer", "RendererContext", "RendererModel",
+    "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "RunView", "ScanPattern",
+    "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
     "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "TrackEncoder",

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
         SignatureContract,
         SourceContract,
     )
-    from opir_core.testing.contracts.results import ExecutorContract, ExporterContract, MetricContract
+    from opir_core.testing.contracts.renderers import RendererContract
+    from opir_core.testing.contracts.results import (
+        ExecutorContract,
+        ExporterContract,
+        MetricContract,
+        RunViewContract,
+    )
     from opir_core.testing.contracts.scenes import SceneContract
     from opir_core.testing.contracts.sensors import ConstellationContract, SensorContract
     from opir_core.testing.contracts.target_classes import TargetClassContract
@@ -45,7 +51,8 @@ _HOMES = {
     "contracts.detection": "DetectionContract",
     "contracts.outputs": "EncoderContract SinkContract",
     "contracts.radiometry": "AtmosphereContract BackgroundContract SignatureContract SourceContract",
-    "contracts.results": "ExecutorContract ExporterContract MetricContract",
+    "contracts.renderers": "RendererContract",
+    "contracts.results": "ExecutorContract ExporterContract MetricContract RunViewContract",
     "contracts.scenes": "SceneContract",
     "contracts.sensors": "ConstellationContract SensorContract",
     "contracts.target_classes": "TargetClassContract",
@@ -73,6 +80,8 @@ __all__ = [
     "ExporterContract",
     "FullConfidence",
     "MetricContract",
+    "RendererContract",
+    "RunViewContract",
     "SceneContract",
     "SensorContract",
     "SignatureContract",

@@ -15,6 +15,7 @@ from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
+from opir_core.plugin import Renderer
 from opir_core.plugin.error_messages import described_error
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.activity import Activity
@@ -128,13 +129,16 @@ class Feed:
         most_tracks: int,
         status: Callable[[], Any],
         reported_types: tuple[str, ...] = REPORTED_TYPES,
+        render: Renderer | None = None,
     ) -> None:
         self.history = History(history)
         self.activity = Activity([sensor.id for sensor in sensors])
         self.tracks = TrackDocuments(epoch_us, most_tracks)
         self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
         self._status = status
-        self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types))
+        self._encoder = ForgeEncoder(
+            EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render)
+        )
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None

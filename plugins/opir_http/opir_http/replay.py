@@ -10,6 +10,7 @@ from opir_core.arrays import IntArray, RowArray
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.rendering import chosen_renderer
 from opir_core.output.events.text import timestamp_text, unix_microseconds
 from opir_core.simulation.run import Run
 from opir_http.sensors import sensor_documents
@@ -36,7 +37,10 @@ class Replay:
         self._tracks = run.tracks.take(np.argsort(run.tracks.tick_s, kind="stable"))
         self._tick_us = self.scene.epoch_us + np.rint(self._tracks.tick_s * _US).astype(np.int64)
         context = EncoderContext(
-            sensors=tuple(run.sensors), epoch_us=self.scene.epoch_us, reported_types=tuple(run.reported_types)
+            sensors=tuple(run.sensors),
+            epoch_us=self.scene.epoch_us,
+            reported_types=tuple(run.reported_types),
+            render=chosen_renderer(run.plan.host)[1],
         )
         self._encoder = ForgeEncoder(context)
         self._documents = TrackDocuments(self.scene.epoch_us)

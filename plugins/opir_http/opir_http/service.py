@@ -14,6 +14,7 @@ from attrs import asdict, evolve, fields
 from opir_core.errors import OpirError
 from opir_core.live.running import LiveRun
 from opir_core.live.status import LiveStatus
+from opir_core.output.events.rendering import chosen_renderer
 from opir_core.output.events.text import timestamp_text
 from opir_core.output.sink_thread import SinkStatus
 from opir_http.feed import Feed
@@ -35,7 +36,8 @@ class Service:
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run, self.settings = run, settings
         bounds = settings.history, settings.maximum_tracks
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types)
+        _, render = chosen_renderer(run.plan.host)
+        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types, render)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

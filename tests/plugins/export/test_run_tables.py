@@ -18,6 +18,7 @@ import opir_core
 from opir_core.cli.main import main
 from opir_core.errors import PluginError
 from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.testing import RunViewContract
 
 NAMES = {"detections", "truth", "tracks", "regions", "targets", "sensors"}
 
@@ -177,3 +178,11 @@ def test_a_time_that_is_unknown_is_null():
     found = instants(nanoseconds(np.array([1.5, np.nan, np.inf, -2.0])), 1_000_000)
     assert found.is_null().to_pylist() == [False, True, True, False]
     assert found.cast("int64").to_pylist() == [2_500_000_000, None, None, -1_000_000_000]
+
+
+class TestFramesOfPandas(RunViewContract):
+    name = "pandas"
+
+
+class TestFramesOfPolars(RunViewContract):
+    name = "polars"

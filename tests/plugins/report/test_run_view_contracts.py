@@ -1,0 +1,14 @@
+"""The run views pass the conformance tests of their hook."""
+
+import pytest
+
+from opir_core.testing import RunViewContract
+
+
+class TestPlots(RunViewContract):
+    name = "plot"
+
+
+@pytest.mark.slow
+class TestMap(RunViewContract):
+    name = "map"
