@@ -27,7 +27,7 @@ HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|
 #: So many satellites of a fleet are told one by one.
 _FEW = 6
 
-PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "export", "studies", "dask"]
+PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "export", "studies", "dask", "render", "report"]
 
 
 def pages() -> Mapping[Path, str]:
