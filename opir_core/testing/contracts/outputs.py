@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +21,7 @@ from opir_core.output.events import SCHEMA_VERSION, TRACKS_VERSION, schema
 from opir_core.output.events.encoder_input import event_counter, only_encodable
 from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Component, EventEncoder, SinkModel
+from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.scene.scene import Choice
 from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned
@@ -234,6 +236,24 @@ class SinkContract(OutputContract):
             for window in edge_case_windows().values():
                 sink.write(window)
             _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
+
+    def test_truth_is_read_back(self) -> None:
+        """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
+        opened, read = self.component().open_truth, self.component().read_truth
+        require((opened is None) == (read is None), "it only writes or only reads truth", "Set both or neither.")
+        if opened is None:
+            return
+        records = [{"record": "target", "target_id": id_} for id_ in self.plan().targets.ids]
+        with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
+            path = Path(folder) / "events.truth"
+            with opened(path, path, self.plan().targets.ids, records) as file:
+                for window in self.windows():
+                    file.write(window)
+            rows = list(read(path))
+        ids = [text for window in self.windows() for text in uuid_text(window.detections.detection_id)]
+        require(rows[: len(records)] == records, "the records of targets are lost", "Keep the records as they are.")
+        same = [row.get("detection_id") for row in rows[len(records) :]] == ids
+        require(same, "the detections read are not those written", "Write a row for each detection, in their order.")
 
 
 def _require_accounts(delivery: Delivery, events: int) -> None:
