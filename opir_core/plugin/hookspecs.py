@@ -141,7 +141,7 @@ class CatalogueHooks:
 
         `build(run)` gets an `opir_core.Run` and changes nothing of it. `run.plot`, `run.tables()`, `run.to_pandas()`
         and `run.to_polars()` return the views `plot`, `tables`, `pandas` and `polars`; a notebook shows the view `map`,
-        an element of HTML or SVG as text. The plugins searched are those of the host that the run was made with.
+        an element of HTML or SVG as text. An allow-list of the host that the run was made with also applies to views.
 
         Example::
 

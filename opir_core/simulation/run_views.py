@@ -6,6 +6,7 @@ from typing import Any
 
 from opir_core.plugin.boundary import blamed_call, check_hint
 from opir_core.plugin.components import RunView
+from opir_core.plugin.host import Host
 
 #: Rows of the table.
 _LISTED = 12
@@ -14,14 +15,23 @@ _HEAD = ("target", "type", "first detected by", "latency s", "detections", "repo
 
 
 def run_view(run: Any, name: str, wanted: str) -> Any:
-    """Return a view of an `opir_core.Run`, from the plugins of its plan's host; `wanted` is for the message.
+    """Return a view of an `opir_core.Run`; `wanted` is for the message.
 
     Raises `PluginError` if no plugin offers it, `ModelError` if it fails.
     """
-    host = run.plan.host
+    host = _host_of(run, name)
     component = host.component(RunView, name, wanted)
     owner = f"{wanted}: the {component.kind} {name!r} of {host.provenance(RunView, name)}"
     return blamed_call(lambda: owner, check_hint(name), "build", lambda: component.build(run))
+
+
+def _host_of(run: Any, name: str) -> Host:
+    """Return the host of the run's plan, or one of what is installed if that host has no view of the name.
+
+    A host of given plugins (`Host.of`) limits what a scene may name, not how its run is shown; an allow-list does both.
+    """
+    host: Host = run.plan.host
+    return host if name in host.names(RunView) or host.registry.selection.rule else Host.discover()
 
 
 def run_html(run: Any) -> str:
@@ -31,7 +41,7 @@ def run_html(run: Any) -> str:
     rows = "".join(f"<tr>{_row(target)}</tr>" for target in targets[:_LISTED])
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if targets else ""
     more = f"<p>and {len(targets) - _LISTED} more targets</p>" if len(targets) > _LISTED else ""
-    picture = run_view(run, "map", "the map of a run") if "map" in run.plan.host.names(RunView) else ""
+    picture = run_view(run, "map", "the map of a run") if "map" in _host_of(run, "map").names(RunView) else ""
     return f"<div><p>{escape(repr(run).strip('<>'))}</p>{table}{more}{picture}</div>"
 
 

@@ -88,7 +88,11 @@ class Views:
 
 
 def with_host(run: opir_core.Run, *plugins: object) -> opir_core.Run:
-    return evolve(run, plan=evolve(run.plan, host=Host.of(*plugins)))
+    """Return a run with a host that allows no installed plugin."""
+    host = Host.discover([])
+    for plugin in plugins:
+        host.register(plugin)
+    return evolve(run, plan=evolve(run.plan, host=host))
 
 
 def test_a_run_shows_itself_in_a_line(memory: opir_core.Run) -> None:
@@ -154,6 +158,11 @@ def test_a_view_that_is_not_installed_is_refused_with_its_package(
         view(with_host(memory))
     assert str(refused.value).startswith(f"{wanted}: no run view is named")
     assert f"{package} provides it: python -m pip install {package}" in str(refused.value)
+
+
+def test_a_run_of_given_plugins_is_shown_by_what_is_installed(memory: opir_core.Run) -> None:
+    pytest.importorskip("opir_export", reason="needs opir-export")
+    assert "detections" in evolve(memory, plan=evolve(memory.plan, host=Host.of())).tables()
 
 
 def test_a_view_that_fails_is_refused_with_its_owner(memory: opir_core.Run) -> None:
