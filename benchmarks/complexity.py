@@ -97,11 +97,12 @@ def child(values: Mapping[str, float]) -> None:
     from opir_core.interfaces.contexts import EncoderContext
     from opir_core.output.events.encoder_input import window_blocks
     from opir_core.output.events.forge import ForgeEncoder
+    from opir_core.output.events.rendering import chosen_renderer
     from opir_core.planning.plan import compile_plan
     from opir_core.simulation.run import plan_windows
 
     plan = compile_plan(opir_scene)
-    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=0))
+    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=0, render=chosen_renderer(plan.host)[1]))
     looks = events = 0
     for window in plan_windows(plan):
         looks, events = looks + window.looks, events + len(window.detections)

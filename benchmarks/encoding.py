@@ -36,6 +36,7 @@ from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Win
 from opir_core.interfaces.viewpoints import AzimuthElevation
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.rendering import chosen_renderer
 from opir_core.output.events.text import (
     rounded,
     rounded_bearing_deg,
@@ -43,6 +44,7 @@ from opir_core.output.events.text import (
     timestamp_text,
     unix_microseconds,
 )
+from opir_core.plugin import Host
 from opir_core.random_streams.detection_ids import id_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -57,7 +59,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     options = parser.parse_args()
     sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
-    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US)
+    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
     encoder, with_tracks = ForgeEncoder(context), ForgeEncoder(context, has_tracks=True)
     plain = sample_window(options.events, is_tracked=False, is_moving=False)
     tracked = sample_window(options.events, is_tracked=True, is_moving=False)
@@ -89,7 +91,7 @@ def three_bands(window: Window) -> tuple[Window, ForgeEncoder, ForgeEncoder]:
     sensors = tuple(stub_sensor(f"NEXTGEN-{n}", slot, bands=bands) for n, slot in enumerate(slots.tolist()))
     measured = 10.0 ** np.random.default_rng(2).uniform(-13.0, -10.0, (len(window.detections), 3))
     lit = evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=measured))
-    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US)
+    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
     return lit, ForgeEncoder(context), ForgeEncoder(context, has_irradiances=True)
 
 

@@ -277,7 +277,7 @@ def without(cause: str, climate: str) -> Iterator[Cell]:
 
 def air(climate: str) -> Iterator[Air]:
     """Yield the transmittances of the three bands from several heights."""
-    lowtran = Host.of().component("opir_atmosphere_models", "lowtran")
+    lowtran = Host.discover().component("opir_atmosphere_models", "lowtran")
     sky = lowtran.build(lowtran.config(climate=climate), AtmosphereContext(bands=BANDS, path="atmosphere", seed=0))
     height_m, nowhere = 1e3 * np.array(HEIGHTS_KM), np.zeros((len(HEIGHTS_KM), 3))
     sine = np.full(len(height_m), np.sin(np.radians(ELEVATION_DEG)))

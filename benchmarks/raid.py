@@ -24,7 +24,6 @@ from figures import keep
 
 import opir_core as opir
 from opir_core.output.delivery import RunOutcome, deliver
-from opir_core.output.events.rendering import renderer_name
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 
@@ -116,7 +115,7 @@ def main() -> None:
             ("plan", plan_s, "s", ""),
             ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),
             ("events", counts["detections"] * 1e-6, "million", f"of {counts['looks'] * 1e-6:.2f} million looks"),
-            ("written", written * 1e-6, "MB", f"by the renderer {renderer_name()}"),
+            ("written", written * 1e-6, "MB", f"by the renderer {outcome.manifest['renderer']}"),
             memory(),
         )
         show(rows)

@@ -28,7 +28,20 @@ HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|
 _FEW = 6
 
 PHOTONS = ("classification", "detection", "radiometry")
-PLUGINS = [*PHOTONS, "dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "export", "studies", "dask"]
+PLUGINS = [
+    *PHOTONS,
+    "dsp",
+    "sbirs",
+    "nextgen",
+    "heo",
+    "leo",
+    "trackers",
+    "export",
+    "studies",
+    "dask",
+    "render",
+    "report",
+]
 
 
 def pages() -> Mapping[Path, str]:

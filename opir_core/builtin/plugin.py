@@ -1,4 +1,5 @@
-"""The core's own plugin: the default model of most kinds, null models, encoders and sinks.
+"""The core's own plugin: the default model of most kinds, null models, encoders, sinks and the
+reference renderer.
 
 Nothing heavy is imported before a component is built.
 """
@@ -27,6 +28,7 @@ from opir_core.host.components import (
     ConfidenceModel,
     DetectionModel,
     EventEncoder,
+    RendererModel,
     SinkModel,
     TargetModel,
     TrackerModel,
@@ -217,3 +219,15 @@ def opir_event_encoders() -> Iterable[EventEncoder]:
 def opir_sinks() -> Iterable[SinkModel]:
     """Yield the built-in sinks."""
     return SINKS
+
+
+@hookimpl
+def opir_renderers() -> Iterable[RendererModel]:
+    """Yield `reference`."""
+    yield RendererModel(
+        name="reference", summary="lines joined by numpy, whose bytes every renderer makes", build=_reference
+    )
+
+
+def _reference(_config: Any, context: Any) -> Any:
+    return context.reference

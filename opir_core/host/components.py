@@ -171,12 +171,30 @@ class SinkModel(Component):
     `read(path)` yields the events of a file that the sink wrote, each a mapping with the keys of the encoder `forge`;
     with it, `opir_core.load_run`, `opir score` and `opir report` read runs whose events are in such a file. Raises
     `OSError` or `ValueError` if the file is another.
+
+    The sink `parquet` also has the truth of runs as columns. `open_truth(path, place, target_ids, records)` opens the
+    file `place`, which becomes `path` (its name in errors), and returns a context with `write(window)`; `records` are
+    those of sensors and targets. `read_truth(path)` yields its records as a truth file of lines has them, and raises as
+    `read` does.
     """
 
     hook = "opir_sinks"
     kind = "sink"
 
     read: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
+    open_truth: Callable[[Path, Path, Sequence[str], Sequence[Mapping[str, Any]]], Any] | None = None
+    read_truth: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
+
+
+@frozen(kw_only=True)
+class RendererModel(Component):
+    """`build(config, context) -> Renderer`: lines of events and truth, joined from columns.
+
+    `build` raises `ImportError` if the renderer cannot be used on this machine; then another one is chosen.
+    """
+
+    hook = "opir_renderers"
+    kind = "renderer"
 
 
 @frozen(kw_only=True)
@@ -201,6 +219,14 @@ class ExporterModel(Component):
 
     hook = "opir_exporters"
     kind = "exporter"
+
+
+@frozen(kw_only=True)
+class RunView(Component):
+    """`build(run)`: a finished run in another form, which `run.view(NAME)` returns."""
+
+    hook = "opir_run_views"
+    kind = "run view"
 
 
 @frozen(kw_only=True)
@@ -242,8 +268,10 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass
         BackgroundModel,
         EventEncoder,
         SinkModel,
+        RendererModel,
         MetricModel,
         ExecutorModel,
         ExporterModel,
+        RunView,
     )
 }

@@ -25,6 +25,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "commands.export",
         *("exporters.arrow", "exporters.csv", "exporters.czml", "exporters.geojson", "exporters.kml"),
         *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
+        *("run_views.pandas", "run_views.polars", "run_views.tables"),
     ),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
     "opir-http": ("commands.serve", "commands.view"),
@@ -45,7 +46,8 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "signature_models.plume",
         *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),
     ),
-    "opir-report": ("commands.report",),
+    "opir-render": ("renderers.compiled",),
+    "opir-report": ("commands.report", "run_views.map", "run_views.plot"),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
     "opir-studies": (

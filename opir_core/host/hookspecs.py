@@ -97,6 +97,33 @@ class CatalogueHooks:
         """Yield sinks: where events go. Chosen with `- NAME: {...}` under `outputs`."""
 
     @hookspec
+    def opir_renderers(self) -> Iterable[c.RendererModel]:  # type: ignore[empty-body]
+        """Yield renderers: columns to the lines of events and truth. All make the same bytes.
+
+        The environment variable `OPIR_RENDERER` names one; by default it is `compiled` if that is installed and works,
+        else `reference`.
+        `render(count, columns)` returns `count` lines. A column is text common to all lines (`bytes`), or has
+        `plain()`, which returns a tuple of its kind and its values:
+
+        * `("looked", texts, row)`: the text of each line by its row (n,); row None: `texts` (n,) are those of the lines
+        * `("decimal", values, decimals)`: numbers (n,), rounded, as the shortest text of the double; nan, inf: `null`
+        * `("ids", words)`: UUIDs from two 64-bit words (n, 2), the most significant first
+        * `("times", unix_us)`: UTC (n,), µs since 1970-01-01, as `2026-04-01T12:00:00.050000Z`
+
+        Example::
+
+            >>> from opir_core.plugin import Host, RendererModel, hookimpl
+            >>> class Plugin:
+            ...     @hookimpl
+            ...     def opir_renderers(self):
+            ...         yield RendererModel(name="traced", summary="the reference", build=traced)
+            >>> def traced(config, context):
+            ...     return lambda count, columns: context.reference(count, columns)
+            >>> Host.of(Plugin()).names("opir_renderers")
+            ['reference', 'traced']
+        """
+
+    @hookspec
     def opir_metrics(self) -> Iterable[c.MetricModel]:  # type: ignore[empty-body]
         """Yield metrics: figures of finished runs. A study chooses them by name under `metrics`."""
 
@@ -107,6 +134,27 @@ class CatalogueHooks:
     @hookspec
     def opir_exporters(self) -> Iterable[c.ExporterModel]:  # type: ignore[empty-body]
         """Yield exporters: formats of other programs. `opir export RUN --to NAME` chooses one."""
+
+    @hookspec
+    def opir_run_views(self) -> Iterable[c.RunView]:  # type: ignore[empty-body]
+        """Yield run views: a finished run in another form, tables or plots for instance. `run.view(NAME)` returns one.
+
+        `build(run)` gets an `opir_core.Run` and changes nothing of it. `run.plot`, `run.tables()`, `run.to_pandas()`
+        and `run.to_polars()` return the views `plot`, `tables`, `pandas` and `polars`; a notebook shows the view `map`,
+        an element of HTML or SVG as text. An allow-list of the host that the run was made with also applies to views.
+
+        Example::
+
+            >>> from opir_core.plugin import Host, RunView, hookimpl
+            >>> class Plugin:
+            ...     @hookimpl
+            ...     def opir_run_views(self):
+            ...         yield RunView(name="seen", summary="how many targets are detected", build=seen)
+            >>> def seen(run):
+            ...     return sum(target["detections"] > 0 for target in run.summary["targets"])
+            >>> Host.of(Plugin()).component("opir_run_views", "seen").summary
+            'how many targets are detected'
+        """
 
 
 class ExtensionHooks:

@@ -1,6 +1,6 @@
 """The contexts of components: the second argument of `build`, after the configuration."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -98,13 +98,28 @@ class TrackerContext:
     light_time: bool = True
 
 
+#: Returns lines of text, given their number and their columns.
+Renderer = Callable[[int, Sequence[Any]], bytes]
+
+
+@frozen(kw_only=True)
+class RendererContext:
+    """The context of a renderer; it returns the bytes of `reference`, faster."""
+
+    reference: Renderer
+
+
 @frozen(kw_only=True)
 class EncoderContext:
-    """The context of an encoder; `reported_types` are the names of the detections' codes."""
+    """The context of an encoder; `reported_types` are the names of the detections' codes.
+
+    `render` joins lines from columns for the core's encoders; None is the reference.
+    """
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
     reported_types: tuple[str, ...] = REPORTED_TYPES
+    render: Renderer | None = field(default=None, eq=False)
 
 
 def _detection_count(window: Window) -> int:

@@ -25,6 +25,11 @@ from opir_core.output.events.forge import (
 )
 from opir_core.output.events.rendering import (
     Column as Column,
+    Decimal as Decimal,
+    Ids as Ids,
+    Looked as Looked,
+    Times as Times,
+    chosen_renderer as chosen_renderer,
     reference as reference,
 )
 from opir_core.output.events.text import (

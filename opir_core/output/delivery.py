@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from attrs import frozen
+from attrs import evolve, frozen
 
-from opir_core.errors import SinkError
+from opir_core.errors import PluginError, SinkError
 from opir_core.host.boundary import check_hint, owner_text
-from opir_core.host.components import EventEncoder
+from opir_core.host.components import EventEncoder, SinkModel
+from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
@@ -110,9 +111,9 @@ def _outcome(
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
     manifest = dict(run_manifest(plan, tally.counts()))
     if files.parts:  # a run without files has no text, and needs no renderer
-        from opir_core.output.events.rendering import renderer_name
+        from opir_core.output.events.rendering import chosen_renderer
 
-        manifest["renderer"] = renderer_name()
+        manifest["renderer"], _ = chosen_renderer(plan.host)
     if any(is_staged[sink.name] for sink in report.failures):
         incomplete = tuple(files.parts)
         files.keep()
@@ -155,18 +156,28 @@ def _recorded(
 
 
 def _truth_file(plan: Plan, files: OutputFiles, path: Path) -> Any:
-    """Return the file of a run's truth, open: columns, by opir-export, for a path that ends in `.parquet`; else lines.
+    """Return the file of a run's truth, open: columns for a path that ends in `.parquet`, else lines.
 
-    Raises `PluginError` if opir-export is needed and not installed.
+    Raises `PluginError` if no plugin writes columns.
     """
     from opir_core.output.run_files import TruthFile, truth_records
 
     if not has_columns(path):
         return TruthFile(files.stage(path, only_appends=True, kind="truth"), plan)
-    from opir_core.simulation.run_views import provided
+    opened = columns_sink(plan.host, "open_truth", f"a truth file with the ending {PARQUET}")
+    return opened(path, files.stage(path, kind="truth"), plan.targets.ids, truth_records(plan))
 
-    make = provided("opir_export", "ParquetTruth", f"a truth file with the ending {PARQUET}")
-    return make(path, files.stage(path, kind="truth"), plan.targets.ids, truth_records(plan))
+
+def columns_sink(host: Host, ability: str, wanted: str) -> Callable[..., Any]:
+    """Return a function of the sink `parquet`, its field `ability`; `wanted` begins the message where it is missing.
+
+    Raises `PluginError` if the sink is not installed or has no such function.
+    """
+    name = PARQUET.removeprefix(".")
+    made: Callable[..., Any] | None = getattr(host.component(SinkModel, name, wanted), ability)
+    if made is None:
+        raise PluginError(f"{wanted}: the sink {name!r} of {host.provenance(SinkModel, name)} has no {ability}")
+    return made
 
 
 def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mapping[str, Sink]:
@@ -224,9 +235,12 @@ def _encoder_model(plan: Plan, choice: Choice) -> EventEncoder:
 
 def _encoder(plan: Plan, choice: Choice) -> Encoder:
     """Return the encoder of an output."""
+    from opir_core.output.events.rendering import chosen_renderer
+
     component = _encoder_model(plan, choice)
     chosen = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
-    encoder: Encoder = built(plan.host, chosen, _origin(plan), component.config())
+    _, render = chosen_renderer(plan.host)
+    encoder: Encoder = built(plan.host, chosen, evolve(_origin(plan), render=render), component.config())
     owner = partial(owner_text, plan.host, chosen)
     return encoder if is_of_core(component) else checked_encoder(encoder, owner, check_hint(component.name))
 

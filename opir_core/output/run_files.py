@@ -18,7 +18,7 @@ import numpy as np
 from opir_core.errors import Problem, SceneError, reason_of, unwritable
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.rendering import Decimal, Ids, Looked, fastest
+from opir_core.output.events.rendering import Decimal, Ids, Looked, chosen_renderer
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 from opir_core.simulation.manifest import MANIFEST_VERSION
@@ -84,7 +84,7 @@ class TruthFile(LinesFile):
 
     def __init__(self, path: Path, plan: Plan) -> None:
         super().__init__(path)
-        self._render = fastest()
+        _, self._render = chosen_renderer(plan.host)
         self._ids = plan.targets.ids
         self._targets = [_TARGET % self._encoder.encode(id_) for id_ in (*self._ids, None)]
         self._write(truth_records(plan))

@@ -19,7 +19,7 @@ from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.output.delivery import has_columns
+from opir_core.output.delivery import columns_sink, has_columns
 from opir_core.output.run_files import (
     invalid_file,
     read_manifest,
@@ -165,14 +165,11 @@ def _truth_beside(events: Path) -> Path:
     return second if second.exists() and not first.exists() else first
 
 
-def _truth_rows(path: Path) -> Iterator[_TruthLine]:
-    """Yield the records of a truth file: columns, read by opir-export, or JSON lines."""
-    if not has_columns(path):
-        yield from _lines(path, _TruthLine, "a line of opir's truth")
-        return
-    from opir_core.simulation.run_views import provided
-
-    yield from _converted(path, provided("opir_export", "read_truth", "a truth file of columns"), _TruthLine)
+def _truth_rows(path: Path, host: Host) -> Iterator[_TruthLine]:
+    """Yield the records of a truth file: columns or JSON lines."""
+    if has_columns(path):
+        return _converted(path, columns_sink(host, "read_truth", "a truth file of columns"), _TruthLine)
+    return _lines(path, _TruthLine, "a line of opir's truth")
 
 
 def _converted(path: Path, read: Callable[[Path], Iterable[Any]], kind: Any) -> Iterator[Any]:
@@ -189,7 +186,7 @@ def _truth_lines(path: Path, plan: Plan) -> Mapping[str, _TruthLine]:
     """Return the truth of each detection by its id."""
     truths: dict[str, _TruthLine] = {}
     launches = []
-    for row in _truth_rows(path):
+    for row in _truth_rows(path, plan.host):
         if row.record == "target":
             launches.append(msgspec.structs.asdict(row))
         elif row.record == "detection":

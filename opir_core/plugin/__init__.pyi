@@ -11,6 +11,8 @@ from opir_core.host.components import (
     ExporterModel as ExporterModel,
     MetricModel as MetricModel,
     NoConfig as NoConfig,
+    RendererModel as RendererModel,
+    RunView as RunView,
     SensorModel as SensorModel,
     SignatureModel as SignatureModel,
     SinkModel as SinkModel,
@@ -27,6 +29,8 @@ from opir_core.host.host import (
 from opir_core.interfaces.contexts import (
     EncoderContext as EncoderContext,
     ModelContext as ModelContext,
+    Renderer as Renderer,
+    RendererContext as RendererContext,
     SensorContext as SensorContext,
     SinkContext as SinkContext,
     TargetContext as TargetContext,

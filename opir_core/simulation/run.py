@@ -53,25 +53,32 @@ class Run:
         )
 
     def _repr_html_(self) -> str:
-        """Return a table of the targets for a notebook, with the run's map if opir-report is installed."""
+        """Return a table of the targets for a notebook, with the run view `map` if it is installed."""
         return str(_views().run_html(self))
+
+    def view(self, name: str, wanted: str = "") -> Any:
+        """Return the view of a name, which a plugin offers (hook `opir_run_views`): the run in another form.
+
+        Raises `PluginError` if it is not installed; `wanted` begins the message, by default `run.view('NAME')`.
+        """
+        return _views().run_view(self, name, wanted or f"run.view({name!r})")
 
     @property
     def plot(self) -> Any:
-        """Return the plots of opir-report, `run.plot.map()` for instance."""
-        return _views().provided("opir_report", "RunPlots", "run.plot")(self)
+        """Return the plots of the run, `run.plot.map()` for instance; with opir-report."""
+        return self.view("plot", "run.plot")
 
     def tables(self) -> Mapping[str, Any]:
         """Return the run as Arrow tables by name, with opir-export."""
-        return cast("Mapping[str, Any]", _views().provided("opir_export", "tables", "run.tables()")(self))
+        return cast("Mapping[str, Any]", self.view("tables", "run.tables()"))
 
     def to_pandas(self) -> Mapping[str, Any]:
         """Return the tables as data frames of pandas by name, with opir-export."""
-        return cast("Mapping[str, Any]", _views().provided("opir_export", "to_pandas", "run.to_pandas()")(self))
+        return cast("Mapping[str, Any]", self.view("pandas", "run.to_pandas()"))
 
     def to_polars(self) -> Mapping[str, Any]:
         """Return the tables as data frames of polars by name, with opir-export."""
-        return cast("Mapping[str, Any]", _views().provided("opir_export", "to_polars", "run.to_polars()")(self))
+        return cast("Mapping[str, Any]", self.view("polars", "run.to_polars()"))
 
 
 def _views() -> Any:

@@ -1,13 +1,12 @@
-"""Views of a run: as HTML for notebooks, and what other packages of this project add, imported when it is asked for."""
+"""Views of a run: as HTML for notebooks, and those that plugins offer."""
 
 from collections.abc import Mapping
 from html import escape
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
-from opir_core.errors import PluginError
-from opir_core.host.error_messages import way_to_install
+from opir_core.host.boundary import blamed_call, check_hint
+from opir_core.host.components import RunView
+from opir_core.host.host import Host
 
 #: Rows of the table.
 _LISTED = 12
@@ -15,29 +14,34 @@ _LISTED = 12
 _HEAD = ("target", "type", "first detected by", "latency s", "detections", "reported")
 
 
-def provided(package: str, name: str, wanted: str) -> Any:
-    """Return a name of another package of this project; `PluginError` with the remedy if it is not installed.
+def run_view(run: Any, name: str, wanted: str) -> Any:
+    """Return a view of an `opir_core.Run`; `wanted` is for the message.
 
-    `wanted` is what the user asked for, for the message.
+    Raises `PluginError` if no plugin offers it, `ModelError` if it fails.
     """
-    try:
-        module = import_module(package)
-    except ModuleNotFoundError as error:
-        if error.name != package:
-            words = f"{wanted} needs {error.name}, which is not installed: python -m pip install {error.name}"
-            raise PluginError(words) from error
-        raise PluginError(f"{wanted} is not available\n  {way_to_install(package.replace('_', '-'))}") from error
-    return getattr(module, name)
+    host = _host_of(run, name)
+    component = host.component(RunView, name, wanted)
+    owner = f"{wanted}: the {component.kind} {name!r} of {host.provenance(RunView, name)}"
+    return blamed_call(lambda: owner, check_hint(name), "build", lambda: component.build(run))
+
+
+def _host_of(run: Any, name: str) -> Host:
+    """Return the host of the run's plan, or one of what is installed if that host has no view of the name.
+
+    A host of given plugins (`Host.of`) limits what a scene may name, not how its run is shown; an allow-list does both.
+    """
+    host: Host = run.plan.host
+    return host if name in host.names(RunView) or host.registry.selection.rule else Host.discover()
 
 
 def run_html(run: Any) -> str:
-    """Return the repr of an `opir_core.Run`, a table of its first targets and, with opir-report, its map."""
+    """Return the repr of an `opir_core.Run`, a table of its first targets and, if one is installed, its view `map`."""
     targets = run.summary["targets"]
     head = "".join(f"<th>{name}</th>" for name in _HEAD)
     rows = "".join(f"<tr>{_row(target)}</tr>" for target in targets[:_LISTED])
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if targets else ""
     more = f"<p>and {len(targets) - _LISTED} more targets</p>" if len(targets) > _LISTED else ""
-    picture = provided("opir_report", "map_svg", "the map of a run")(run) if find_spec("opir_report") else ""
+    picture = run_view(run, "map", "the map of a run") if "map" in _host_of(run, "map").names(RunView) else ""
     return f"<div><p>{escape(repr(run).strip('<>'))}</p>{table}{more}{picture}</div>"
 
 

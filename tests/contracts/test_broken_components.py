@@ -29,6 +29,8 @@ def test_there_are_many() -> None:
         "opir_metrics",
         "opir_executors",
         "opir_exporters",
+        "opir_renderers",
+        "opir_run_views",
     }
 
 

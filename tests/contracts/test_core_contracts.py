@@ -11,6 +11,7 @@ from opir_testing import (
     ConfidenceContract,
     DetectionContract,
     EncoderContract,
+    RendererContract,
     SensorContract,
     SignatureContract,
     SinkContract,
@@ -253,3 +254,7 @@ class TestTables(TargetContract):
         {"id": "IN-VIEW", "type": "ICBM", "file": str(FLIGHTS / "in_view.csv")},
         {"id": "ANTIMERIDIAN", "type": "SRBM", "file": str(FLIGHTS / "antimeridian.csv")},
     )
+
+
+class TestReferenceRenderer(RendererContract):
+    name = "reference"

@@ -14,8 +14,7 @@ from repository import ROOT
 MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 
 #: Imports by those who install an extra, or run tests: the module that asks for each says so itself.
-#: `opir_render` is used where it is installed.
-ASKED_FOR = {"sgp4", "pytest", "opir_render"}
+ASKED_FOR = {"sgp4", "pytest"}
 
 
 def imported(folder: Path) -> set[str]:

@@ -5,10 +5,13 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import TypeGuard
 
 import pytest
 from public_names import PUBLIC, is_public
 from repository import ROOT
+
+from opir_core.host.components import CATALOGUE
 
 CORE = ROOT / "opir_core"
 SOURCES = sorted([*CORE.rglob("*.py"), *(ROOT / "plugins").glob("*/opir_*/**/*.py")])
@@ -204,31 +207,56 @@ def test_the_library_does_not_print() -> None:
     assert not [path for path in SOURCES if printing.search(path.read_text(encoding="utf-8"))]
 
 
-@pytest.mark.slow
-def test_the_core_names_no_constellation_no_tracker_package_no_web_and_no_broker() -> None:
-    outside = "dsp|sbirs|nextgen|heo|leo|trackers|http|kafka|stonesoup"
-    forbidden = re.compile(rf"\b(opir_({outside})\b(?!\()|import litestar|import aiokafka)")
-    named = {module for module, path in CORE_MODULES.items() if forbidden.search(code_of(path))}
-    assert not named - WHERE_HOOKS_ARE_NAMED
+#: The packages of plugins, and two of other people that only plugins use.
+OUTSIDE = {path.name for path in (ROOT / "plugins").glob("opir_*")} | {"litestar", "aiokafka"}
 
 
-#: The hook `opir_trackers` has the name of a package.
-WHERE_HOOKS_ARE_NAMED = {
-    "opir_core.host.components",
-    "opir_core.host.hookspecs",
-    "opir_testing.contracts",
-    "opir_core.builtin.plugin",
-    "opir_core.reading.scene_schema",
-}
+def test_the_core_names_no_plugin() -> None:
+    named = {module: names for module, path in CORE_MODULES.items() if (names := sorted(packages_named(tree_of(path))))}
+    assert len(OUTSIDE) > 10
+    assert not named
 
 
-def code_of(path: Path) -> str:
-    """Return a module's source without its docstrings and comments, which may give examples."""
-    tree = tree_of(path)
+def packages_named(tree: ast.Module) -> set[str]:
+    """Return the modules of plugins that a module imports, or names in a text other than a docstring.
+
+    A text alone (`"opir_trackers"`) may be a hook; it is a package where a function that imports gets it.
+    """
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    named: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            node.value.value = ""
-    return ast.unparse(tree)
+        if isinstance(node, ast.Import):
+            named |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            named.add(node.module or "")
+        elif isinstance(node, ast.Call) and re.search("import|spec", ast.unparse(node.func)):
+            named |= {argument.value for argument in node.args if is_text(argument)}
+        elif is_text(node) and id(node) not in docstrings and node.value not in CATALOGUE:
+            named.add(node.value)
+    return {name for name in named if name.partition(".")[0] in OUTSIDE}
+
+
+def is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+@pytest.mark.parametrize(
+    ("code", "is_named"),
+    [
+        ("from opir_render import render", True),
+        ("def lazy():\n    import opir_trackers.imm", True),
+        ("import_module('opir_report')", True),
+        ("importlib.util.find_spec('opir_trackers')", True),
+        ("provided('opir_export', 'tables')", True),
+        ("HOME = 'opir_http'", True),
+        ("HOME = 'opir_trackers.imm'", True),
+        ("host.names('opir_trackers')", False),
+        ("def opir_trackers():\n    'Those of opir_trackers.'", False),
+        ("PACKAGE = 'opir-export'", False),
+    ],
+)
+def test_a_plugin_that_is_named_is_found(code: str, is_named: bool) -> None:
+    assert bool(packages_named(ast.parse(code))) == is_named
 
 
 @pytest.mark.parametrize("package", ["", ".flight", ".geometry", ".orbits"])

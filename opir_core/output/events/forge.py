@@ -18,7 +18,7 @@ from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid
 from opir_core.output.events.estimates import impact_texts, launch_texts, track_fields
-from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, fastest
+from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, reference
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
@@ -108,7 +108,7 @@ class ForgeEncoder:
         self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64)
         looks = [1 << len(sensor.bands) for sensor in sensors]
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
-        self._render = fastest()
+        self._render = context.render or reference
 
     def encode(self, window: Window) -> bytes:
         """Return the window's detections as lines; invalid values raise `ModelError`."""

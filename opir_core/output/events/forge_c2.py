@@ -16,7 +16,7 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import FORGE_C2_VERSION
 from opir_core.output.events.encoder_input import only_encodable, require_valid
-from opir_core.output.events.rendering import Decimal, Ids, Looked, event_times, fastest
+from opir_core.output.events.rendering import Decimal, Ids, Looked, event_times, reference
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     METRE_DECIMALS,
@@ -51,7 +51,7 @@ class ForgeC2Encoder:
         self._frequency_texts = [text for sensor in context.sensors for text in _frequencies(sensor)]
         masks = [1 << len(sensor.bands) for sensor in context.sensors]
         self._first_mask = np.cumsum([0, *masks[:-1]], dtype=np.int64)
-        self._render = fastest()
+        self._render = context.render or reference
 
     def encodable(self, window: Window) -> BoolArray:
         """Return which detections (n,) have a position; invalid values raise `ModelError`."""

@@ -1,13 +1,12 @@
 """Lines of text from typed columns: encoders and the truth file say which columns a line has, a renderer joins them.
 
 A column is text common to all lines (`bytes`), `Looked`, `Decimal`, `Ids` or `Times`. `reference` is the renderer in
-numpy and msgspec. Where the distribution opir-render is installed with its compiled module, `fastest` returns that one,
-which makes the same bytes.
+numpy and msgspec; plugins offer faster ones, which make the same bytes.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import groupby
 from typing import Any
 
@@ -15,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray, WordArray
-from opir_core.errors import SinkError
+from opir_core.errors import PluginError, SinkError
+from opir_core.host.components import RendererModel
+from opir_core.host.host import Host
+from opir_core.interfaces.contexts import Renderer, RendererContext
 from opir_core.interfaces.records import Detections
 from opir_core.output.events.text import (
     number_texts,
@@ -26,8 +28,11 @@ from opir_core.output.events.text import (
 )
 from opir_core.random_streams.detection_ids import uuid_characters
 
-#: The environment variable that chooses a renderer: `reference` or `compiled`; by default the fastest installed.
+#: The environment variable that chooses a renderer.
 CHOICE = "OPIR_RENDERER"
+
+#: The renderers used without a choice, the fastest first; where none of them works, the reference.
+PREFERRED = ("compiled",)
 
 
 class Looked:
@@ -119,8 +124,6 @@ def event_times(detections: Detections, epoch_us: int) -> tuple[Times, Times]:
 
 
 Column = bytes | Looked | Decimal | Ids | Times
-#: Returns lines, given their number and columns.
-Renderer = Callable[[int, Sequence[Column]], bytes]
 
 
 def reference(count: int, columns: Sequence[Column]) -> bytes:
@@ -164,28 +167,25 @@ def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes
     return pieces
 
 
-@cache
-def fastest() -> Renderer:
-    """Return the compiled renderer if it is installed, else the reference.
+def chosen_renderer(host: Host) -> tuple[str, Renderer]:
+    """Return the name and the renderer that `OPIR_RENDERER` chooses; else the first of `PREFERRED` that works.
 
-    Raises:
-        SinkError: `OPIR_RENDERER` names another renderer, or the compiled one, which is not installed.
+    Raises `PluginError` if `OPIR_RENDERER` names a renderer that is not installed, `SinkError` if it does not work.
     """
     choice = os.environ.get(CHOICE, "")
-    if choice not in ("", "reference", "compiled"):
-        raise SinkError(f"{CHOICE}={choice}: choose reference or compiled, or leave it unset for the fastest")
-    if choice != "reference":
+    if choice:
+        component = host.component(RendererModel, choice, CHOICE)
         try:
-            from opir_render import render
+            return choice, _built(component)
         except ImportError as error:
-            if choice:
-                message = f"{CHOICE}=compiled: {error}; install opir-render where a C compiler is, or leave it unset"
-                raise SinkError(message) from error
-        else:
-            return render
-    return reference
+            raise SinkError(f"{CHOICE}={choice}: {error}; leave it unset for one that works") from error
+    installed = host.names(RendererModel)
+    for name in (each for each in PREFERRED if each in installed):
+        with suppress(PluginError, ImportError):
+            return name, _built(host.component(RendererModel, name))
+    return "reference", reference
 
 
-def renderer_name() -> str:
-    """Return the name of the renderer that encoders use: `reference` or `compiled`."""
-    return "reference" if fastest() is reference else "compiled"
+def _built(component: RendererModel) -> Renderer:
+    render: Renderer = component.build(component.config(), RendererContext(reference=reference))
+    return render

@@ -21,7 +21,7 @@ from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.encoder_input import require_valid
 from opir_core.output.events.estimates import PAPER, time_texts
 from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
-from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, fastest
+from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, reference
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     RATIO_DECIMALS,
@@ -59,7 +59,7 @@ class UdlEncoder:
         self._vector_texts = [
             b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id) for sensor in context.sensors
         ]
-        self._render = fastest()
+        self._render = context.render or reference
 
     def encode(self, window: Window) -> bytes:
         """Return the window's detections as lines; invalid values raise `ModelError`."""

@@ -7,17 +7,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_export.parquet_truth import ParquetTruth, read_truth
     from opir_export.tabular.run_tables import tables, to_pandas, to_polars
 
-__all__ = ["ParquetTruth", "read_truth", "tables", "to_pandas", "to_polars"]
+__all__ = ["tables", "to_pandas", "to_polars"]
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'opir_export' has no attribute {name!r}")
-    module = "parquet_truth" if name in ("ParquetTruth", "read_truth") else "tabular.run_tables"
-    return getattr(import_module(f"opir_export.{module}"), name)
+    return getattr(import_module("opir_export.tabular.run_tables"), name)
 
 
 def __dir__() -> list[str]:

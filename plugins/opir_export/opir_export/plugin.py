@@ -1,12 +1,11 @@
-"""The command `opir export`, the exporters and the sink `parquet`; pyarrow is imported when one of them is built."""
+"""The command `opir export`, exporters, views of runs and the sink `parquet`; pyarrow is imported when one is used."""
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-from opir_core.plugin import ExporterModel, SinkModel, hookimpl
+from opir_core.plugin import ExporterModel, RunView, SinkModel, hookimpl
 from opir_export.settings import (
     ArrowConfig,
     CsvConfig,
@@ -20,19 +19,13 @@ from opir_export.settings import (
 _SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides"
 
 
-def _built_by(module: str, function: str) -> Callable[[Any, Any], Any]:
-    """Return a function that builds a component by a function of a module, imported then."""
+def _called(module: str, function: str) -> Callable[..., Any]:
+    """Return a function that calls a function of a module, imported then."""
 
-    def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_export.{module}"), function)(config, context)
+    def call(*given: Any) -> Any:
+        return getattr(import_module(f"opir_export.{module}"), function)(*given)
 
-    return build
-
-
-def _read_parquet(path: Path) -> Iterable[Mapping[str, Any]]:
-    """Return the events of a file of the sink `parquet`."""
-    events: Iterable[Mapping[str, Any]] = import_module("opir_export.parquet_events").parquet_events(path)
-    return events
+    return call
 
 
 @hookimpl
@@ -48,19 +41,19 @@ def _tables() -> Iterable[ExporterModel]:
         name="parquet",
         summary="a folder of Parquet files, one for each table, with the manifest among the metadata",
         config=ParquetConfig,
-        build=_built_by("formats.table_files", "parquet_folder"),
+        build=_called("formats.table_files", "parquet_folder"),
     )
     yield ExporterModel(
         name="arrow",
         summary="a folder of Arrow IPC files (Feather), one for each table",
         config=ArrowConfig,
-        build=_built_by("formats.table_files", "arrow_folder"),
+        build=_called("formats.table_files", "arrow_folder"),
     )
     yield ExporterModel(
         name="csv",
         summary="a folder of CSV files, one for each table",
         config=CsvConfig,
-        build=_built_by("formats.table_files", "csv_folder"),
+        build=_called("formats.table_files", "csv_folder"),
     )
 
 
@@ -69,19 +62,19 @@ def _maps() -> Iterable[ExporterModel]:
         name="geojson",
         summary="GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, what sensors can see",
         config=MapConfig,
-        build=_built_by("formats.geojson", "geojson_file"),
+        build=_called("formats.geojson", "geojson_file"),
     )
     yield ExporterModel(
         name="kml",
         summary="KML for Google Earth: flights over time, predicted impacts, what sensors can see",
         config=MapConfig,
-        build=_built_by("formats.kml", "kml_file"),
+        build=_called("formats.kml", "kml_file"),
     )
     yield ExporterModel(
         name="czml",
         summary="CZML for Cesium: flights and satellites over time, predicted impacts, what sensors can see",
         config=MapConfig,
-        build=_built_by("formats.czml", "czml_file"),
+        build=_called("formats.czml", "czml_file"),
     )
 
 
@@ -90,13 +83,13 @@ def _messages() -> Iterable[ExporterModel]:
         name="oem",
         summary="a folder of CCSDS Orbit Ephemeris Messages (KVN), one for each target and sensor",
         config=OemConfig,
-        build=_built_by("formats.oem", "oem_folder"),
+        build=_called("formats.oem", "oem_folder"),
     )
     yield ExporterModel(
         name="tdm",
         summary="measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
         config=TdmConfig,
-        build=_built_by("formats.tdm", "tdm_file"),
+        build=_called("formats.tdm", "tdm_file"),
     )
 
 
@@ -107,9 +100,20 @@ def opir_sinks() -> Iterable[SinkModel]:
         name="parquet",
         summary="detections as columns of a Parquet file",
         config=ParquetSinkConfig,
-        build=_built_by("parquet_sink", "parquet_sink"),
-        read=_read_parquet,
+        build=_called("parquet_sink", "parquet_sink"),
+        read=_called("parquet_events", "parquet_events"),
+        open_truth=_called("parquet_truth", "ParquetTruth"),
+        read_truth=_called("parquet_truth", "read_truth"),
     )
+
+
+@hookimpl
+def opir_run_views() -> Iterable[RunView]:
+    """Yield the tables of a run in three forms."""
+    of_tables = {"tables": "Arrow tables by name", "pandas": "data frames of pandas", "polars": "data frames of polars"}
+    for name, summary in of_tables.items():
+        function = name if name == "tables" else f"to_{name}"
+        yield RunView(name=name, summary=summary, build=_called("tabular.run_tables", function))
 
 
 @hookimpl

@@ -8,7 +8,7 @@ import numpy as np
 
 from opir_core import Run
 from opir_core.arrays import IntArray, RowArray
-from opir_core.output import ForgeEncoder, timestamp_text, unix_microseconds
+from opir_core.output import ForgeEncoder, chosen_renderer, timestamp_text, unix_microseconds
 from opir_core.plugin import EncoderContext, Window
 from opir_http.sensors import sensor_documents
 from opir_http.tracks import TrackDocuments
@@ -34,7 +34,10 @@ class Replay:
         self._tracks = run.tracks.take(np.argsort(run.tracks.tick_s, kind="stable"))
         self._tick_us = self.scene.epoch_us + np.rint(self._tracks.tick_s * _US).astype(np.int64)
         context = EncoderContext(
-            sensors=tuple(run.sensors), epoch_us=self.scene.epoch_us, reported_types=tuple(run.reported_types)
+            sensors=tuple(run.sensors),
+            epoch_us=self.scene.epoch_us,
+            reported_types=tuple(run.reported_types),
+            render=chosen_renderer(run.plan.host)[1],
         )
         self._encoder = ForgeEncoder(context)
         self._documents = TrackDocuments(self.scene.epoch_us)

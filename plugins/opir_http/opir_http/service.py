@@ -13,7 +13,7 @@ from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
 from opir_core.live import LiveRun, LiveStatus
-from opir_core.output import SinkStatus, timestamp_text
+from opir_core.output import SinkStatus, chosen_renderer, timestamp_text
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import refuse_names, refuse_other_names
@@ -33,7 +33,8 @@ class Service:
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run, self.settings = run, settings
         bounds = settings.history, settings.maximum_tracks
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types)
+        _, render = chosen_renderer(run.plan.host)
+        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types, render)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

@@ -1,11 +1,31 @@
-"""The command `opir report`; matplotlib is imported when it runs."""
+"""The command `opir report` and views of runs; matplotlib is imported when one is used."""
 
 import argparse
+from collections.abc import Iterable
 from typing import Any
 
-from opir_core.plugin import hookimpl
+from opir_core.plugin import RunView, hookimpl
 
 _SUMMARY = "write a report of a run or a study, one HTML file with plots"
+
+
+@hookimpl
+def opir_run_views() -> Iterable[RunView]:
+    """Yield `plot` and `map`."""
+    yield RunView(name="plot", summary="plots of a run with matplotlib, `run.plot.map()` for instance", build=_plots)
+    yield RunView(name="map", summary="the map of a run's launches, an svg element for notebooks", build=_map_svg)
+
+
+def _plots(run: Any) -> Any:
+    from opir_report.run_plots import RunPlots
+
+    return RunPlots(run)
+
+
+def _map_svg(run: Any) -> str:
+    from opir_report.run_plots import map_svg
+
+    return map_svg(run)
 
 
 @hookimpl

@@ -20,10 +20,14 @@ from opir_testing.contracts.radiometry import (
     SignatureContract as SignatureContract,
     SourceContract as SourceContract,
 )
+from opir_testing.contracts.renderers import (
+    RendererContract as RendererContract,
+)
 from opir_testing.contracts.results import (
     ExecutorContract as ExecutorContract,
     ExporterContract as ExporterContract,
     MetricContract as MetricContract,
+    RunViewContract as RunViewContract,
 )
 from opir_testing.contracts.scenes import (
     SceneContract as SceneContract,

@@ -1,17 +1,18 @@
 """Lines from typed columns: the compiled renderer makes the bytes of the reference, whose numbers read back."""
 
 import json
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from uuid import UUID
 
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, strategies as st
 
-from opir_core.errors import SinkError
-from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, Times, fastest, reference
+from opir_core.errors import PluginError, SinkError
+from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, Times, chosen_renderer, reference
 from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US
+from opir_core.plugin import Host, RendererContext, RendererModel, hookimpl
 
 LINES = 5
 words = st.integers(0, 2**64 - 1)
@@ -39,8 +40,12 @@ columns = st.one_of(
 )
 
 
+@cache
 def compiled() -> Callable[..., bytes]:
-    return pytest.importorskip("opir_render", reason="needs opir-render, built with a compiler").render
+    pytest.importorskip("opir_render.compiled", reason="needs opir-render, built with a compiler")
+    component = Host.discover(["render"]).component(RendererModel, "compiled")
+    render: Callable[..., bytes] = component.build(component.config(), RendererContext(reference=reference))
+    return render
 
 
 @given(st.lists(columns, max_size=8))
@@ -98,19 +103,31 @@ def test_the_compiled_renderer_refuses_columns_of_another_length(column: Column,
         compiled()(2, [column])
 
 
+class Traced:
+    """A plugin with a renderer of its own."""
+
+    @hookimpl
+    def opir_renderers(self) -> Iterable[RendererModel]:
+        yield RendererModel(name="traced", summary="the reference", build=lambda _config, _context: traced)
+
+
+def traced(count: int, columns: Sequence[Column]) -> bytes:
+    return reference(count, columns)
+
+
 def test_the_environment_chooses_the_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
-    installed = compiled()
-    monkeypatch.setenv("OPIR_RENDERER", "reference")
-    assert fastest.__wrapped__() is reference
-    monkeypatch.setenv("OPIR_RENDERER", "compiled")
-    assert fastest.__wrapped__() is installed
+    host = Host.of(Traced())
+    for name, render in (("reference", reference), ("traced", traced)):
+        monkeypatch.setenv("OPIR_RENDERER", name)
+        assert chosen_renderer(host) == (name, render)
+    monkeypatch.delenv("OPIR_RENDERER")
+    assert chosen_renderer(host) == ("reference", reference)
 
 
 def test_a_renderer_that_is_not_there_is_refused_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPIR_RENDERER", "fast")
-    with pytest.raises(SinkError, match="OPIR_RENDERER=fast: choose reference or compiled"):
-        fastest.__wrapped__()
+    with pytest.raises(PluginError, match=r"(?s)OPIR_RENDERER: no renderer is named 'fast'.*installed: reference"):
+        chosen_renderer(Host.of())
     monkeypatch.setenv("OPIR_RENDERER", "compiled")
-    monkeypatch.setitem(sys.modules, "opir_render", None)
-    with pytest.raises(SinkError, match="install opir-render"):
-        fastest.__wrapped__()
+    with pytest.raises(PluginError, match="opir-render provides it: python -m pip install opir-render"):
+        chosen_renderer(Host.of())

@@ -1,16 +1,19 @@
 """A run read back from its files is the run in memory, as far as files round."""
 
 import json
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import opir_core
 from opir_core.cli.main import main
-from opir_core.errors import PluginError, SceneError
+from opir_core.errors import ModelError, PluginError, SceneError
 from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.output.saved_runs import read_run
+from opir_core.plugin import Host, RunView, hookimpl
 
 SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
 #: All its three targets burn by then.
@@ -75,11 +78,35 @@ def test_any_file_of_the_run_will_do(folder: Path, saved: opir_core.Run, name: s
     assert repr(opir_core.load_run(folder / name)) == repr(saved)
 
 
-def test_a_run_shows_itself_in_a_line(memory: opir_core.Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.simulation.run_views.find_spec", lambda _name: None)  # without opir-report
+class Views:
+    """A plugin with views of a run."""
+
+    @hookimpl
+    def opir_run_views(self) -> Iterable[RunView]:
+        yield RunView(name="map", summary="a picture", build=lambda run: f"<svg>{run.plan.scene.name}</svg>")
+        yield RunView(name="broken", summary="fails", build=lambda run: run.plan.scene.name / 2)
+
+
+def with_host(run: opir_core.Run, *plugins: object) -> opir_core.Run:
+    """Return a run with a host that allows no installed plugin."""
+    host = Host.discover([])
+    for plugin in plugins:
+        host.register(plugin)
+    return evolve(run, plan=evolve(run.plan, host=host))
+
+
+def test_a_run_shows_itself_in_a_line(memory: opir_core.Run) -> None:
     assert len(repr(memory)) < 200
     assert memory.plan.scene.name in repr(memory)
-    assert "<table>" in memory._repr_html_()
+    html = with_host(memory)._repr_html_()
+    assert "<table>" in html
+    assert "<svg>" not in html
+
+
+def test_a_notebook_shows_the_map_that_a_plugin_offers(memory: opir_core.Run) -> None:
+    html = with_host(memory, Views())._repr_html_()
+    assert "<table>" in html
+    assert f"<svg>{memory.plan.scene.name}</svg>" in html
 
 
 @pytest.mark.slow
@@ -115,8 +142,29 @@ def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
         read_run(tmp_path / "events.jsonl")
 
 
-def test_what_another_package_adds_is_named(memory: opir_core.Run) -> None:
-    from opir_core.simulation.run_views import provided
+@pytest.mark.parametrize(
+    ("wanted", "view", "package"),
+    [
+        ("run.plot", lambda run: run.plot, "opir-report"),
+        ("run.tables()", lambda run: run.tables(), "opir-export"),
+        ("run.to_pandas()", lambda run: run.to_pandas(), "opir-export"),
+        ("run.to_polars()", lambda run: run.to_polars(), "opir-export"),
+    ],
+)
+def test_a_view_that_is_not_installed_is_refused_with_its_package(
+    memory: opir_core.Run, wanted: str, view: Callable[[opir_core.Run], object], package: str
+) -> None:
+    with pytest.raises(PluginError) as refused:
+        view(with_host(memory))
+    assert str(refused.value).startswith(f"{wanted}: no run view is named")
+    assert f"{package} provides it: python -m pip install {package}" in str(refused.value)
 
-    with pytest.raises(PluginError, match=r"(?s)run.x is not available.*pip install opir-nowhere"):
-        provided("opir_nowhere", "x", "run.x")
+
+def test_a_run_of_given_plugins_is_shown_by_what_is_installed(memory: opir_core.Run) -> None:
+    pytest.importorskip("opir_export", reason="needs opir-export")
+    assert "detections" in evolve(memory, plan=evolve(memory.plan, host=Host.of())).tables()
+
+
+def test_a_view_that_fails_is_refused_with_its_owner(memory: opir_core.Run) -> None:
+    with pytest.raises(ModelError, match=r"run.view\('broken'\): the run view 'broken' of plugin Views .*TypeError"):
+        with_host(memory, Views()).view("broken")

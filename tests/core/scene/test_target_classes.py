@@ -144,7 +144,7 @@ def test_the_default_plume_of_a_class_is_its_own():
         host = Host.of(Probes(kind))
         scene = scene_of("PROBE", host)
         plan = compile_plan(scene, host)
-        made.append(make_environment(scene, host, plan.sensors, plan.targets, ()).signatures[0])
+        made.append(make_environment(plan).signatures[0])
     np.testing.assert_allclose(made[1].peak_w_sr, 10.0 * made[0].peak_w_sr, rtol=1e-12)
     assert (made[0].stages.tolist(), made[1].stages.tolist()) == ([1], [2])
     assert (made[1].body_w_sr > made[0].body_w_sr).all()

@@ -11,7 +11,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from opir_core import simulate
 from opir_core.cli.main import main
-from opir_core.host.host import Host
 from opir_core.live.changes import launch_change, without_finished_targets
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import compile_plan
@@ -181,8 +180,7 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
     gap = strictly_between(run.detections.time_ns * 1e-9, OUT_S, RELIT_S)
     assert np.unique(run.detections.sensor[gap]).tolist() == [1]
     plan = compile_plan(scene(target, sensors=[FOLLOWER], light_time=False))
-    host = Host.discover()
-    environment = make_environment(plan.scene, host, plan.sensors, plan.targets, ())
+    environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = plan.look_geometry().exposures(looks.pair, looks.scan)
     everywhere, still = np.full(len(seen), 1e5), np.full(len(seen), 0.5 * np.pi)
@@ -197,7 +195,7 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
 
 def test_the_plume_steps_with_the_stages_and_rises_anew(tmp_path, flight):
     plan = compile_plan(scene(file_of(tmp_path / "gap.csv", flight), detection="snr", light_time=False))
-    environment = make_environment(plan.scene, Host.discover(), plan.sensors, plan.targets, ())
+    environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = plan.look_geometry().exposures(looks.pair, looks.scan)
     since = np.where(seen.time_s < RELIT_S, seen.time_s - START_S, seen.time_s - RELIT_S)

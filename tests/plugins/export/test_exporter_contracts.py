@@ -1,6 +1,6 @@
-"""The exporters pass the conformance tests of their hook."""
+"""The exporters and run views pass the conformance tests of their hooks."""
 
-from opir_testing import ExporterContract
+from opir_testing import ExporterContract, RunViewContract
 
 
 class TestParquetExporter(ExporterContract):
@@ -33,3 +33,7 @@ class TestKmlExporter(ExporterContract):
 
 class TestCzmlExporter(ExporterContract):
     name = "czml"
+
+
+class TestTablesOfARun(RunViewContract):
+    name = "tables"

@@ -1,7 +1,6 @@
 """The truth of a run as columns: what is in memory, in row groups, with the records of sensors and targets."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -77,8 +76,10 @@ def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
 def test_without_opir_export_the_message_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "opir_export", None)
+    monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
     path = tmp_path / "truth.parquet"
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), "--out", str(tmp_path / "events.jsonl")]) == 3
-    assert "opir-export" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "a truth file with the ending .parquet: no sink is named 'parquet'" in told
+    assert "opir-export provides it: python -m pip install opir-export" in told
     assert not list(tmp_path.iterdir())

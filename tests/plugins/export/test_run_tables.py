@@ -12,6 +12,7 @@ import shapely
 from exported_runs import SCENE, exported, short_run
 from opir_export.tabular import run_tables
 from opir_export.tabular.columns import instants, nanoseconds
+from opir_testing import RunViewContract
 from pyarrow import parquet
 
 import opir_core
@@ -177,3 +178,11 @@ def test_a_time_that_is_unknown_is_null():
     found = instants(nanoseconds(np.array([1.5, np.nan, np.inf, -2.0])), 1_000_000)
     assert found.is_null().to_pylist() == [False, True, True, False]
     assert found.cast("int64").to_pylist() == [2_500_000_000, None, None, -1_000_000_000]
+
+
+class TestFramesOfPandas(RunViewContract):
+    name = "pandas"
+
+
+class TestFramesOfPolars(RunViewContract):
+    name = "polars"

@@ -3,7 +3,16 @@
 from collections.abc import Iterable
 
 # Each module offers its components as it is imported.
-from broken_components import confidence_and_classifiers, detection, outputs, results, sensors, targets, trackers  # noqa: F401
+from broken_components import (  # noqa: F401
+    confidence_and_classifiers,
+    detection,
+    outputs,
+    renderers,
+    results,
+    sensors,
+    targets,
+    trackers,
+)
 from broken_components.offers import CAUGHT_BY, SOUND, offered
 from opir_core.plugin import (
     ClassifierModel,
@@ -13,6 +22,8 @@ from opir_core.plugin import (
     ExecutorModel,
     ExporterModel,
     MetricModel,
+    RendererModel,
+    RunView,
     SensorModel,
     SinkModel,
     TargetModel,
@@ -76,3 +87,13 @@ def opir_executors() -> Iterable[ExecutorModel]:
 @hookimpl
 def opir_exporters() -> Iterable[ExporterModel]:
     return offered("opir_exporters")
+
+
+@hookimpl
+def opir_renderers() -> Iterable[RendererModel]:
+    return offered("opir_renderers")
+
+
+@hookimpl
+def opir_run_views() -> Iterable[RunView]:
+    return offered("opir_run_views")

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from opir_core.plugin import NoConfig
+
 #: The contract test that is to find each mutant: (kind, name) to the test's name.
 CAUGHT_BY: dict[tuple[str, str], str] = {}
 
@@ -16,13 +18,13 @@ SOUND = {
 _MADE: dict[str, list[Any]] = {}
 
 
-def mutant(kind: type[Any], name: str, caught_by: str, config: type | None = None) -> Callable[[Any], Any]:
-    """Offer what is decorated as `build` of a component, which a test is to catch."""
+def mutant(kind: type[Any], name: str, caught_by: str, config: type = NoConfig, **fields: Any) -> Callable[[Any], Any]:
+    """Offer what is decorated as `build` of a component, with further fields, which a test is to catch."""
 
     def offered(build: Any) -> Any:
         CAUGHT_BY[kind.hook, name] = caught_by
-        settings = {} if config is None else {"config": config}
-        _MADE.setdefault(kind.hook, []).append(kind(name=name, summary=f"mutant: {name}", build=build, **settings))
+        made = kind(name=name, summary=f"mutant: {name}", build=build, config=config, **fields)
+        _MADE.setdefault(kind.hook, []).append(made)
         return build
 
     return offered

@@ -2,8 +2,9 @@
 
 import json
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import EventEncoder, SinkModel
+from opir_core.random_streams.detection_ids import uuid_text
 
 
 class OwnEncoder(ForgeEncoder):
@@ -83,11 +85,11 @@ class Counts:
         return Delivery(delivered=self.taken)
 
 
-def sink_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+def sink_mutant(name: str, caught_by: str, **abilities: Any) -> Callable[[Any], Any]:
     """Offer a sink of a class of its own."""
 
     def offered(made: Any) -> Any:
-        mutant(SinkModel, name, caught_by)(lambda _config, _context: made())
+        mutant(SinkModel, name, caught_by, **abilities)(lambda _config, _context: made())
         return made
 
     return offered
@@ -134,3 +136,27 @@ class RunsAhead(Counts):
 @sink_mutant("half-buffered", "test_optional_abilities_are_complete")
 class HalfBuffered(Counts):
     waits = 0
+
+
+class ShortTruth:
+    """A truth file as JSON that loses the last detection."""
+
+    def __init__(self, _path: Path, place: Path, _target_ids: Sequence[str], records: Sequence[Any]) -> None:
+        self._place, self._rows = place, list(records)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._place.write_text(json.dumps(self._rows[:-1]))
+
+    def write(self, window: Window) -> None:
+        self._rows += [{"detection_id": text} for text in uuid_text(window.detections.detection_id)]
+
+
+sink_mutant(
+    "short-truth",
+    "test_truth_is_read_back",
+    open_truth=ShortTruth,
+    read_truth=lambda path: json.loads(path.read_text()),
+)(Counts)

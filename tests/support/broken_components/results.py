@@ -1,4 +1,4 @@
-"""Broken metrics, exporters and executors, and sound ones that they are made of."""
+"""Broken metrics, exporters, run views and executors, and sound ones that they are made of."""
 
 import math
 import time
@@ -8,7 +8,7 @@ from typing import Any
 
 from broken_components.offers import SOUND, mutant
 from opir_core import Run
-from opir_core.plugin import ExecutorModel, ExporterModel, MetricModel
+from opir_core.plugin import ExecutorModel, ExporterModel, MetricModel, RunView
 
 
 def made_of(kind: Any, name: str, caught_by: str) -> Callable[[Any], Any]:
@@ -112,6 +112,37 @@ class Dated(Lines):
 class HeldOpen(Lines):
     def __init__(self) -> None:
         self.held = lambda: None
+
+
+@mutant(RunView, "sound-view", "none")
+def one_line(run: Run) -> str:
+    return repr(run)
+
+
+SOUND.add((RunView.hook, "sound-view"))
+
+
+@mutant(RunView, "none-to-show", "test_every_run_has_a_view")
+def of_detections(run: Run) -> str | None:
+    return repr(run) if len(run.detections) else None
+
+
+@mutant(RunView, "numbered", "test_the_same_run_gives_the_same_view")
+def numbered(run: Run, _count: list[int] = [0]) -> str:  # noqa: B006 - the fault
+    _count[0] += 1
+    return f"{_count[0]} {run!r}"
+
+
+@mutant(RunView, "keeps-notes", "test_runs_are_not_modified")
+def with_notes(run: Run) -> str:
+    counts: Any = run.summary["counts"]
+    counts["shown"] = counts.get("shown", 0) + 1
+    return repr(run)
+
+
+@mutant(RunView, "wants-settings", "test_build_takes_the_run")
+def of_settings(config: Any, run: Run) -> str:
+    return repr(run)
 
 
 @sound(ExecutorModel, "sound-executor")

@@ -49,7 +49,7 @@ class TemplateKind:
 
 _RADIOMETRIC = "detection: snr"
 
-#: The kinds by their names on the command line.
+#: The kinds by their names on the command line. Renderers have no template: one that is faster is compiled code.
 KINDS: Mapping[str, TemplateKind] = {
     "sensor": TemplateKind("sensor_models", "sensor model", "SensorContract", sensors=_OWN_SENSORS),
     "constellation": TemplateKind(
@@ -80,6 +80,7 @@ KINDS: Mapping[str, TemplateKind] = {
     "metric": TemplateKind("metrics", "metric", "MetricContract"),
     "executor": TemplateKind("executors", "executor", "ExecutorContract"),
     "exporter": TemplateKind("exporters", "exporter", "ExporterContract"),
+    "view": TemplateKind("run_views", "run view", "RunViewContract"),
 }
 
 

@@ -26,9 +26,11 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_background_models": ("radiometry", "BackgroundContract"),
     "opir_event_encoders": ("outputs", "EncoderContract"),
     "opir_sinks": ("outputs", "SinkContract"),
+    "opir_renderers": ("renderers", "RendererContract"),
     "opir_metrics": ("results", "MetricContract"),
     "opir_executors": ("results", "ExecutorContract"),
     "opir_exporters": ("results", "ExporterContract"),
+    "opir_run_views": ("results", "RunViewContract"),
 }
 
 

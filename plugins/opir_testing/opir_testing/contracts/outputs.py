@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,6 +28,7 @@ from opir_core.plugin import (
     Tracks,
     Window,
 )
+from opir_core.random_streams import uuid_text
 from opir_core.scene import Choice
 from opir_testing.bench import bench_scene, encoder_of, planned
 from opir_testing.contracts.contract import (
@@ -239,6 +241,24 @@ class SinkContract(OutputContract):
             for window in edge_case_windows().values():
                 sink.write(window)
             _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
+
+    def test_truth_is_read_back(self) -> None:
+        """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
+        opened, read = self.component().open_truth, self.component().read_truth
+        require((opened is None) == (read is None), "it only writes or only reads truth", "Set both or neither.")
+        if opened is None:
+            return
+        records = [{"record": "target", "target_id": id_} for id_ in self.plan().targets.ids]
+        with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
+            path = Path(folder) / "events.truth"
+            with opened(path, path, self.plan().targets.ids, records) as file:
+                for window in self.windows():
+                    file.write(window)
+            rows = list(read(path))
+        ids = [text for window in self.windows() for text in uuid_text(window.detections.detection_id)]
+        require(rows[: len(records)] == records, "the records of targets are lost", "Keep the records as they are.")
+        same = [row.get("detection_id") for row in rows[len(records) :]] == ids
+        require(same, "the detections read are not those written", "Write a row for each detection, in their order.")
 
 
 def _require_accounts(delivery: Delivery, events: int) -> None:

@@ -1,9 +1,11 @@
-"""Conformance tests of metrics, exporters and executors."""
+"""Conformance tests of metrics, exporters, run views and executors."""
 
+import json
 import math
 import tempfile
 from collections.abc import Mapping
 from functools import cache
+from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +23,8 @@ from opir_core.plugin import (
     Metric,
     MetricContext,
     MetricModel,
+    NoConfig,
+    RunView,
 )
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
@@ -37,7 +41,7 @@ _ALONE = "Compute everything from the run that is passed: no clock, no network, 
 
 
 class ResultContract(Contract):
-    """What conformance tests of metrics and exporters share: runs of the test scene."""
+    """What conformance tests of metrics, exporters and run views share: runs of the test scene."""
 
     @classmethod
     @cache
@@ -167,6 +171,45 @@ class ExporterContract(ResultContract):
     def test_a_built_exporter_pickles(self) -> None:
         """The built exporter can be pickled."""
         require_pickling(self.exporter())
+
+
+class RunViewContract(ResultContract):
+    """Conformance tests of a run view."""
+
+    kind: ClassVar[type[Component]] = RunView
+
+    def view(self, run: Run) -> Any:
+        """Return the view of a run."""
+        return self.component().build(run)
+
+    def test_build_takes_the_run(self) -> None:
+        """`build` takes one argument, the run, and no settings."""
+        build, config = self.component().build, self.component().config
+        try:
+            signature(build).bind(None)
+        except TypeError as error:
+            require(False, f"build(run): {error}", "Write def build(run): a view has no settings and no context.")
+        require(config is NoConfig, f"it has the settings {config.__name__}", "Leave out config.")
+
+    def test_every_run_has_a_view(self) -> None:
+        """Runs with tracks, at the poles and the antimeridian, without tracks and without detections have a view."""
+        for name, run in self.runs().items():
+            require(self.view(run) is not None, f"a run {name} gives None", "Return an empty view where there is none.")
+
+    def test_the_same_run_gives_the_same_view(self) -> None:
+        """A second call gives a view of the same type, and the same text if it is text."""
+        for run in self.runs().values():
+            first, again = self.view(run), self.view(run)
+            same = type(first) is type(again) and (not isinstance(first, str) or first == again)
+            require(same, "a second call gives another view", _ALONE)
+
+    def test_runs_are_not_modified(self) -> None:
+        """A view does not change the run: not its summary, not its manifest."""
+        for run in self.runs().values():
+            before = json.dumps([run.summary, run.manifest])
+            self.view(run)
+            same = json.dumps([run.summary, run.manifest]) == before
+            require(same, "summary or manifest change when the view is made", "Copy what you change.")
 
 
 class ExecutorContract(Contract):

@@ -118,7 +118,7 @@ def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
     from opir_core.interfaces.contexts import ModelContext
 
     context = ModelContext(
-        sensors=(mute,), target_type_code=plan.targets.type_code, make_environment=lambda: plan.detection.environment
+        sensors=(mute,), target_type_code=plan.targets.type_code, surroundings=evolve(plan, sensors=(mute,))
     )
     with pytest.raises(ModelError, match="does not say how it measures light"):
         snr_detection(SnrConfig(), context)

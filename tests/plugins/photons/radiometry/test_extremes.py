@@ -16,7 +16,7 @@ from opir_core.interfaces.radiometric_models import (
     SourceContext,
 )
 
-HOST = Host.of()
+HOST = Host.discover()
 ODD = (
     Band("zero", 4.0, 4.0),
     Band("swapped", 5.0, 4.0),

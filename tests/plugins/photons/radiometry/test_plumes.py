@@ -155,8 +155,8 @@ def test_defaults_of_the_configuration_are_the_tables():
     assert all(info_of(attribute).help and info_of(attribute).source for attribute in fields(PlumeConfig))
 
 
-def test_the_host_offers_it_without_an_entry_point():
-    component = Host.of().component("opir_signature_models", "plume")
+def test_the_host_finds_it():
+    component = Host.discover().component("opir_signature_models", "plume")
     assert component.build([component.config()], context()).burn_time_s.tolist() == [120.0]
 
 

@@ -1,0 +1,13 @@
+"""The run views pass the conformance tests of their hook."""
+
+import pytest
+from opir_testing import RunViewContract
+
+
+class TestPlots(RunViewContract):
+    name = "plot"
+
+
+@pytest.mark.slow
+class TestMap(RunViewContract):
+    name = "map"
