@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import opir_photons.radiometry.plugin as light
 import pytest
 from opir_testing.bench import bench_run, bench_scene
 from opir_testing.json_schema import schema_errors
@@ -17,7 +18,7 @@ from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_classes
 from opir_core.simulation.run import run_of_plan, simulate
 
-HOST = Host.of(trackers)
+HOST = Host.of(trackers, light)
 LAUNCH = {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}
 MRBM = {"id": "M", "type": "MRBM", "launch": LAUNCH, "aim": {"lat_deg": 32.0, "lon_deg": -141.0}}
 SLV = {"id": "S", "type": "SLV", "launch": LAUNCH, "azimuth_deg": 190.0}

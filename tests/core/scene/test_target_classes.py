@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import opir_photons.radiometry.plugin as light
 import pytest
 from attrs import evolve
 from opir_photons.environment import make_environment
@@ -141,7 +142,7 @@ def test_the_default_plume_of_a_class_is_its_own():
     own = Plume({name: 10.0 * peak for name, peak in PLUME.peak_w_sr.items()}, stages=2, body_temperature_k=600.0)
     made = []
     for kind in (PROBE, evolve(PROBE, plumes={"PROBE": own})):
-        host = Host.of(Probes(kind))
+        host = Host.of(Probes(kind), light)
         scene = scene_of("PROBE", host)
         plan = compile_plan(scene, host)
         made.append(make_environment(plan).signatures[0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import opir_dsp.plugin
+import opir_photons.radiometry.plugin as light
 import pytest
 from infrared_sources import HERE, context, field, intensity, region
 from opir_photons.radiometry.planck import band_radiance
@@ -13,7 +14,7 @@ from opir_core.host.host import Host
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import EMITTER_TYPES
 
-HOST = Host.of(opir_dsp.plugin)
+HOST = Host.of(opir_dsp.plugin, light)
 
 
 def test_emitters_of_a_list_have_their_own_values_or_the_blocks():
