@@ -1,12 +1,13 @@
 """Settings of all tests: profiles of hypothesis, time limits, worker processes, and a line on what was left out."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import peer_libraries
 import pytest
+import thirds
 from hypothesis import HealthCheck, Phase, settings
 
 FULL_EXAMPLES = 100
@@ -29,7 +30,14 @@ LEFT_OUT_NAME = "slow_tests_left_out"
 #: configuration and in a worker's answer.
 FILES = pytest.StashKey[list[str]]()
 ABSENT = pytest.StashKey[list[str]]()
+#: Key of the predicate that is true for the slow tests to be run, by their ids.
+IS_CHOSEN = pytest.StashKey[Callable[[str], bool]]()
 PEERS_REQUIRED = os.environ.get("OPIR_PEERS") == "required"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Read which third of the slow tests is to be run."""
+    config.stash[IS_CHOSEN] = thirds.chooser(os.environ.get("OPIR_THIRD", ""))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -50,16 +58,23 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         session.config.workeroutput["absent"] = session.config.stash.get(ABSENT, [])
 
 
-def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """Mark the tests that need other libraries, and give slow tests and properties with all examples more time."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests that need other libraries; give long tests more time, and leave out those of other thirds."""
     with_peers = {path for path in {item.path for item in items} if peer_libraries.imported_by(path)}
+    # Properties with all examples are slow too.
     slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
+    is_chosen = config.stash[IS_CHOSEN]
+    chosen, elsewhere = [], []
     for item in items:
         if item.path in with_peers:
             item.add_marker(pytest.mark.peers)
         markers = {marker.name for marker in item.iter_markers()}
         if markers & slow and "timeout" not in markers:
             item.add_marker(pytest.mark.timeout(SLOW_TIME_LIMIT_S))
+        (chosen if not markers & slow or is_chosen(item.nodeid) else elsewhere).append(item)
+    if elsewhere:
+        config.hook.pytest_deselected(items=elsewhere)
+        items[:] = chosen
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -209,12 +209,13 @@ class PosteriorConfidence:
 
 def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Confidence:
     """Return the model `posterior`; raises `ModelError` for classifiers without probabilities."""
-    if not isinstance(context.classifier, PosteriorClassifier):
+    classifier: object = context.classifier
+    if not isinstance(classifier, PosteriorClassifier):
         raise ModelError(
             "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
             " classification: spectral, or confidence: weighted"
         )
-    return PosteriorConfidence(context.classifier)
+    return PosteriorConfidence(classifier)
 
 
 def full_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:

@@ -157,8 +157,9 @@ def _fault_in_parts(component: Component) -> str:
     config: Any = component.config
     if not isinstance(config, type) or not has(config):
         return f"with the config {one_line(repr(config))}, not an attrs class"
-    if not callable(component.build):
-        return f"with the build {one_line(repr(component.build))}, not a function"
+    build: Any = component.build
+    if not callable(build):
+        return f"with the build {one_line(repr(build))}, not a function"
     presets: Any = component.presets
     if not isinstance(presets, Mapping) or not all(
         isinstance(name, str) and isinstance(values, Mapping) for name, values in presets.items()

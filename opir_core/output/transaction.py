@@ -23,7 +23,9 @@ from opir_core.errors import SinkError, reason_of, unwritable
 try:
     import fcntl
 except ImportError:  # Windows: files are replaced whole, and not locked
-    fcntl = None  # type: ignore[assignment]
+    _HAS_LOCKS = False
+else:
+    _HAS_LOCKS = True
 
 #: What is appended to a path while its file is written.
 TEMPORARY = ".part"
@@ -252,7 +254,7 @@ def _rename(files: Sequence[_Staged]) -> None:
     """Rename temporary files in order, and make that last."""
     for staged in files:
         try:
-            if fcntl is None:
+            if not _HAS_LOCKS:
                 os.close(staged.descriptor)
             staged.part.replace(staged.target)
         except OSError as error:
@@ -303,7 +305,7 @@ def _locked(part: Path, path: Path) -> int:
 
 
 def _has_lock(descriptor: int) -> bool:
-    if fcntl is None:
+    if not _HAS_LOCKS:
         return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -348,7 +350,7 @@ def _sync_folders(files: Sequence[_Staged]) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    if fcntl is None:  # Windows opens no folders
+    if not _HAS_LOCKS:  # Windows opens no folders
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:

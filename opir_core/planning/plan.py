@@ -143,9 +143,10 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     Raises `PluginError` for components that are missing or broken, `SceneError` for targets without a trajectory and
     for more work than `scene.limits` accept, `TypeError` for what is no scene.
     """
-    if not isinstance(scene, Scene):
+    given: Any = scene
+    if not isinstance(given, Scene):
         need = "load_scene reads one from a file, scene_from_mapping from a dict"
-        raise TypeError(f"a scene is needed, not {kind_of(scene)}: {need}")
+        raise TypeError(f"a scene is needed, not {kind_of(given)}: {need}")
     host = host or Host.discover()
     with PluginErrors(host, scene):
         parts = plan_parts(scene, host)

@@ -9,7 +9,7 @@ Confusion = Mapping[str, Mapping[str, float]]
 ROW_SUM_TOLERANCE = 1e-9
 
 
-def confusion_complaint(matrix: Confusion) -> str | None:
+def confusion_complaint(matrix: object) -> str | None:
     """Return the error in a confusion matrix, or None.
 
     Rows are target classes and may be omitted; columns are reported types, 0 where omitted. A row holds
@@ -21,7 +21,7 @@ def confusion_complaint(matrix: Confusion) -> str | None:
     return next((complaint for complaint in complaints if complaint), None)
 
 
-def _row_complaint(true_type: str, row: Mapping[str, float]) -> str | None:
+def _row_complaint(true_type: str, row: object) -> str | None:
     if not isinstance(row, Mapping):
         return f"{true_type}: {row!r} is not a mapping of reported types to probabilities"
     for name, probability in row.items():

@@ -55,8 +55,9 @@ class ScheduledTracker:
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
-        if isinstance(self._tracker, ReconfigurableTracker):
-            self._tracker.set_sensors(sensors)
+        tracker: Any = self._tracker
+        if isinstance(tracker, ReconfigurableTracker):
+            tracker.set_sensors(sensors)
 
     def absorb(self, detections: Detections, start_ns: int, end_ns: int) -> Tracked:
         """Process the detections of [start, end), sorted by time."""

@@ -1,0 +1,26 @@
+"""Slow tests in thirds: three runs of CI run each of them once."""
+
+from collections import Counter
+
+import pytest
+from thirds import chooser
+
+IDS = [f"tests/core/test_{number}.py::test_it[{case}]" for number in range(100) for case in "abc"]
+
+
+def test_each_test_is_in_one_third() -> None:
+    thirds = Counter(third for third in ("1/3", "2/3", "3/3") for node_id in IDS if chooser(third)(node_id))
+    assert sum(thirds.values()) == len(IDS)
+    assert min(thirds.values()) > 70
+    assert all(sum(chooser(third)(node_id) for third in thirds) == 1 for node_id in IDS)
+
+
+@pytest.mark.parametrize("everything", ["", "all"])
+def test_all_tests_are_run_unless_a_third_is_named(everything: str) -> None:
+    assert all(map(chooser(everything), IDS))
+
+
+@pytest.mark.parametrize("third", ["0/3", "4/3", "1", "1/0", "first", "-1/3"])
+def test_what_is_no_third_is_refused(third: str) -> None:
+    with pytest.raises(pytest.UsageError, match="OPIR_THIRD must be all, 1/3, 2/3 or 3/3"):
+        chooser(third)
