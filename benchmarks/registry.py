@@ -77,14 +77,14 @@ BENCHMARKS = (
         "end_to_end",
         "What does each accuracy setting cost and buy, and are the defaults on the knee?",
         "end_to_end.py",
-        ("--scenes", "one", "--duration", "30", "--knobs", "light time"),
+        ("--scenes", "one", "--duration", "12", "--knobs", "light time"),
         needs=("opir_trackers", "opir_studies"),
     ),
     Benchmark(
         "complexity",
         "How do time and memory grow with targets, sensors, duration and scan rate?",
         "complexity.py",
-        words("--decades 0.5"),
+        words("--decades 0.3"),
     ),
     Benchmark(
         "throughput",
