@@ -105,7 +105,7 @@ BENCHMARKS = (
         "skipping",
         "What does each optional part cost a scene that names it, and one that does not?",
         "skipping.py",
-        ("--repeat", "1", "--only", "encoder udl", "Sun"),
+        words("--repeat 1 --only Sun"),
         needs=("opir_trackers",),
     ),
     Benchmark(
@@ -181,7 +181,7 @@ BENCHMARKS = (
         "focal_plane",
         "Are P_d, P_fa, clutter and centroids of a focal plane those of simulated frames?",
         "focal_plane.py",
-        words("--frames 50"),
+        words("--frames 10"),
     ),
     Benchmark(
         "discrimination",
