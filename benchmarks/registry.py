@@ -77,14 +77,14 @@ BENCHMARKS = (
         "end_to_end",
         "What does each accuracy setting cost and buy, and are the defaults on the knee?",
         "end_to_end.py",
-        ("--scenes", "one", "--duration", "30", "--knobs", "light time"),
+        ("--scenes", "one", "--duration", "12", "--knobs", "light time"),
         needs=("opir_trackers", "opir_studies"),
     ),
     Benchmark(
         "complexity",
         "How do time and memory grow with targets, sensors, duration and scan rate?",
         "complexity.py",
-        words("--decades 0.5"),
+        words("--decades 0.3"),
     ),
     Benchmark(
         "throughput",
@@ -105,7 +105,7 @@ BENCHMARKS = (
         "skipping",
         "What does each optional part cost a scene that names it, and one that does not?",
         "skipping.py",
-        ("--repeat", "1", "--only", "encoder udl", "Sun"),
+        words("--repeat 1 --only Sun"),
         needs=("opir_trackers",),
     ),
     Benchmark(
@@ -181,7 +181,7 @@ BENCHMARKS = (
         "focal_plane",
         "Are P_d, P_fa, clutter and centroids of a focal plane those of simulated frames?",
         "focal_plane.py",
-        words("--frames 50"),
+        words("--frames 10"),
     ),
     Benchmark(
         "discrimination",

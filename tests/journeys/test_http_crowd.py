@@ -37,6 +37,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 def page(stand: Stand) -> Iterator[Page]:
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.set_default_timeout(PATIENCE_MS)
         page.goto(f"http://127.0.0.1:{stand.port}/")
         expect(page.locator("#state")).to_have_text("running", timeout=PATIENCE_MS)
         page.wait_for_function("() => Number.isFinite(opirStore.lastS)")

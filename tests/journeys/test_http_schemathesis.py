@@ -26,7 +26,7 @@ pytestmark = [
 #: How long the requests of each kind go on, s; by default the steps along links are bounded by their number alone.
 FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "3"))
 STEPS = ("--max-time", str(FOR_S)) if "OPIR_SCHEMATHESIS_S" in os.environ else ()
-SCENARIOS = 5 * FOR_S if STEPS else 40
+SCENARIOS = 5 * FOR_S if STEPS else 20
 SEED = os.environ.get("OPIR_SCHEMATHESIS_SEED", "5")
 
 #: What a request may be answered that keeps to the schema: a document cannot say that a type's burn time fits its mass,

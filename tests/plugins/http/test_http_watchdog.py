@@ -11,7 +11,7 @@ from http_service import SCENE, serving
 from rogue_components import Hang, rogue_host
 from waiting import until, within
 
-WORDS = ("--speed", "20", "--unready-after", "0.5", "--dead-after", "1.5")
+WORDS = ("--speed", "20", "--unready-after", "0.5", "--dead-after", "3")
 TRACKED = SCENE + "tracker: rogue\n"
 
 
@@ -28,7 +28,7 @@ def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Pa
             live = stand.ask("GET", "/health/live").json
             assert live["state"] == "running"
             assert "rogue_components.py, line" in live["reasons"][0]
-            assert stand.ask("GET", "/status").json["clock"]["cycle_age_s"] > 1.5
+            assert stand.ask("GET", "/status").json["clock"]["cycle_age_s"] > 3.0
             assert b"opir_cycle_age_seconds " in stand.ask("GET", "/metrics").body
         finally:
             hang.end()
@@ -41,7 +41,8 @@ def test_readiness_answers_when_the_counts_of_a_sink_do_not(tmp_path: Path, monk
         monkeypatch.setattr(stand.service.run._sinks[0], "status", lambda: hang(None))
         answer = stand.ask("GET", "/health/ready")
         hang.end()
-        assert (answer.status, answer.json["reasons"]) == (503, ["the status is not available within 0.3 s"])
+        assert answer.status == 503
+        assert "the status is not available within 0.3 s" in answer.json["reasons"]
 
 
 def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +71,7 @@ def test_the_supervisor_ends_the_process_with_its_own_code(tmp_path: Path, deed:
     words = ["serve", str(tmp_path / "scene.yaml"), "--port", "0", "--supervise", *WORDS]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
-        manager.settimeout(10.0)
+        manager.settimeout(60.0)
         systemd = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
         process = subprocess.Popen(
             [*rogue, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **systemd}
