@@ -41,7 +41,7 @@ _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 @frozen(eq=False, kw_only=True, repr=False)
 class PlanParts:
-    """What is built of a scene: a plan without pairs, lines of sight and solar exclusions."""
+    """The built components of a scene: a plan without pairs, lines of sight and solar exclusions."""
 
     scene: Scene
     host: Host
@@ -54,7 +54,7 @@ class PlanParts:
     make_tracker: Callable[[], Tracker]
     bias: PointingBias | None
     end_ns: int
-    #: What is built of the scene's `sources`; their emitters follow the launches in `targets`.
+    #: The built `sources` of the scene; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
     #: The names of the types that events report, by code.
     reported_types: tuple[str, ...] = REPORTED_TYPES
@@ -95,7 +95,7 @@ class Plan(PlanParts):
 
     @property
     def workload(self) -> Workload:
-        """What the work of the plan follows from."""
+        """The workload of the plan, which gives its looks, events and bytes."""
         return self.work_of(self.pairs)
 
     def paper_codes(self) -> NDArray[np.uint8] | None:

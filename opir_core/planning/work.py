@@ -36,7 +36,7 @@ class Work:
 
 @frozen(eq=False)
 class Workload:
-    """What the work of a plan follows from."""
+    """The pairs, sensors and limits from which the work of a plan follows."""
 
     pairs: Pairs
     sensors: Sequence[Sensor]

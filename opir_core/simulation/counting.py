@@ -20,7 +20,7 @@ class CountDetections:
 
     @property
     def carried(self) -> Sequence[IntArray]:
-        """What a window passes on to the next one: each pair's count and last detections; changed in place."""
+        """The state passed on to the next window, changed in place: each pair's count and last detections."""
         recent = () if self._confirmation is None else (self._confirmation.recent,)
         return self._counts, *recent
 

@@ -96,7 +96,7 @@ class Engine:
 
     @property
     def carried(self) -> Sequence[IntArray]:
-        """What a window passes on to the next one: each pair's count and last detections; changed in place."""
+        """The state passed on to the next window, changed in place: each pair's count and last detections."""
         return self._count.carried
 
     def advance(self, end_ns: int) -> Window:

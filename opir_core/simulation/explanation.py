@@ -1,4 +1,4 @@
-"""What a plan computes, what it skips, and why: the output of `opir explain`, as plain values."""
+"""The work of a plan, computed or skipped, with reasons: the output of `opir explain`, as plain values."""
 
 import math
 from collections.abc import Mapping
@@ -96,24 +96,24 @@ def _dark(plan: Plan) -> list[Mapping[str, Any]]:
 
 def _outages(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
     """Return when the Sun keeps a sensor from looking at part of its field, where that is, and how much of it."""
-    found = outage_intervals(sensor, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
-    azimuth = np.degrees(found.azimuth_rad)
+    outages = outage_intervals(sensor, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    azimuth = np.degrees(outages.azimuth_rad)
     columns = {
-        "start_s": found.start_s,
-        "stop_s": found.stop_s,
+        "start_s": outages.start_s,
+        "stop_s": outages.stop_s,
         "azimuth_at_start_deg": azimuth[:, 0],
         "azimuth_at_stop_deg": azimuth[:, 1],
-        "closest_s": found.closest_s,
-        "sun_from_nadir_deg": np.degrees(found.nadir_angle_rad),
-        "share_of_field": found.share,
+        "closest_s": outages.closest_s,
+        "sun_from_nadir_deg": np.degrees(outages.nadir_angle_rad),
+        "share_of_field": outages.share,
     }
     return _rows(sensor, columns)
 
 
 def _eclipses(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
     """Return when a satellite is in the Earth's penumbra and umbra; None for an umbra that it does not meet."""
-    found = eclipse_intervals(sensor.orbit, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
-    return _rows(sensor, found._asdict())
+    eclipses = eclipse_intervals(sensor.orbit, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    return _rows(sensor, eclipses._asdict())
 
 
 def _rows(sensor: Sensor, columns: Mapping[str, FloatArray]) -> list[Mapping[str, Any]]:

@@ -1,4 +1,4 @@
-"""What follows from the measurements of looks that detect: type, confidence, measured line of sight."""
+"""Type, confidence and measured line of sight of looks that detect, from their measurements."""
 
 import numpy as np
 from attrs import evolve

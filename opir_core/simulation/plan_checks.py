@@ -28,7 +28,7 @@ _LISTED_VALUES = 8
 
 @frozen(eq=False, kw_only=True, repr=False)
 class CheckedScene(PlanParts):
-    """What is built of a valid scene, and the pairs that warnings may be about."""
+    """The built components of a valid scene, and the pairs that warnings may be about."""
 
     pairs: Pairs
 
@@ -39,9 +39,9 @@ def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
 
 
 def _implausible(plan: Plan | CheckedScene) -> list[str]:
-    found = [] if plan.scene.allow_implausible else implausible_values(plan.scene)
-    more = [f"and {len(found) - _LISTED_VALUES} more implausible values"] if len(found) > _LISTED_VALUES else []
-    return [*(f"{problem}; {REMEDY}" for problem in found[:_LISTED_VALUES]), *more]
+    values = [] if plan.scene.allow_implausible else implausible_values(plan.scene)
+    more = [f"and {len(values) - _LISTED_VALUES} more implausible values"] if len(values) > _LISTED_VALUES else []
+    return [*(f"{problem}; {REMEDY}" for problem in values[:_LISTED_VALUES]), *more]
 
 
 def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:

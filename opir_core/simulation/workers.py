@@ -278,7 +278,7 @@ class _Slot:
 
 
 class _Relay:
-    """What windows pass on to the next one, in memory that all processes share.
+    """The state that windows pass on to the next one, in memory that all processes share.
 
     Before window k its state is in slot k of a ring, and `published` is at least k. A process reads that slot and
     writes the next one: if it dies meanwhile, its successor does the same again.
