@@ -11,10 +11,10 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Delivery, Measured, RandomDraws, Sensor
-from opir_core.interfaces.records import ClassifierInputs, Exposures, Window
+from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
+from opir_core.interfaces.records import ClassifierInputs, Exposures
 
 
 @runtime_checkable
@@ -161,72 +161,3 @@ class ReconfigurableTracker(Protocol):
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Use the new settings of the sensors from now on: as many sensors, in the same order."""
-
-
-@runtime_checkable
-class PartialEncoder(Protocol):
-    """An `Encoder` that has no message for some detections."""
-
-    def encodable(self, window: Window) -> BoolArray:
-        """Return which detections (n,) have a message."""
-
-
-@runtime_checkable
-class TrackEncoder(Protocol):
-    """An `Encoder` of tracks: its messages are the rows of `window.tracks`, not the detections.
-
-    Outputs pass it every window with tracks, with detections or without; their event counts are of tracks.
-    """
-
-    @property
-    def encodes_tracks(self) -> bool:
-        """True: having this attribute marks the encoder."""
-
-
-@runtime_checkable
-class MonitoredSink(Protocol):
-    """A `Sink` that reports delivery counts while it is open; without it, written events count as delivered."""
-
-    def delivery_so_far(self) -> Delivery:
-        """Return the delivery counts so far; callable from any thread. `spooled` are all not yet delivered."""
-
-
-@runtime_checkable
-class DeadlineSink(Protocol):
-    """A `Sink` that may take long to close."""
-
-    def close_by(self, deadline_s: float) -> None:
-        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
-
-
-@runtime_checkable
-class ParkingSink(Protocol):
-    """A `Sink` that keeps taking events when its destination refuses them for good, and tries again later."""
-
-    @property
-    def parked(self) -> str | None:
-        """Why the destination refuses, or None; callable from any thread, as is `retry`."""
-
-    def retry(self) -> bool:
-        """Try again at once; return whether the sink was parked."""
-
-
-@runtime_checkable
-class ReopenableTransport(Protocol):
-    """A `Transport` that tries again after a final error only when it is asked to."""
-
-    def retry(self) -> None:
-        """Forget the final error: the batches that follow are sent as if there had been none."""
-
-
-@runtime_checkable
-class BufferingSink(Protocol):
-    """A `Sink` with a buffer of its own."""
-
-    @property
-    def waits(self) -> int:
-        """How often `write` has waited for room."""
-
-    @property
-    def outlives_the_process(self) -> bool:
-        """Whether what is left in the buffer at closing is there for the next run."""

@@ -3,13 +3,14 @@
 A component's `build` returns one of these. The result of a row must not depend on the other rows of a call: the engine
 may pass any slice of a run, and the bytes of the events must be the same.
 
-The contexts of `build` are in `opir_core.interfaces.contexts`, optional abilities of components in
-`opir_core.interfaces.optional`. The protocols of signature, source, atmosphere and background models are in
-`opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection model.
+The contexts of `build` are in `opir_core.interfaces.contexts`, the contracts of outputs in
+`opir_core.interfaces.outputs`, optional abilities of the other components in `opir_core.interfaces.optional`. The
+protocols of signature, source, atmosphere and background models are in `opir_core.interfaces.radiometric_models`,
+imported only for scenes with a radiometric detection model.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from attrs import field, frozen
@@ -18,10 +19,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
+from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 
 
 @frozen
@@ -236,70 +234,3 @@ class Tracker(Protocol):
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
-
-
-class Encoder(Protocol):
-    """Detections to message bytes; tracks to message bytes if it is a `TrackEncoder` too."""
-
-    @property
-    def content_type(self) -> str:
-        """The media type of a message."""
-
-    @property
-    def schema_version(self) -> str:
-        """The version of the schema that the messages follow."""
-
-    def encode(self, window: Window) -> bytes:
-        """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
-
-
-@frozen
-class Delivery:
-    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written + recovered.
-
-    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of an earlier run that
-    were still in the spool. `complaint` is the reason of a failed delivery.
-    """
-
-    delivered: int
-    spooled: int = 0
-    dropped: int = 0
-    withheld: int = 0
-    recovered: int = 0
-    complaint: str | None = None
-
-
-class Sink(Protocol):
-    """A destination of events. A sink that fails raises `SinkError`; the other sinks continue.
-
-    A sink's `build` may return a `Transport` instead; the core makes a sink of it.
-    """
-
-    def write(self, window: Window) -> None:
-        """Accept a window's events."""
-
-    def close(self) -> Delivery:
-        """Release all resources and return the delivery counts; called once, also after a failure."""
-
-
-@runtime_checkable
-class Transport(Protocol):
-    """Sends encoded events and acknowledges them later: a sink's `build` may return one.
-
-    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
-    its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
-    """
-
-    @property
-    def trouble(self) -> str | None:
-        """The reason why nothing gets through at the moment; None while all is well."""
-
-    def send(self, batch: Batch) -> "Future[None]":
-        """Send events without blocking; those of one key arrive in the order in which they were given.
-
-        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink without a
-        spool has failed; one with a spool is parked, and sends the batch again later (see `ReopenableTransport`).
-        """
-
-    def close(self, wait_s: float) -> None:
-        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""

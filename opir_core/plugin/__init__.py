@@ -52,39 +52,31 @@ if TYPE_CHECKING:
     )
     from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.optional import (
-        BufferingSink,
-        DeadlineSink,
         FalseAlarmModel,
         FreeFlight,
         FromFiles,
-        MonitoredSink,
-        PartialEncoder,
         PosteriorClassifier,
         ReconfigurableTracker,
         Response,
         SignalModel,
-        TrackEncoder,
         WithBreakpoints,
         WithBurns,
         WithClasses,
     )
+    from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport
     from opir_core.interfaces.protocols import (
         Band,
         Classifier,
         Confidence,
-        Delivery,
         DetectionProbability,
-        Encoder,
         Measured,
         Orbit,
         RandomDraws,
         ReportingStage,
         ScanPattern,
         Sensor,
-        Sink,
         Tracker,
         Trajectories,
-        Transport,
     )
     from opir_core.interfaces.radiometric_models import (
         AtmosphereContext,
@@ -117,16 +109,16 @@ _HOMES = {
             "AtmosphereContext Background BackgroundContext SignatureContext Paths Signatures SourceContext Sources "
             "Transmittance Views"
         ),
+        "interfaces.outputs": "Delivery Encoder Sink Transport",
         "interfaces.protocols": (
-            "Band Classifier Confidence Delivery DetectionProbability Encoder Measured Orbit RandomDraws "
-            "ReportingStage ScanPattern Sensor Sink Tracker Trajectories Transport"
+            "Band Classifier Confidence DetectionProbability Measured Orbit RandomDraws ReportingStage ScanPattern "
+            "Sensor Tracker Trajectories"
         ),
         "interfaces.impact_regions": "ImpactRegion",
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
-            "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
-            "PosteriorClassifier ReconfigurableTracker Response SignalModel TrackEncoder WithBreakpoints WithBurns "
-            "WithClasses"
+            "FalseAlarmModel FreeFlight FromFiles PosteriorClassifier ReconfigurableTracker Response SignalModel "
+            "WithBreakpoints WithBurns WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
@@ -135,21 +127,27 @@ _HOMES = {
     for name in names.split()
 }
 
+#: Contracts of optional abilities, now methods with defaults of one base class each.
+_JOINED = {
+    **dict.fromkeys(("BufferingSink", "DeadlineSink", "MonitoredSink"), "Sink"),
+    **dict.fromkeys(("PartialEncoder", "TrackEncoder"), "Encoder"),
+}
+
 # fmt: off
 __all__ = [  # noqa: RUF022
     "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic",
-    "Band", "Batch", "BoostProfile", "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel",
-    "Component", "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
+    "Band", "Batch", "BoostProfile", "Classifier", "ClassifierInputs", "ClassifierModel",
+    "Component", "Confidence", "ConfidenceModel", "Constellation", "Delivery", "DetectionModel",
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
     "EventEncoder", "Executor", "ExecutorContext", "ExecutorModel", "Exporter", "ExporterContext", "ExporterModel",
     "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
     "Host", "ImpactRegion", "Measured",
-    "Metric", "MetricContext", "MetricModel", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion",
-    "PartialEncoder", "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
+    "Metric", "MetricContext", "MetricModel", "ModelContext", "NoConfig", "Orbit", "OrbitInsertion",
+    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
-    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "TrackEncoder",
+    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel",
     "Tracker", "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views",
     "Window", "WithBreakpoints", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl",
     "named", "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet",
@@ -159,6 +157,7 @@ __all__ = [  # noqa: RUF022
 
 
 def __getattr__(name: str) -> Any:
+    name = _JOINED.get(name, name)
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module 'opir_core.plugin' has no attribute {name!r}")

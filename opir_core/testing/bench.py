@@ -13,7 +13,8 @@ from attrs import frozen
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Encoder, RandomDraws
+from opir_core.interfaces.outputs import Encoder
+from opir_core.interfaces.protocols import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan, compile_plan
@@ -126,11 +127,8 @@ def bench_run(scene: SceneFile, host: Host, *, window_s: float | None = None) ->
 def encoder_of(plan: Plan, name: str = "forge") -> Encoder:
     """Return an encoder for a plan's detections."""
     component = plan.host.component("opir_event_encoders", name)
-    encoder: Encoder = component.build(
-        component.config(),
-        EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types),
-    )
-    return encoder
+    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+    return Encoder.adopt(component.build(component.config(), context))
 
 
 @frozen(eq=False)

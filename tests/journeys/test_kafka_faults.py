@@ -36,7 +36,7 @@ from spool_transports import ENCODER, SENSORS, fill, window
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.output.pump import SinkGroup
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal

@@ -8,7 +8,7 @@ from typing import Any
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.protocols import Encoder
+from opir_core.interfaces.outputs import Encoder
 from opir_core.testing import stub_sensor
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from opir_core.interfaces.protocols import Encoder, Sink, Transport
+from opir_core.interfaces.outputs import Encoder, Sink, Transport
 from opir_core.output.sink_thread import MEMORY_BYTES
 from opir_core.output.spool.batches import (
     Backlog,

@@ -17,8 +17,7 @@ from concurrent.futures import Future
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.optional import ReopenableTransport
-from opir_core.interfaces.protocols import Delivery, Transport
+from opir_core.interfaces.outputs import Delivery, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.spool.batches import (
     Backlog,
@@ -61,12 +60,15 @@ class _Sent:
     future: "Future[None]"
 
 
-class TransportSink:
+class TransportSink(Sink):
     """A sink with a transport and a backlog; what the backlog holds already is sent first.
 
     The lock guards the backlog and the counts and is never held while the transport works. What is sent and not yet
     acknowledged belongs to the sending thread and, after its end, to `close`.
     """
+
+    #: How often `write` has waited for room.
+    waits = 0
 
     def __init__(
         self,
@@ -94,8 +96,6 @@ class TransportSink:
         self._delivered = self._withheld = 0
         #: Why the disk did not take the last bytes for the backlog, and why it does not let it be read.
         self._disk = self._unread = ""
-        #: How often `write` has waited for room.
-        self.waits = 0
         self._error: Exception | None = None
         #: Why the transport refuses batches for good, the first of these, and when, after what pause, to try again.
         self._parked: str | None = None
@@ -353,8 +353,7 @@ class TransportSink:
             if (is_closing and self._is_last_try) or (not is_closing and time.monotonic() < self._retry_at):
                 return
             self._is_last_try, self._refused_from = is_closing, None
-        if isinstance(self._transport, ReopenableTransport):
-            self._transport.retry()
+        self._transport.retry()
 
     def _acknowledge(self, numbers: list[int]) -> None:
         if not numbers:

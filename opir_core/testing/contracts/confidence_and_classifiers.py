@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.interfaces.optional import PosteriorClassifier
+from opir_core.interfaces.protocols import Classifier
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
@@ -112,8 +113,8 @@ class ClassifierContract(SceneContract):
         require(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
 
     def test_optional_abilities_are_complete(self) -> None:
-        """An optional protocol is implemented completely or not at all."""
-        require_complete_abilities(self.plan().classifier, (PosteriorClassifier,))
+        """An optional ability is implemented completely or not at all."""
+        require_complete_abilities(Classifier, self.plan().classifier, [("log_posterior", "revised", "reported")])
 
     def test_type_probabilities_agree_with_types(self) -> None:
         """The posteriors of a `PosteriorClassifier` sum to 1 and give the types that it reports."""

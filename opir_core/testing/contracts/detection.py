@@ -202,8 +202,10 @@ class DetectionContract(SceneContract):
         )
 
     def test_optional_abilities_are_complete(self) -> None:
-        """An optional protocol is implemented completely or not at all."""
-        require_complete_abilities(self.model(), (SignalModel, FalseAlarmModel, ConfirmingModel))
+        """An optional ability is implemented completely or not at all."""
+        signals = ("probability_tolerance", "response", "measure_response")
+        false_alarms = ("rate_per_scan", "words", "measure_noise")
+        require_complete_abilities(DetectionProbability, self.model(), (signals, false_alarms))
 
     def test_expected_measurements_agree_with_probabilities(self) -> None:
         """The quantiles that a `SignalModel` returns are those of its probabilities."""

@@ -5,7 +5,7 @@ from typing import Any
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Detections, Window
 from opir_export.row_groups import RowGroups
 from opir_export.settings import ParquetSinkConfig
@@ -13,7 +13,7 @@ from opir_export.tabular.columns import table_of
 from opir_export.tabular.detection_tables import columns_of_detections
 
 
-class ParquetSink:
+class ParquetSink(Sink):
     """Writes detections to a file, in row groups; the file can be read once the sink is closed."""
 
     def __init__(self, config: ParquetSinkConfig, place: Path, origin: EncoderContext) -> None:

@@ -8,7 +8,7 @@ from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import SinkContext
-    from opir_core.interfaces.protocols import Transport
+    from opir_core.interfaces.outputs import Transport
 
 
 def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Transport":

@@ -13,6 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
+from opir_core.interfaces.outputs import Transport
 from opir_core.interfaces.records import Batch
 from opir_kafka.connection import OURS, Connector, close_producer
 from opir_kafka.failures import is_fatal, words
@@ -22,7 +23,7 @@ from opir_kafka.settings import KafkaConfig
 _log = logging.getLogger(__name__)
 
 
-class KafkaTransport:
+class KafkaTransport(Transport):
     """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
 
     Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error
@@ -32,7 +33,7 @@ class KafkaTransport:
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
         self._config = config
         self._connect = connect
-        self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
+        self.trouble = f"no connection to {config.bootstrap_servers} yet"
         self._shipments: dict[Shipment, None] = {}
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None

@@ -13,7 +13,7 @@ import pytest
 from file_sinks import encoder, python, sink
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.testing.doubles import stub_window
 
 FULL = Path("/dev/full")

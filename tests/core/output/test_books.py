@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import pump
 from opir_core.output.sink_thread import SinkThread, balanced
@@ -24,7 +24,7 @@ def total(told: Any) -> int:
     return int(told.delivered + told.spooled + told.dropped + told.withheld)
 
 
-class Liar:
+class Liar(Sink):
     """A sink that gives the figures that the test sets."""
 
     def __init__(self, told: Any, *, fails_at: int = 0) -> None:
