@@ -15,8 +15,9 @@ from opir_core.output.spool.batches import (
 )
 from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.policy import Policy
 from opir_core.output.spool.salvage import Salvage, salvaged_at_start
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.scene.scene import Choice
 
 #: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.

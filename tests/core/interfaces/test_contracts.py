@@ -109,9 +109,7 @@ def test_what_sends_is_a_transport_and_what_writes_a_sink() -> None:
     assert isinstance(sink_or_transport(Bare()), Sink)
 
 
-@pytest.mark.parametrize(
-    ("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")]
-)
+@pytest.mark.parametrize(("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")])
 def test_what_is_no_sink_is_refused_with_its_owner_and_what_it_lacks(made: Any, seen: str) -> None:
     with pytest.raises(ModelError, match=f"outputs\\[0\\]: .*'own' of plugin .*build made {seen}.*plugin.Sink"):
         run_into(made)

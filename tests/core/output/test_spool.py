@@ -36,7 +36,8 @@ from opir_core.output.pump import pump
 from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
+from opir_core.output.spool.sent_batches import AHEAD_BYTES
+from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 
