@@ -119,10 +119,10 @@ def members(value: Any) -> str:
     rows = []
     for name, member in vars(value).items():
         inner = member.__func__ if isinstance(member, classmethod | staticmethod) else member
-        inner = inner.fget if isinstance(inner, property) else inner
+        inner = getattr(inner, "fget", inner)
         if name.startswith("_") or not inspect.isfunction(inner) or not inner.__doc__:
             continue
-        call = name if isinstance(member, property) else f"{name}{arguments(inner)}"
+        call = name if hasattr(member, "fget") else f"{name}{arguments(inner)}"
         rows.append(f"* `{call}`: {' '.join(inner.__doc__.partition(chr(10) + chr(10))[0].split())}")
     return "\n" + "\n".join(rows) + "\n" if rows else ""
 

@@ -59,7 +59,7 @@ def no_background(_config: NoConfig, _context: "BackgroundContext") -> "Backgrou
 
 
 @define
-class NoTracker:
+class NoTracker(Tracker):
     """A tracker without tracks: it never steps, and the track number of every detection is -1."""
 
     cadence_s: float | None = None

@@ -4,29 +4,49 @@ import inspect
 from abc import ABC
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from opir_core.errors import ModelError, kind_of
 
+if TYPE_CHECKING:
+    optional = property
+    required = property
+else:
+
+    class optional:  # noqa: N801 - a decorator
+        """A property with a default, which a subclass or an instance may replace by a plain attribute."""
+
+        def __init__(self, fget: Callable[[Any], Any]) -> None:
+            self.fget, self.__doc__ = fget, fget.__doc__
+
+        def __get__(self, part: Any, _owner: Any = None) -> Any:
+            return self if part is None else self.fget(part)
+
+    class required(optional):  # noqa: N801 - a decorator
+        """A property that a subclass or an instance must replace, by a plain attribute or a property."""
+
+        def __get__(self, part: Any, _owner: Any = None) -> Any:
+            if part is None:
+                return self
+            raise AttributeError(f"{type(part).__name__} defines no {self.fget.__name__}")
+
 
 class Contract(ABC):  # noqa: B024 - its subclasses have the abstract methods
-    """What the part that a component builds must have: abstract methods, and optional ones with defaults."""
+    """What the part that a component builds must have: required members, and optional ones with defaults."""
 
     @classmethod
     def adopt(cls, part: Any, owner: Callable[[], str] | None = None) -> Self:
         """Return a part as one of this class; what one of another class does not define has the default.
 
-        Raises `ModelError`, which begins with what `owner` returns, if a required method is missing.
+        Raises `ModelError`, which begins with what `owner` returns, if a required member is missing.
         """
-        if isinstance(part, cls):
-            return part
-        missing = sorted(name for name in cls.__abstractmethods__ if not hasattr(part, name))
+        missing = [name for name in _required(cls) if not hasattr(part, name)]
         if missing:
             raise ModelError(
                 f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without {', '.join(missing)};"
                 f" derive its class from opir_core.plugin.{cls.__name__}, which tells what is required"
             )
-        adopted: Self = _adopter(cls)(part)
+        adopted: Self = part if isinstance(part, cls) else _adopter(cls)(part)
         return adopted
 
 
@@ -64,3 +84,9 @@ def _adopter(contract: Any) -> Any:
     made: Any = type(contract.__name__, (_Adopted, contract), {})
     made.__abstractmethods__ = frozenset()
     return made
+
+
+@cache
+def _required(contract: Any) -> list[str]:
+    values = (name for name, member in inspect.getmembers_static(contract) if isinstance(member, required))
+    return sorted({*contract.__abstractmethods__, *values})

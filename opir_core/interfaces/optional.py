@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
+from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Exposures
 
 
@@ -153,11 +153,3 @@ class TypeConfidence(Protocol):
 
     def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
         """Return confidences (n,) of reported types (n,) with ln P (n, 4) over `REPORTED_TYPES`."""
-
-
-@runtime_checkable
-class ReconfigurableTracker(Protocol):
-    """A `Tracker` that uses the sensors' settings, which a running scene may change."""
-
-    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
-        """Use the new settings of the sensors from now on: as many sensors, in the same order."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from attrs import frozen
 
 from opir_core.arrays import BoolArray
-from opir_core.interfaces.contract import Contract
+from opir_core.interfaces.contract import Contract, optional, required
 from opir_core.interfaces.records import Batch, Window
 
 if TYPE_CHECKING:
@@ -70,17 +70,17 @@ class Sink(Contract):
         """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
         return
 
-    @property
+    @optional
     def waits(self) -> int:
         """How often `write` has waited for room in the sink's own buffer."""
         return 0
 
-    @property
+    @optional
     def outlives_the_process(self) -> bool | None:
         """Whether the next run finds what is left in the sink's buffer at closing; None for a sink without a buffer."""
         return None
 
-    @property
+    @optional
     def parked(self) -> str | None:
         """Why the destination refuses the events that the sink keeps for it, or None; callable from any thread."""
         return None
@@ -95,7 +95,6 @@ class Transport(Contract):
 
     The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
     its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
-    `trouble` is the reason why nothing gets through at the moment, None while all is well.
 
     >>> from concurrent.futures import Future
     >>> class Mailbox(Transport):
@@ -114,8 +113,6 @@ class Transport(Contract):
     (True, [b'{}'])
     """
 
-    trouble: str | None = None
-
     @abstractmethod
     def send(self, batch: Batch) -> "Future[None]":
         """Send events without blocking; those of one key arrive in the order in which they were given.
@@ -128,16 +125,18 @@ class Transport(Contract):
     def close(self, wait_s: float) -> None:
         """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""
 
+    @optional
+    def trouble(self) -> str | None:
+        """The reason why nothing gets through at the moment; None while all is well."""
+        return None
+
     def retry(self) -> None:
         """Forget a final error: the batches that follow are sent as if there had been none."""
         return
 
 
 class Encoder(Contract):
-    """Detections to message bytes.
-
-    If it `encodes_tracks` the messages are the rows of `window.tracks`, and so are the events that outputs count: they
-    pass it every window with tracks, with detections or without.
+    """Detections to message bytes; tracks to message bytes if it `encodes_tracks`.
 
     >>> from opir_core.testing.doubles import stub_window
     >>> class Times(Encoder):
@@ -150,21 +149,27 @@ class Encoder(Contract):
     2
     """
 
-    encodes_tracks: bool = False
-
-    @property
-    @abstractmethod
+    @required
     def content_type(self) -> str:
         """The media type of a message."""
+        raise NotImplementedError
 
-    @property
-    @abstractmethod
+    @required
     def schema_version(self) -> str:
         """The version of the schema that the messages follow."""
+        raise NotImplementedError
 
     @abstractmethod
     def encode(self, window: Window) -> bytes:
         """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
+
+    @optional
+    def encodes_tracks(self) -> bool:
+        """Whether messages are the rows of `window.tracks`, and the event counts of outputs are of tracks.
+
+        Outputs pass such an encoder every window with tracks, with detections or without.
+        """
+        return False
 
     def encodable(self, window: Window) -> BoolArray | None:
         """Return which detections (n,) have a message; None if all have."""

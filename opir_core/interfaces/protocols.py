@@ -9,6 +9,7 @@ protocols of signature, source, atmosphere and background models are in `opir_co
 imported only for scenes with a radiometric detection model.
 """
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.contract import Contract, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 
@@ -222,15 +224,34 @@ class Confidence(Protocol):
         """Return confidences (n,) in [0, 1]."""
 
 
-class Tracker(Protocol):
-    """Detections to tracks; stepped at ticks of scene time, never at window edges."""
+class Tracker(Contract):
+    """Detections to tracks; stepped at ticks of scene time, never at window edges.
 
-    @property
+    >>> class Following(Tracker):
+    ...     cadence_s = 2.0
+    ...
+    ...     def associate(self, detections):
+    ...         return np.full(len(detections), -1)
+    ...
+    ...     def step(self, tick_s, detections):
+    ...         return Tracks.empty()
+    >>> from opir_core.testing.doubles import stub_window
+    >>> Following().associate(stub_window(2).detections)
+    array([-1, -1])
+    """
+
+    @required
     def cadence_s(self) -> float | None:
         """Time between ticks, s, or None for a tracker that never steps."""
 
+    @abstractmethod
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks of the last tick; changes no state."""
 
+    @abstractmethod
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
+
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
+        """Use new settings of the sensors, as many in the same order; a running scene may change them."""
+        return

@@ -73,9 +73,10 @@ class CheckedSink(CheckedPart, Sink):
 class CheckedEncoder(CheckedPart, Encoder):
     """An encoder with checked messages: bytes, one line per event."""
 
-    def __init__(self, part: Encoder, owner: Callable[[], str], hint: str) -> None:
-        super().__init__(part, owner, hint)
-        self.encodes_tracks = part.encodes_tracks
+    @property
+    def encodes_tracks(self) -> bool:
+        """Whether messages are tracks."""
+        return bool(self._part.encodes_tracks)
 
     @property
     def content_type(self) -> str:

@@ -56,7 +56,6 @@ if TYPE_CHECKING:
         FreeFlight,
         FromFiles,
         PosteriorClassifier,
-        ReconfigurableTracker,
         Response,
         SignalModel,
         WithBreakpoints,
@@ -117,7 +116,7 @@ _HOMES = {
         "interfaces.impact_regions": "ImpactRegion",
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
-            "FalseAlarmModel FreeFlight FromFiles PosteriorClassifier ReconfigurableTracker Response SignalModel "
+            "FalseAlarmModel FreeFlight FromFiles PosteriorClassifier Response SignalModel "
             "WithBreakpoints WithBurns WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
@@ -131,6 +130,7 @@ _HOMES = {
 _JOINED = {
     **dict.fromkeys(("BufferingSink", "DeadlineSink", "MonitoredSink"), "Sink"),
     **dict.fromkeys(("PartialEncoder", "TrackEncoder"), "Encoder"),
+    "ReconfigurableTracker": "Tracker",
 }
 
 # fmt: off
@@ -143,7 +143,7 @@ __all__ = [  # noqa: RUF022
     "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
     "Host", "ImpactRegion", "Measured",
     "Metric", "MetricContext", "MetricModel", "ModelContext", "NoConfig", "Orbit", "OrbitInsertion",
-    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
+    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws",
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",

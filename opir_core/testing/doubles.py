@@ -11,7 +11,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.builtin.null_models import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
+from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor, Tracker
 from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS,
     ClassifierInputs,
@@ -224,7 +224,7 @@ class FullConfidence:
 SilentTracker = NoTracker
 
 
-class CountingTracker:
+class CountingTracker(Tracker):
     """A tracker with one track per sensor, whose state is the number of detections so far; records its ticks."""
 
     def __init__(self, cadence_s: float = 1.0) -> None:

@@ -34,7 +34,7 @@ class Holding(Transport):
 
     def __init__(self, mood: str = "take") -> None:
         self.mood = mood
-        self.trouble = None
+        self.trouble: str | None = None
         self.parcels: list[Batch] = []
         self.held: list[Future[None]] = []
         self.closed = 0

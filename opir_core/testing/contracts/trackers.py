@@ -9,7 +9,7 @@ from attrs import evolve, fields, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.optional import ReconfigurableTracker
+from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
@@ -135,8 +135,7 @@ class TrackerContract(SceneContract):
     @classmethod
     def tracker(cls) -> Tracker:
         """Return a new tracker."""
-        made: Tracker = cls.component().build(cls.config(), cls.context())
-        return made
+        return Tracker.adopt(cls.component().build(cls.config(), cls.context()))
 
     @classmethod
     @cache
@@ -241,9 +240,9 @@ class TrackerContract(SceneContract):
             )
 
     def test_unchanged_sensors_change_nothing(self) -> None:
-        """A `ReconfigurableTracker` given its current sensors returns the same tracks."""
+        """A tracker that is given its current sensors returns the same tracks."""
         tracker, other = self.tracker(), self.tracker()
-        if not isinstance(tracker, ReconfigurableTracker):
+        if not has_own(Tracker, tracker, "set_sensors"):
             return
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             tracker.set_sensors(self.context().sensors)

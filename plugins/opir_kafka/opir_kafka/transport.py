@@ -33,7 +33,7 @@ class KafkaTransport(Transport):
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
         self._config = config
         self._connect = connect
-        self.trouble = f"no connection to {config.bootstrap_servers} yet"
+        self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
         self._shipments: dict[Shipment, None] = {}
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None

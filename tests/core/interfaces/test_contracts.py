@@ -30,7 +30,7 @@ SCENE = {
 }
 
 
-@pytest.mark.parametrize("module", ["outputs"])
+@pytest.mark.parametrize("module", ["outputs", "protocols"])
 def test_examples_of_contracts_run(module: str) -> None:
     found = import_module(f"opir_core.interfaces.{module}")
     contracts = [each for each in vars(found).values() if getattr(each, "__abstractmethods__", None)]
@@ -131,3 +131,24 @@ def run_into(sink: Any) -> Any:
     host = opir_core.Host.of(Plugin())
     plan = opir_core.compile_plan(opir_core.scene_from_mapping({**SCENE, "outputs": ["own"]}, host=host), host)
     return deliver(plan)
+
+
+def test_an_attribute_set_by_the_instance_replaces_a_default_and_a_required_one() -> None:
+    class Broker(Transport):
+        def __init__(self) -> None:
+            self.trouble = "no connection yet"  # type: ignore[misc]
+
+        send = close = print  # type: ignore[assignment]
+
+    assert Transport.adopt(Broker()).trouble == "no connection yet"
+
+
+def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
+    class Unnamed(Encoder):
+        content_type = "text/plain"
+
+        def encode(self, window: Any) -> bytes:
+            return b""
+
+    with pytest.raises(ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"):
+        Encoder.adopt(Unnamed())

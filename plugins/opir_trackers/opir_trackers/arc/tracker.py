@@ -10,7 +10,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_core.geometry.sphere import great_circle_m
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
@@ -33,7 +33,7 @@ _POOL_S, _POOL_SCANS = 20.0, 20
 _LEAST_CHANCE = 0.01
 
 
-class ArcTracker:
+class ArcTracker(Tracker):
     """The tracker `kepler-arc`."""
 
     def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: ImmTracking) -> None:

@@ -7,7 +7,7 @@ from attrs import evolve
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
@@ -15,7 +15,7 @@ from opir_trackers.imm.tracking import ImmTracking, TrackerState
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
-class ImmTracker:
+class ImmTracker(Tracker):
     """The tracker `imm`."""
 
     def __init__(self, tracking: ImmTracking, context: TrackerContext) -> None:
