@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.false_sources import least_log_odds, source_detections
 from opir_core.classification.gaussian_mixture import log_shares, log_sum
@@ -20,7 +20,7 @@ from opir_core.classification.type_densities import (
 from opir_core.detection.snr import SnrDetection
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import RandomDraws, Sensor
+from opir_core.interfaces.protocols import Classifier, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
@@ -42,7 +42,7 @@ class TypeEvidence(NamedTuple):
 
 
 @frozen(eq=False)
-class SpectralClassifier:
+class SpectralClassifier(Classifier):
     """Bayes' rule with densities from synthetic launches and hot sources; sensor k has `banks[bank_of_sensor[k]]`.
 
     `log_prior` (types,) are logarithms of the shares of launches; `least_log_odds` is the limit below which UNKNOWN is
@@ -54,10 +54,6 @@ class SpectralClassifier:
     log_prior: FloatArray
     confidence: float
     least_log_odds: float
-
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return None: types vary from detection to detection."""
-        return None
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`; no random numbers are drawn."""

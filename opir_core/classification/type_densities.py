@@ -24,8 +24,7 @@ from opir_core.detection.receivers import noise_chance
 from opir_core.detection.snr import SnrDetection
 from opir_core.detection.threshold import m_of_n_probability
 from opir_core.interfaces.columns import names_of
-from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.interfaces.protocols import Band, Response, Sensor
 from opir_core.planning.visibility import visible_now
 from opir_core.scene.scene import TARGET_TYPES
 

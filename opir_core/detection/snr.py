@@ -32,8 +32,7 @@ from opir_core.detection.scan_correlation import scan_correlation
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import as_slice_if_consecutive
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
+from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response, Sensor
 from opir_core.interfaces.radiometric_models import (
     StructuredBackground,
     Views,
@@ -88,7 +87,7 @@ _MOST_SNR = 1e100
 
 
 @frozen(eq=False)
-class SnrDetection:
+class SnrDetection(DetectionProbability):
     """SNR in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
     `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an equal receiver;
@@ -113,10 +112,6 @@ class SnrDetection:
     false_again: FloatArray
     probability_tolerance: float | None
     needs_geometry: bool = True
-
-    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
-        """Return None: probabilities vary from look to look."""
-        return None
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""

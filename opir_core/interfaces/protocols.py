@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contract import Contract, required
+from opir_core.interfaces.contract import Contract, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 
@@ -190,38 +190,158 @@ class Measured(Columns):
     band_noise_w_m2: FloatArray | None = None
 
 
-class DetectionProbability(Protocol):
-    """Exposures to probability of detection."""
+@frozen(eq=False, repr=False)
+class Response(Columns):
+    """Expected measurements of looks: the quantile of P_d, and each band's signal and noise.
 
-    @property
+    `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already; `snr` (n, B) the
+    expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
+    sensor's own bands. `elevation_sine` (n,) is of the sensor's elevation above the target's horizon; None if the model
+    does not need it to measure.
+    """
+
+    probit: FloatArray | None
+    snr: FloatArray
+    noise_w_m2: FloatArray
+    elevation_sine: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.snr)
+
+    def sine(self, rows: Any) -> FloatArray | None:
+        """Return the sines of the elevations of some of the looks, if there are any."""
+        return None if self.elevation_sine is None else self.elevation_sine[rows]
+
+
+class DetectionProbability(Contract):
+    """Exposures to probability of detection; by default every look on its own, without signals or false alarms.
+
+    A model with signals defines `response` and `measure_response`: if it has a `probability_tolerance` too, the engine
+    interpolates its P_d between looks. One with false alarms defines `rate_per_scan`, `words` and `measure_noise`.
+
+    >>> class Sure(DetectionProbability):
+    ...     def probability(self, exposures):
+    ...         return np.ones(len(exposures))
+    ...
+    ...     def measure(self, exposures, dice):
+    ...         return Measured(bands=np.ones(len(exposures), dtype=np.uint8), snr=np.full(len(exposures), np.nan))
+    >>> Sure().probability(range(2))
+    array([1., 1.])
+    """
+
+    @optional
     def needs_geometry(self) -> bool:
         """Whether `probability` reads the geometry columns of its exposures."""
+        return True
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return P_d (n,) of all looks of the pairs, or None if it varies from look to look."""
+        return None
 
+    @abstractmethod
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look, in [0, 1]."""
 
+    @abstractmethod
     def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         """Return the measurements of looks that detected."""
 
+    @optional
+    def probability_tolerance(self) -> float | None:
+        """Largest error of a P_d that is interpolated between looks, or None to evaluate every look."""
+        return None
 
-class Classifier(Protocol):
-    """Measurements to the reported target type."""
+    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response | None:
+        """Return the expected measurements of looks, with P_d to within `slack`; None for a model without signals."""
+        return None
+
+    def measure_response(
+        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+    ) -> Measured:
+        """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
+        raise NotImplementedError
+
+    def breakpoints_s(self) -> FloatArray | None:
+        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none.
+
+        The grid of the interpolation starts with these times.
+        """
+        return None
+
+    @optional
+    def confirmation(self) -> IntArray | None:
+        """The needed detections M and the successive scans N among which these must be, (sensors, 2); None for 1 of 1.
+
+        The false alarms of a model with confirmation are the confirmed ones.
+        """
+        return None
+
+    @optional
+    def rate_per_scan(self) -> FloatArray | None:
+        """Mean number (sensors,) of reported false alarms in one scan of the whole field of regard; None for none."""
+        return None
+
+    @optional
+    def words(self) -> int:
+        """Number of random numbers per false alarm."""
+        return 0
+
+    def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
+        """Return the measurements (n,) of false alarms, from numbers (n, words) in [0, 1)."""
+        raise NotImplementedError
+
+
+class Classifier(Contract):
+    """Measurements to the reported target type; with `log_posterior`, also to type probabilities that tracks revise.
+
+    >>> class Undecided(Classifier):
+    ...     def reported_type(self, sightings, dice):
+    ...         return np.zeros(len(sightings), dtype=np.uint8)
+    >>> Undecided().reported_type(range(2), dice=None)
+    array([0, 0], dtype=uint8)
+    """
 
     def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
         """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
+        return None
 
+    @abstractmethod
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray | None:
+        """Return ln P (n, 4) over `REPORTED_TYPES`, or None for a classifier without probabilities."""
+        return None
 
-class Confidence(Protocol):
-    """Detections and detection counts to confidence."""
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        """Return posteriors (n, 4) combined with type probabilities from the tracks' motion, (n, 4)."""
+        raise NotImplementedError
 
+    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
+        """Return the codes (n,) reported for posteriors."""
+        raise NotImplementedError
+
+
+class Confidence(Contract):
+    """Detections and detection counts to confidence.
+
+    >>> class Even(Confidence):
+    ...     def confidence(self, sightings):
+    ...         return np.full(len(sightings), 0.5)
+    >>> Even().confidence(range(2))
+    array([0.5, 0.5])
+    """
+
+    @abstractmethod
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]."""
+
+    def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray | None:
+        """Return confidences (n,) of reported types (n,) with ln P (n, 4) over `REPORTED_TYPES`.
+
+        None, the default, for models whose confidences do not follow from type probabilities alone.
+        """
+        return None
 
 
 class Tracker(Contract):

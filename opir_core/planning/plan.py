@@ -219,10 +219,11 @@ def _models(
         reported_types=reported_types(scene, host),
         make_environment=partial(_environment, scene, host, sensors, targets, sources),
     )
-    detection = built(host, scene.detection, context)
+    detection = DetectionProbability.adopt(built(host, scene.detection, context), _owner(host, scene.detection))
     context = evolve(context, detection=detection)
-    classifier = built(host, scene.classification, context)
-    confidence = built(host, scene.confidence, evolve(context, classifier=classifier))
+    classifier = Classifier.adopt(built(host, scene.classification, context), _owner(host, scene.classification))
+    context = evolve(context, classifier=classifier)
+    confidence = Confidence.adopt(built(host, scene.confidence, context), _owner(host, scene.confidence))
     return {"detection": detection, "classifier": classifier, "confidence": confidence}
 
 
@@ -265,6 +266,11 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
     settings = choice.config if config is None else config
     hint = check_hint(choice.name)
     return blamed_call(lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context))
+
+
+def _owner(host: Host, choice: Choice) -> Callable[[], str]:
+    """Return the function that makes the beginning of messages about a component."""
+    return partial(owner_text, host, choice)
 
 
 def _tracker_fault(part: Any) -> str:

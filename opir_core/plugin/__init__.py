@@ -52,13 +52,8 @@ if TYPE_CHECKING:
     )
     from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.optional import (
-        FalseAlarmModel,
         FreeFlight,
         FromFiles,
-        PosteriorClassifier,
-        Response,
-        SignalModel,
-        WithBreakpoints,
         WithBurns,
         WithClasses,
     )
@@ -72,6 +67,7 @@ if TYPE_CHECKING:
         Orbit,
         RandomDraws,
         ReportingStage,
+        Response,
         ScanPattern,
         Sensor,
         Tracker,
@@ -110,15 +106,12 @@ _HOMES = {
         ),
         "interfaces.outputs": "Delivery Encoder Sink Transport",
         "interfaces.protocols": (
-            "Band Classifier Confidence DetectionProbability Measured Orbit RandomDraws ReportingStage ScanPattern "
-            "Sensor Tracker Trajectories"
+            "Band Classifier Confidence DetectionProbability Measured Orbit RandomDraws ReportingStage Response "
+            "ScanPattern Sensor Tracker Trajectories"
         ),
         "interfaces.impact_regions": "ImpactRegion",
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
-        "interfaces.optional": (
-            "FalseAlarmModel FreeFlight FromFiles PosteriorClassifier Response SignalModel "
-            "WithBreakpoints WithBurns WithClasses"
-        ),
+        "interfaces.optional": ("FreeFlight FromFiles WithBurns WithClasses"),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
         "plugin.host": "Host",
@@ -131,6 +124,8 @@ _JOINED = {
     **dict.fromkeys(("BufferingSink", "DeadlineSink", "MonitoredSink"), "Sink"),
     **dict.fromkeys(("PartialEncoder", "TrackEncoder"), "Encoder"),
     "ReconfigurableTracker": "Tracker",
+    **dict.fromkeys(("FalseAlarmModel", "SignalModel", "WithBreakpoints"), "DetectionProbability"),
+    "PosteriorClassifier": "Classifier",
 }
 
 # fmt: off
@@ -140,16 +135,16 @@ __all__ = [  # noqa: RUF022
     "Component", "Confidence", "ConfidenceModel", "Constellation", "Delivery", "DetectionModel",
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
     "EventEncoder", "Executor", "ExecutorContext", "ExecutorModel", "Exporter", "ExporterContext", "ExporterModel",
-    "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
+    "Exposures", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
     "Host", "ImpactRegion", "Measured",
     "Metric", "MetricContext", "MetricModel", "ModelContext", "NoConfig", "Orbit", "OrbitInsertion",
-    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws",
+    "Paths", "Plume", "REPORTED_TYPES", "RandomDraws",
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
-    "Sensor", "SensorContext", "SensorModel", "SignalModel",
+    "Sensor", "SensorContext", "SensorModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
     "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel",
     "Tracker", "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views",
-    "Window", "WithBreakpoints", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl",
+    "Window", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl",
     "named", "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet",
     "with_defaults"
 ]

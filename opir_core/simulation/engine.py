@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Filling
-from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Measured
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
@@ -282,7 +281,7 @@ def _pair_types(plan: Plan, streams: PairStreams) -> NDArray[np.uint8] | None:
 def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
     """Return the interpolated P_d of a plan, if its detection model allows interpolation."""
     model = plan.detection
-    if not isinstance(model, SignalModel) or model.probability_tolerance is None:
+    if model.probability_tolerance is None:
         return None
     from opir_core.simulation.interpolation import ProbabilityInterpolant
 
@@ -291,10 +290,9 @@ def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant 
 
 def _confirmation(plan: Plan) -> Confirmation | None:
     """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
-    model = plan.detection
-    if not isinstance(model, ConfirmingModel):
+    if plan.detection.confirmation is None:
         return None
-    confirmation = checked_confirmation(model.confirmation, len(plan.sensors))
+    confirmation = checked_confirmation(plan.detection.confirmation, len(plan.sensors))
     if not np.any(confirmation[:, 0] > 1):
         return None
     needed, scans = confirmation[plan.pairs.sensor].T
@@ -304,7 +302,7 @@ def _confirmation(plan: Plan) -> Confirmation | None:
 def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | None":
     """Return the generator of false alarms, if the detection model has any."""
     model, scene, names = plan.detection, plan.scene, plan.sensor_names()
-    if not isinstance(model, FalseAlarmModel):
+    if model.rate_per_scan is None:
         return None
     from opir_core.simulation.false_alarms import FalseAlarmGenerator
 

@@ -17,8 +17,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel
-from opir_core.interfaces.protocols import Classifier, Confidence, Measured
+from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.solar_exclusion import SolarExclusion
@@ -80,7 +79,7 @@ class FalseAlarmGenerator:
 
     def __init__(
         self,
-        model: FalseAlarmModel,
+        model: DetectionProbability,
         *,
         classifier: Classifier,
         confidence: Confidence,
@@ -197,9 +196,9 @@ class FalseAlarmGenerator:
         return classified(self._classifier, sightings, _NoDice(len(sightings)), self._types_total)
 
 
-def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
+def _needed(model: DetectionProbability, sensors: int) -> IndexArray:
     """Return the detections (sensors,) that a reported false alarm consists of."""
-    if isinstance(model, ConfirmingModel):
+    if model.confirmation is not None:
         return checked_confirmation(model.confirmation, sensors)[:, 0].astype(np.int32)
     return np.ones(sensors, dtype=np.int32)
 

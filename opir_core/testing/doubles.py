@@ -11,7 +11,16 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.builtin.null_models import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor, Tracker
+from opir_core.interfaces.protocols import (
+    Band,
+    Classifier,
+    Confidence,
+    DetectionProbability,
+    Measured,
+    RandomDraws,
+    Sensor,
+    Tracker,
+)
 from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS,
     ClassifierInputs,
@@ -178,7 +187,7 @@ class VerticalTargets:
 
 
 @frozen
-class CertainDetection:
+class CertainDetection(DetectionProbability):
     """A detection model of one probability, in the first band, without SNR; constant for a pair or look by look."""
 
     chance: float = 1.0
@@ -199,12 +208,8 @@ class CertainDetection:
 
 
 @frozen
-class UnknownClassifier:
+class UnknownClassifier(Classifier):
     """A classifier that reports UNKNOWN."""
-
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return None: detection by detection."""
-        return None
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
@@ -212,7 +217,7 @@ class UnknownClassifier:
 
 
 @frozen
-class FullConfidence:
+class FullConfidence(Confidence):
     """A confidence model of 1."""
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:

@@ -12,7 +12,7 @@ from snr_scene import DSP, SBIRS, joined, scene, windows_of
 import opir_core as opir
 from opir_core.detection import snr
 from opir_core.detection.gate_density import GateDensity
-from opir_core.interfaces.optional import Response
+from opir_core.interfaces.protocols import Response
 from opir_core.interfaces.records import Detections, DetectionTruth
 from opir_core.planning.environment import REFERENCE_ALTITUDE_M
 from opir_core.random_streams.philox import Reader

@@ -6,10 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.optional import SignalModel
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Exposures
-from opir_core.planning.environment import RadiometricEnvironment, heights_m
+from opir_core.planning.environment import heights_m
 from opir_core.planning.plan import Plan
 from opir_report.canvas import legend_of, without_data
 from opir_report.figure_data import FigureData
@@ -41,17 +40,13 @@ def signals(facts: RunFacts, target: int) -> FigureData:
     """
     plan = facts.plan
     own = np.flatnonzero((plan.pairs.target == target) & (plan.pairs.looks > 0))
-    parts = [_pair_signals(facts, pair, _environment(facts)) for pair in own.tolist()]
+    parts = [_pair_signals(facts, pair) for pair in own.tolist()]
     if not parts:
         return FigureData.of_rows(_NAMES, ())
     return FigureData({name: np.concatenate([part[name] for part in parts]) for name in _NAMES})
 
 
-def _environment(facts: RunFacts) -> RadiometricEnvironment | None:
-    return facts.environment if isinstance(facts.plan.detection, SignalModel) else None
-
-
-def _pair_signals(facts: RunFacts, pair: int, environment: RadiometricEnvironment | None) -> FigureData:
+def _pair_signals(facts: RunFacts, pair: int) -> FigureData:
     plan = facts.plan
     first, last = int(plan.pairs.first_scan[pair]), int(plan.pairs.last_scan[pair])
     scan = np.unique(np.linspace(first, last, _LOOKS).astype(np.int64))
@@ -60,7 +55,7 @@ def _pair_signals(facts: RunFacts, pair: int, environment: RadiometricEnvironmen
     exposures = geometry.exposures(rows, scan)
     sensor = plan.sensors[plan.pairs.sensor[pair]]
     target = int(plan.pairs.target[pair])
-    snr, air = _snr_and_air(plan, sensor, exposures, environment)
+    snr, air = _snr_and_air(facts, sensor, exposures)
     return FigureData(
         {
             "target_id": np.full(len(scan), plan.targets.ids[target]),
@@ -81,17 +76,16 @@ def look_probability(plan: Plan, pair: IntArray, exposures: Exposures) -> FloatA
     return plan.detection.probability(exposures) if constant is None else constant
 
 
-def _snr_and_air(
-    plan: Plan, sensor: Sensor, exposures: Exposures, environment: RadiometricEnvironment | None
-) -> tuple[FloatArray, FloatArray]:
+def _snr_and_air(facts: RunFacts, sensor: Sensor, exposures: Exposures) -> tuple[FloatArray, FloatArray]:
     """Return expected SNR and transmittance (n,) in a sensor's reference band, nan without a signal."""
     unknown = np.full(len(exposures), np.nan)
-    if environment is None or not isinstance(plan.detection, SignalModel):
+    response = facts.plan.detection.response(exposures)
+    if response is None:
         return unknown, unknown
+    environment = facts.environment
     place = sensor.radiometer.reference if sensor.radiometer is not None else 0
     band = environment.bands.index(sensor.bands[place])
-    snr = plan.detection.response(exposures).snr[:, place]
-    return snr, environment.atmosphere.transmittance(band, environment.paths(exposures))
+    return response.snr[:, place], environment.atmosphere.transmittance(band, environment.paths(exposures))
 
 
 def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, panel: str) -> Axes:
