@@ -4,9 +4,8 @@ A component's `build` returns one of these. The result of a row must not depend 
 may pass any slice of a run, and the bytes of the events must be the same.
 
 The contexts of `build` are in `opir_core.interfaces.contexts`, the contracts of outputs in
-`opir_core.interfaces.outputs`, optional abilities of the other components in `opir_core.interfaces.optional`. The
-protocols of signature, source, atmosphere and background models are in `opir_core.interfaces.radiometric_models`,
-imported only for scenes with a radiometric detection model.
+`opir_core.interfaces.outputs`, those of signature, source, atmosphere and background models in
+`opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection model.
 """
 
 from abc import abstractmethod
@@ -18,10 +17,12 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import Contract, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
+from opir_core.scene.scene import EMITTER_TYPES
 
 
 @frozen
@@ -138,26 +139,73 @@ class Sensor:
     settings: Mapping[str, Any] = field(factory=dict)
 
 
-class Trajectories(Protocol):
-    """The trajectories of all targets of one model."""
+class Trajectories(Contract):
+    """The trajectories of all targets of one model; by default of one burn each, up to burnout.
 
-    @property
+    >>> class Pad(Trajectories):
+    ...     type_code = np.zeros(1, dtype=np.uint8)
+    ...     ignition_s, burnout_s = np.array([5.0]), np.array([65.0])
+    ...
+    ...     def position_ecef_m(self, target, time_s):
+    ...         return np.full((len(time_s), 3), 3.7e6)
+    ...
+    ...     def truth(self):
+    ...         return [{"id": "T1"}]
+    >>> Pad().end_s, Pad().class_names
+    (array([65.]), ['ICBM'])
+    """
+
+    @required
     def type_code(self) -> NDArray[np.uint8]:
         """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class resembles."""
+        raise NotImplementedError
 
-    @property
+    @required
     def ignition_s(self) -> FloatArray:
         """Scene times from which the plumes radiate, (n,) s."""
+        raise NotImplementedError
 
-    @property
+    @required
     def burnout_s(self) -> FloatArray:
         """Scene times to which the plumes radiate, (n,) s."""
+        raise NotImplementedError
 
+    @abstractmethod
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
 
+    @abstractmethod
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping of plain values per target, for the truth file."""
+
+    @optional
+    def end_s(self) -> FloatArray:
+        """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor follows targets."""
+        return self.burnout_s
+
+    @optional
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes, one per target; the missile types, unless the classes are finer."""
+        return [EMITTER_TYPES[code] for code in self.type_code.tolist()]
+
+    @optional
+    def burns_s(self) -> FloatArray:
+        """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
+
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Where one does not follow at once, the plume is
+        dark: only sensors that follow bodies observe the target, as after burnout.
+        """
+        return one_burn_s(self.ignition_s, self.burnout_s)
+
+    @optional
+    def course_breakpoints_s(self) -> FloatArray | None:
+        """Scene times (n, k) at which the direction of flight jumps or bends, s; nan where there are fewer."""
+        return None
+
+    @optional
+    def files(self) -> Sequence[Mapping[str, Any]]:
+        """The `path` and `sha256` of each file that was read; the run manifest lists them."""
+        return ()
 
 
 class RandomDraws(Protocol):

@@ -126,15 +126,6 @@ class CloudyTransmittance(Protocol):
         """The air without clouds."""
 
 
-@runtime_checkable
-class CourseWithBreakpoints(Protocol):
-    """What `Trajectories` also have that know when the direction of flight jumps or bends."""
-
-    @property
-    def course_breakpoints_s(self) -> FloatArray:
-        """Scene times (n, k) at which it does, s; nan where there are fewer."""
-
-
 class Sources(Protocol):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 

@@ -11,12 +11,11 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.gravity_and_drag import height_m
 from opir_core.geometry.vectors import length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.interfaces.protocols import Band, Sensor, Trajectories
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     Background,
     BackgroundContext,
-    CourseWithBreakpoints,
     Paths,
     ReflectingSignatures,
     SignatureContext,
@@ -224,8 +223,9 @@ class RadiometricEnvironment:
                 own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
                 times_s.append(own)
         for number, trajectories in enumerate(self.targets.trajectories):
-            if isinstance(trajectories, CourseWithBreakpoints):
-                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_breakpoints_s
+            own_s = trajectories.course_breakpoints_s
+            if own_s is not None:
+                turning = np.flatnonzero(self.targets.group == number)
                 own = np.full((len(self.group), own_s.shape[1]), np.nan)
                 own[turning] = own_s[self.targets.place[turning]]
                 times_s.append(own)
@@ -278,6 +278,15 @@ def make_environment(
     return evolve(environment, sunlight=ReflectedSunlight.of(bands, atmosphere, scene.epoch_us))
 
 
+@frozen(eq=False)
+class _Emitters:
+    """What a source model has built."""
+
+    ids: Sequence[str]
+    trajectories: Trajectories
+    signatures: Signatures
+
+
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
     """Return what is built of each block of a scene's `sources`."""
     bands, made = distinct_bands(sensors), list[Sources]()
@@ -292,7 +301,8 @@ def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[S
             seed=scene.seed,
             make_atmosphere=make_atmosphere,
         )
-        made.append(_built(host, source.model, context))
+        emitters: Sources = _built(host, source.model, context)
+        made.append(_Emitters(emitters.ids, Trajectories.adopt(emitters.trajectories), emitters.signatures))
     return tuple(made)
 
 

@@ -332,12 +332,12 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         target_class=partial(host.component, TargetClass),
     )
     configs = [target.model.config for target in chosen]
-    trajectories: Trajectories = built(host, chosen[0].model, context, configs)
+    trajectories = built(host, chosen[0].model, context, configs)
     fault = trajectories_fault(trajectories, len(chosen))
     if fault:
         owner = owner_text(host, chosen[0].model)
         raise ModelError(f"{owner}: build made trajectories with {fault}; {check_hint(chosen[0].model.name)}")
-    return trajectories
+    return Trajectories.adopt(trajectories, _owner(host, chosen[0].model))
 
 
 def _forces(scene: Scene) -> "ForceModel":

@@ -51,12 +51,6 @@ if TYPE_CHECKING:
         TrackerContext,
     )
     from opir_core.interfaces.impact_regions import ImpactRegion
-    from opir_core.interfaces.optional import (
-        FreeFlight,
-        FromFiles,
-        WithBurns,
-        WithClasses,
-    )
     from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport
     from opir_core.interfaces.protocols import (
         Band,
@@ -111,7 +105,6 @@ _HOMES = {
         ),
         "interfaces.impact_regions": "ImpactRegion",
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
-        "interfaces.optional": ("FreeFlight FromFiles WithBurns WithClasses"),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
         "plugin.host": "Host",
@@ -126,27 +119,24 @@ _JOINED = {
     "ReconfigurableTracker": "Tracker",
     **dict.fromkeys(("FalseAlarmModel", "SignalModel", "WithBreakpoints"), "DetectionProbability"),
     "PosteriorClassifier": "Classifier",
+    **dict.fromkeys(("FreeFlight", "FromFiles", "WithBurns", "WithClasses"), "Trajectories"),
 }
 
 # fmt: off
 __all__ = [  # noqa: RUF022
-    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic",
-    "Band", "Batch", "BoostProfile", "Classifier", "ClassifierInputs", "ClassifierModel",
-    "Component", "Confidence", "ConfidenceModel", "Constellation", "Delivery", "DetectionModel",
-    "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
-    "EventEncoder", "Executor", "ExecutorContext", "ExecutorModel", "Exporter", "ExporterContext", "ExporterModel",
-    "Exposures", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
-    "Host", "ImpactRegion", "Measured",
-    "Metric", "MetricContext", "MetricModel", "ModelContext", "NoConfig", "Orbit", "OrbitInsertion",
-    "Paths", "Plume", "REPORTED_TYPES", "RandomDraws",
-    "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
-    "Sensor", "SensorContext", "SensorModel",
-    "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
-    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel",
+    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic", "Band",
+    "Batch", "BoostProfile", "Classifier", "ClassifierInputs", "ClassifierModel", "Component", "Confidence",
+    "ConfidenceModel", "Constellation", "Delivery", "DetectionModel", "DetectionProbability", "Detections",
+    "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide", "EventEncoder", "Executor", "ExecutorContext",
+    "ExecutorModel", "Exporter", "ExporterContext", "ExporterModel", "Exposures", "FieldInfo", "FocalPlaneConfig",
+    "Host", "ImpactRegion", "Measured", "Metric", "MetricContext", "MetricModel", "ModelContext", "NoConfig", "Orbit",
+    "OrbitInsertion", "Paths", "Plume", "REPORTED_TYPES", "RandomDraws", "ReportingConfig", "ReportingStage",
+    "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig", "Sensor", "SensorContext",
+    "SensorModel", "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel",
+    "SourceContext", "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel",
     "Tracker", "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views",
-    "Window", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl",
-    "named", "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet",
-    "with_defaults"
+    "Window", "cited", "flag", "geostationary_fleet", "hookimpl", "named", "nested", "number", "one_track_fleet",
+    "scanning_model", "scanning_sensor", "text", "walker_fleet", "with_defaults"
 ]
 # fmt: on
 

@@ -104,7 +104,7 @@ def glint_signatures(
 
 
 @frozen(eq=False)
-class StraightTrajectories:
+class StraightTrajectories(Trajectories):
     """Emitters that stand still or move straight: at `start_ecef_m` (n, 3) from `ignition_s` on."""
 
     type_code: NDArray[np.uint8]

@@ -20,6 +20,7 @@ from opir_core.interfaces.protocols import (
     RandomDraws,
     Sensor,
     Tracker,
+    Trajectories,
 )
 from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS,
@@ -157,7 +158,7 @@ _NS = 1_000_000_000
 
 
 @frozen(eq=False)
-class VerticalTargets:
+class VerticalTargets(Trajectories):
     """Targets that climb vertically from positions (n,) at constant speed from ignition to burnout."""
 
     latitude_deg: FloatArray

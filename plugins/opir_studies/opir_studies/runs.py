@@ -10,7 +10,6 @@ from typing import Any
 from attrs import evolve, frozen
 
 from opir_core._version import __version__
-from opir_core.interfaces.optional import FromFiles
 from opir_core.interfaces.results import Metric
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.error_messages import described_error
@@ -91,7 +90,7 @@ def identity_of(plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str]
 
 def run_files(plan: Plan) -> list[Any]:
     """Return the files that a plan's trajectories were read from, with their hashes, as in the manifest."""
-    return [file for part in plan.targets.trajectories if isinstance(part, FromFiles) for file in part.files]
+    return [file for part in plan.targets.trajectories for file in part.files]
 
 
 def run_key(identity: str, replicate: int) -> str:

@@ -5,14 +5,16 @@ import pickle
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 import pytest
 
 import opir_core
 from opir_core.errors import ModelError
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.output import deliver
-from opir_core.plugin import SinkModel, hookimpl
+from opir_core.plugin import EMITTER_TYPES, SinkModel, hookimpl
 
 SCENE = {
     "scene": "adopted",
@@ -152,3 +154,16 @@ def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
 
     with pytest.raises(ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"):
         Encoder.adopt(Unnamed())
+
+
+def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
+    class Still:
+        type_code = np.array([2, 0], dtype=np.uint8)
+        ignition_s, burnout_s = np.array([1.0, 2.0]), np.array([61.0, 92.0])
+        position_ecef_m = truth = print
+
+    targets = Trajectories.adopt(Still())
+    assert targets.end_s.tolist() == [61.0, 92.0]
+    assert targets.burns_s.tolist() == [[[1.0, 61.0]], [[2.0, 92.0]]]
+    assert list(targets.class_names) == [EMITTER_TYPES[2], EMITTER_TYPES[0]]
+    assert (targets.course_breakpoints_s, list(targets.files)) == (None, [])
