@@ -14,7 +14,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.detection.radiometric_columns import checked_transmittances
-from opir_core.interfaces.radiometric_models import CloudyTransmittance, Paths, Transmittance
+from opir_core.interfaces.radiometric_models import Paths, Transmittance
 
 #: Elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere; heights, uniform in their square root.
 _ELEVATIONS, _BEND = 24, 0.05
@@ -36,11 +36,10 @@ class AirRatios:
     @classmethod
     def of(cls, atmosphere: Transmittance, reference: int, others: Sequence[int]) -> "AirRatios":
         """Return the factors on the ratios of a sensor's other bands to its reference band, in air without clouds."""
-        clear = atmosphere.clear if isinstance(atmosphere, CloudyTransmittance) else atmosphere
         sine = _BEND * np.sinh(np.linspace(0.0, math.asinh(1.0 / _BEND), _ELEVATIONS))
         height_m = _TOP_M * np.square(np.linspace(0.0, 1.0, _HEIGHTS))
         through = checked_transmittances(
-            clear, (reference, *others), _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
+            atmosphere.clear, (reference, *others), _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
         )
         usable = through[0] >= _FAINTEST
         log_ratio = np.log(np.maximum(through[1:], _OPAQUE)) - np.log(np.maximum(through[0], _OPAQUE))

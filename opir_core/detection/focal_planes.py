@@ -18,7 +18,7 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.detection.cfar import cfar_loss
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.protocols import Band, Radiometer
-from opir_core.interfaces.radiometric_models import Background, Structure, StructuredBackground
+from opir_core.interfaces.radiometric_models import Background, Structure
 from opir_core.radiometry.clutter import FrameDifference, SpatialTransfer
 from opir_core.radiometry.focal_plane import (
     airy_sigma_rad,
@@ -144,9 +144,8 @@ def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background:
     """Return what a radiometer's focal plane comes to in its bands, or None without one."""
     if radiometer.focal_plane is None:
         return None
-    structures = tuple(background.structures) if isinstance(background, StructuredBackground) else ()
     middle_um = tuple(0.5 * (band.lower_um + band.upper_um) for band in bands)
-    return _terms(radiometer, radiometer.focal_plane, middle_um, structures)
+    return _terms(radiometer, radiometer.focal_plane, middle_um, tuple(background.structures))
 
 
 @lru_cache(maxsize=64)

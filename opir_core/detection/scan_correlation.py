@@ -6,7 +6,6 @@ from opir_core.arrays import FloatArray
 from opir_core.detection.receivers import Receiver, noise_w_m2, photon_noise_w_m2
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.radiometric_models import StructuredBackground
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.radiometry.viewing import views
 
@@ -20,7 +19,7 @@ def scan_correlation(
     background with structure.
     """
     background, plane = environment.background, receiver.plane
-    if plane is None or not isinstance(background, StructuredBackground):
+    if plane is None or not background.structures:
         return np.zeros(len(interval_s))
     start = np.zeros(1)
     at_m = sensor.orbit.position_ecef_m(start)

@@ -34,7 +34,6 @@ from opir_core.interfaces.columns import as_slice_if_consecutive
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response, Sensor
 from opir_core.interfaces.radiometric_models import (
-    StructuredBackground,
     Views,
 )
 from opir_core.interfaces.records import Exposures
@@ -228,7 +227,7 @@ class SnrDetection(DetectionProbability):
     def _background(self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
         background, bands = self.environment.background, receiver.bands.tolist()
-        if receiver.plane is None or not isinstance(background, StructuredBackground):
+        if receiver.plane is None or not background.structures:
             return checked_radiances_and_clutter(background, bands, view)
         radiance, rms, structure = background.structured_radiances_w_m2_sr(bands, view)
         for column in (radiance, rms):

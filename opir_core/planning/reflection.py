@@ -12,7 +12,7 @@ from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, shadow_margins_rad, sun_
 from opir_core.geometry.vectors import angle_between_rad, components, dot, length
 from opir_core.geometry.zero_crossings import Crossings, zero_crossings
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import Paths, Transmittance, transmittances
+from opir_core.interfaces.radiometric_models import Paths, Transmittance
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.targets import Targets
 from opir_core.radiometry.sunlight import lambert_sphere_intensity, solar_irradiance
@@ -56,7 +56,7 @@ class ReflectedSunlight:
         area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
         sine = np.clip(dot(local_axes(target_m)[:, 2], to_sun) / distance_m, -1.0, 1.0)
         path = Paths(height_m[rows], sine, target_m, sun_m[rows], time_s[rows])
-        light = self.irradiance_w_m2[list(bands)][:, None] * transmittances(self.atmosphere, bands, path)
+        light = self.irradiance_w_m2[list(bands)][:, None] * self.atmosphere.transmittances(bands, path)
         intensity[:, rows] = lambert_sphere_intensity(light, area, phase)
         return intensity
 

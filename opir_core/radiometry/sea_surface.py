@@ -15,7 +15,7 @@ from opir_core.geometry import local_axes
 from opir_core.geometry.sun import sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import Paths, Transmittance, Views, transmittances
+from opir_core.interfaces.radiometric_models import Paths, Transmittance, Views
 from opir_core.radiometry.sunlight import SUN_SOLID_ANGLE_SR, solar_irradiance
 
 #: A point this far along a line of sight is above all air, m.
@@ -87,6 +87,6 @@ class SeaGlint:
         ground, above = np.zeros(len(rows)), point + _ABOVE_THE_AIR_M * to_sensor
         down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
         up = Paths(ground, view.elevation_sine, point, above, view.time_s)
-        air = transmittances(self.atmosphere, bands, down) * transmittances(self.atmosphere, bands, up)
+        air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(bands, up)
         radiance[:, rows] = self.irradiance_w_m2[list(bands)][:, None] * air * share
         return radiance

@@ -29,7 +29,7 @@ from opir_core.scene.scene import EMITTER_TYPES
 
 
 @frozen(eq=False)
-class GlintSignatures:
+class GlintSignatures(Signatures):
     """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is normal irradiance above the air."""
 
     sunlight_w_m2: FloatArray
@@ -128,7 +128,7 @@ class StraightTrajectories(Trajectories):
 
 
 @frozen(eq=False)
-class GreySignatures:
+class GreySignatures(Signatures):
     """Grey bodies: intensities (bands, n); flat ones by how their area turns to the sensor, brief ones with a flash.
 
     `up_ecef` (n, 3) is the vertical of a flat body, and None where all shine alike to all sides. `flash_s` (n,) is how
@@ -165,7 +165,7 @@ class GreySignatures:
 
 
 @frozen(eq=False)
-class EmitterSources:
+class EmitterSources(Sources):
     """The emitters of a block of sources."""
 
     ids: tuple[str, ...]

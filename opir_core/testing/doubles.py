@@ -8,7 +8,7 @@ from attrs import evolve, fields, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.builtin.null_models import NoTracker
+from opir_core.builtin.no_tracker import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.protocols import (

@@ -18,7 +18,6 @@ from opir_core.interfaces.radiometric_models import (
     Signatures,
     SourceContext,
     Sources,
-    StructuredBackground,
     Transmittance,
     Views,
 )
@@ -131,8 +130,7 @@ class SignatureContract(EmitterContract):
             profiles=("",) * count,
             burn_time_s=np.full(count, _BURN_S),
         )
-        made: Signatures = cls.component().build([cls.config()] * count, context)
-        return made
+        return Signatures.adopt(cls.component().build([cls.config()] * count, context))
 
 
 class SourceContract(EmitterContract):
@@ -152,13 +150,12 @@ class SourceContract(EmitterContract):
             duration_s=_DURATION_S,
             seed=_SEED,
         )
-        made: Sources = cls.component().build(cls.config(), context)
-        return made
+        return Sources.adopt(cls.component().build(cls.config(), context))
 
     @classmethod
     def signatures(cls) -> Signatures:
         """Return the sources' signatures."""
-        return cls.sources().signatures
+        return Signatures.adopt(cls.sources().signatures)
 
     @classmethod
     def count(cls) -> int:
@@ -227,8 +224,7 @@ class AtmosphereContract(EnvironmentContract):
     def model(cls) -> Transmittance:
         """Return the built model."""
         context = AtmosphereContext(bands=tuple(cls.bands), path="atmosphere", seed=_SEED)
-        made: Transmittance = cls.component().build(cls.config(), context)
-        return made
+        return Transmittance.adopt(cls.component().build(cls.config(), context))
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
@@ -279,8 +275,7 @@ class BackgroundContract(EnvironmentContract):
         context = BackgroundContext(
             bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
         )
-        made: Background = cls.component().build(cls.config(), context)
-        return made
+        return Background.adopt(cls.component().build(cls.config(), context))
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the radiances and clutter of some views."""
@@ -309,7 +304,7 @@ class BackgroundContract(EnvironmentContract):
     def test_structure_goes_with_the_radiance(self) -> None:
         """Structured radiances equal the plain ones; their structure is finite and known."""
         model, view, bands = self.model(), _views(), range(len(self.bands))
-        if not isinstance(model, StructuredBackground):
+        if not model.structures:
             return
         radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())
         plain = np.array([model.radiance_w_m2_sr(band, view) for band in bands])

@@ -13,6 +13,7 @@ from opir_core.errors import ModelError
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
 from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.radiometric_models import Background, Transmittance
 from opir_core.output import deliver
 from opir_core.plugin import EMITTER_TYPES, SinkModel, hookimpl
 
@@ -32,7 +33,7 @@ SCENE = {
 }
 
 
-@pytest.mark.parametrize("module", ["outputs", "protocols"])
+@pytest.mark.parametrize("module", ["outputs", "protocols", "radiometric_models"])
 def test_examples_of_contracts_run(module: str) -> None:
     found = import_module(f"opir_core.interfaces.{module}")
     contracts = [each for each in vars(found).values() if getattr(each, "__abstractmethods__", None)]
@@ -167,3 +168,22 @@ def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
     assert targets.burns_s.tolist() == [[[1.0, 61.0]], [[2.0, 92.0]]]
     assert list(targets.class_names) == [EMITTER_TYPES[2], EMITTER_TYPES[0]]
     assert (targets.course_breakpoints_s, list(targets.files)) == (None, [])
+
+
+def test_models_of_light_of_other_classes_work_band_by_band_without_clouds_and_structure() -> None:
+    class Air:
+        def transmittance(self, band: int, path: Any) -> Any:
+            return np.full(len(path), 0.5 + 0.1 * band)
+
+    class Sky:
+        def radiance_w_m2_sr(self, band: int, view: Any) -> Any:
+            return np.full(len(view), 1.0 + band)
+
+        clutter_w_m2_sr = radiance_w_m2_sr
+
+    air, sky = Transmittance.adopt(Air()), Background.adopt(Sky())
+    rows: Any = range(2)
+    assert air.transmittances([0, 1], rows).tolist() == [[0.5, 0.5], [0.6, 0.6]]
+    assert air.cloud_top_m(np.zeros((1, 3))).tolist() == [-np.inf]
+    assert (air.clear, len(air.altitude_breakpoints_m), list(sky.structures)) == (air, 0, [])
+    assert sky.radiances_and_clutter_w_m2_sr([1], rows)[1].tolist() == [[2.0, 2.0]]
