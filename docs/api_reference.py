@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 _ARRAY_LIKE = re.compile(re.escape(inspect.formatannotation(ArrayLike)))
+_EXAMPLE = re.compile(r"^>>> .*(?:\n.+)*", re.MULTILINE)
 _WIDTH = 100
 
 #: The packages that users import from, in the order of the page, and for whom each is.
@@ -96,7 +97,7 @@ def entry(name: str, value: Any) -> str:
     """Return the entry of one name: its signature and its docstring."""
     if not (inspect.isclass(value) or inspect.isroutine(value)):
         return f"## {name}\n\nConstant, `{re.sub(' at 0x[0-9a-f]+', '', repr(value))}`.\n"
-    text = inspect.cleandoc(value.__doc__ or "")
+    text = _EXAMPLE.sub(r"```pycon\n\g<0>\n```", inspect.cleandoc(value.__doc__ or ""))
     return f"## {name}\n\n```text\n{signature(name, value)}\n```\n\n{text}\n{members(value)}"
 
 
@@ -134,10 +135,10 @@ def members(value: Any) -> str:
     rows = []
     for name, member in vars(value).items():
         inner = member.__func__ if isinstance(member, classmethod | staticmethod) else member
-        inner = inner.fget if isinstance(inner, property) else inner
+        inner = getattr(inner, "fget", inner)
         if name.startswith("_") or not inspect.isfunction(inner) or not inner.__doc__:
             continue
-        call = name if isinstance(member, property) else f"{name}{arguments(inner)}"
+        call = name if hasattr(member, "fget") else f"{name}{arguments(inner)}"
         rows.append(f"* `{call}`: {' '.join(inner.__doc__.partition(chr(10) + chr(10))[0].split())}")
     return "\n" + "\n".join(rows) + "\n" if rows else ""
 

@@ -1,6 +1,6 @@
 from opir_core.builtin.configs import (
     BallisticConfig as BallisticConfig,
 )
-from opir_core.builtin.null_models import (
+from opir_core.builtin.no_tracker import (
     NoTracker as NoTracker,
 )

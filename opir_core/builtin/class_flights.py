@@ -15,6 +15,7 @@ from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class DragSettings(Protocol):
 
 
 @define(eq=False, kw_only=True)
-class ClassFlights:
+class ClassFlights(Trajectories):
     """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of their flight.
 
     `coast` is the flight after burnout where a sensor follows it, else None; `final_s` (n,) its end; `turns_s` (n, k)

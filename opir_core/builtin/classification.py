@@ -11,7 +11,7 @@ from opir_core.builtin.configs import ConfusionConfig, PosteriorConfig, Weighted
 from opir_core.errors import ModelError, nearest
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.optional import PosteriorClassifier
+from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
@@ -20,7 +20,7 @@ from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
 
 @frozen(eq=False)
-class ConfusionClassifier:
+class ConfusionClassifier(Classifier):
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
     `thresholds` (reported types - 1, sensors · classes) are cumulative probabilities, 1 from the last type of any
@@ -47,7 +47,7 @@ class ConfusionClassifier:
 
 
 @frozen(eq=False)
-class TrueType:
+class TrueType(Classifier):
     """The right type to report, each time: `type_code` are the codes of the targets' into `REPORTED_TYPES`."""
 
     type_code: NDArray[np.uint8]
@@ -62,7 +62,7 @@ class TrueType:
 
 
 @frozen
-class NoClassifier:
+class NoClassifier(Classifier):
     """UNKNOWN, each time."""
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
@@ -152,7 +152,7 @@ _COUNT_TERMS = np.log10(1.0 + np.arange(10))
 
 
 @frozen
-class WeightedConfidence:
+class WeightedConfidence(Confidence):
     """C = w_b n_b/N_b + w_n min(1, log10(1 + n)) + w_g max(0, sin(theta)); opir-simulator paper (2026), section 4.3.
 
     The paper's count term is unbounded and its elevation term negative below the horizon; with the bounds above, C is
@@ -174,7 +174,7 @@ class WeightedConfidence:
 
 
 @frozen
-class ConstantConfidence:
+class ConstantConfidence(Confidence):
     """One confidence for all."""
 
     value: float
@@ -190,14 +190,15 @@ def weighted_confidence(config: WeightedConfig, _context: ModelContext) -> Confi
 
 
 @frozen
-class PosteriorConfidence:
+class PosteriorConfidence(Confidence):
     """The probability of the reported type; of UNKNOWN, the probability that the detection is of no missile."""
 
-    classifier: PosteriorClassifier
+    classifier: Classifier
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,)."""
         log_probability = self.classifier.log_posterior(sightings)
+        assert log_probability is not None
         return self.of_types(self.classifier.reported(log_probability), log_probability)
 
     def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
@@ -209,8 +210,8 @@ class PosteriorConfidence:
 
 def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Confidence:
     """Return the model `posterior`; raises `ModelError` for classifiers without probabilities."""
-    classifier: object = context.classifier
-    if not isinstance(classifier, PosteriorClassifier):
+    classifier = context.classifier
+    if classifier is None or not has_own(Classifier, classifier, "log_posterior"):
         raise ModelError(
             "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
             " classification: spectral, or confidence: weighted"

@@ -19,7 +19,7 @@ from opir_core.sensors.confusion_matrix import is_probability
 
 
 @define(eq=False)
-class ConstantDetection:
+class ConstantDetection(DetectionProbability):
     """A probability of detection for each sensor and target class, the same for every look.
 
     `probability_table` is (sensors, classes); `class_number` the targets' columns in it; `band_count` the sensors'

@@ -155,7 +155,7 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none`."""
-    yield TrackerModel(name="none", summary="no tracks", build=_built_by("null_models", "no_tracker"))
+    yield TrackerModel(name="none", summary="no tracks", build=_built_by("no_tracker", "no_tracker"))
 
 
 @hookimpl
@@ -197,7 +197,7 @@ def opir_target_models() -> Iterable[TargetModel]:
 def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `clear`."""
     yield AtmosphereModel(
-        name="clear", summary="transmittance 1, no clouds", build=_built_by("null_models", "clear_atmosphere")
+        name="clear", summary="transmittance 1, no clouds", build=_built_by("empty_space", "clear_atmosphere")
     )
 
 
@@ -205,7 +205,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
 def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `none`."""
     yield BackgroundModel(
-        name="none", summary="no background radiance", build=_built_by("null_models", "no_background")
+        name="none", summary="no background radiance", build=_built_by("empty_space", "no_background")
     )
 
 

@@ -14,12 +14,12 @@ from opir_core.builtin.configs import JsonlConfig, MemoryConfig
 from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import SinkContext
-from opir_core.interfaces.protocols import Delivery, Encoder
+from opir_core.interfaces.outputs import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count, encoder_blocks, event_counter, only_encodable
 
 
-class MemorySink:
+class MemorySink(Sink):
     """Keeps windows; encodes them on request."""
 
     def __init__(self, make_encoder: Callable[[], Encoder], count: Callable[[Window], int] = detection_count) -> None:
@@ -50,7 +50,7 @@ class MemorySink:
         return Delivery(delivered=len(self))
 
 
-class NullSink:
+class NullSink(Sink):
     """Counts events and discards them."""
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ STANDARD_OUTPUT = "-"
 _LONGEST_LINE = 1 << 20
 
 
-class LineFile:
+class LineFile(Sink):
     """An open file of events, or standard output; an existing file is overwritten.
 
     With `appends` the file keeps its lines, except an incomplete last line of a killed run. `written_at` is the

@@ -31,7 +31,7 @@ _LARGEST_FILE_BYTES = 64_000_000
 
 
 @define(eq=False)
-class TableTargets:
+class TableTargets(Trajectories):
     """Targets on the trajectories of their files: to burnout, or to the last state where a sensor follows them."""
 
     type_code: NDArray[np.uint8]

@@ -1,5 +1,6 @@
 from opir_core.host.boundary import (
     InvalidOutput as InvalidOutput,
+    owner_text as owner_text,
 )
 from opir_core.host.components import (
     plural as plural,

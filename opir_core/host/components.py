@@ -155,7 +155,7 @@ class BackgroundModel(Component):
 class EventEncoder(Component):
     """`build(config, context) -> Encoder`: detections to message bytes.
 
-    With `encodes_tracks` it builds a `TrackEncoder`: an output's events are then tracks, one per track and tick.
+    With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track and tick.
     """
 
     hook = "opir_event_encoders"

@@ -6,23 +6,14 @@ from opir_core.interfaces.columns import (
 from opir_core.interfaces.contexts import (
     Surroundings as Surroundings,
 )
-from opir_core.interfaces.optional import (
-    ConfirmingModel as ConfirmingModel,
+from opir_core.interfaces.contract import (
+    has_own as has_own,
 )
 from opir_core.interfaces.protocols import (
     Radiometer as Radiometer,
 )
 from opir_core.interfaces.radiometric_models import (
-    CloudyTransmittance as CloudyTransmittance,
-    CourseWithBreakpoints as CourseWithBreakpoints,
-    ReflectingSignatures as ReflectingSignatures,
-    SignaturesWithBreakpoints as SignaturesWithBreakpoints,
     Structure as Structure,
-    StructuredBackground as StructuredBackground,
-    TransmittanceWithBreakpoints as TransmittanceWithBreakpoints,
-    intensities_w_sr as intensities_w_sr,
-    radiances_and_clutter_w_m2_sr as radiances_and_clutter_w_m2_sr,
-    transmittances as transmittances,
 )
 from opir_core.interfaces.records import (
     IMPACT_METHODS as IMPACT_METHODS,

@@ -9,7 +9,8 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
-from opir_core.interfaces.protocols import Classifier, DetectionProbability, Encoder, Sensor
+from opir_core.interfaces.outputs import Encoder
+from opir_core.interfaces.protocols import Classifier, DetectionProbability, Sensor
 from opir_core.interfaces.records import Window
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class

@@ -3,23 +3,24 @@
 A component's `build` returns one of these. The result of a row must not depend on the other rows of a call: the engine
 may pass any slice of a run, and the bytes of the events must be the same.
 
-The contexts of `build` are in `opir_core.interfaces.contexts`, optional abilities of components in
-`opir_core.interfaces.optional`. The protocols of signature, source, atmosphere and background models are in
+The contexts of `build` are in `opir_core.interfaces.contexts`, the contracts of outputs in
+`opir_core.interfaces.outputs`, those of signature, source, atmosphere and background models in
 `opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection model.
 """
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from attrs import field, frozen
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
+from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.contract import Contract, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
+from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
+from opir_core.scene.scene import EMITTER_TYPES
 
 
 @frozen
@@ -136,26 +137,73 @@ class Sensor:
     settings: Mapping[str, Any] = field(factory=dict)
 
 
-class Trajectories(Protocol):
-    """The trajectories of all targets of one model."""
+class Trajectories(Contract):
+    """The trajectories of all targets of one model; by default of one burn each, up to burnout.
 
-    @property
+    >>> class Pad(Trajectories):
+    ...     type_code = np.zeros(1, dtype=np.uint8)
+    ...     ignition_s, burnout_s = np.array([5.0]), np.array([65.0])
+    ...
+    ...     def position_ecef_m(self, target, time_s):
+    ...         return np.full((len(time_s), 3), 3.7e6)
+    ...
+    ...     def truth(self):
+    ...         return [{"id": "T1"}]
+    >>> Pad().end_s, Pad().class_names
+    (array([65.]), ['ICBM'])
+    """
+
+    @required
     def type_code(self) -> ByteArray:
         """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class resembles."""
+        raise NotImplementedError
 
-    @property
+    @required
     def ignition_s(self) -> FloatArray:
         """Scene times from which the plumes radiate, (n,) s."""
+        raise NotImplementedError
 
-    @property
+    @required
     def burnout_s(self) -> FloatArray:
         """Scene times to which the plumes radiate, (n,) s."""
+        raise NotImplementedError
 
+    @abstractmethod
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
 
+    @abstractmethod
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping of plain values per target, for the truth file."""
+
+    @optional
+    def end_s(self) -> FloatArray:
+        """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor follows targets."""
+        return self.burnout_s
+
+    @optional
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes, one per target; the missile types, unless the classes are finer."""
+        return [EMITTER_TYPES[code] for code in self.type_code.tolist()]
+
+    @optional
+    def burns_s(self) -> FloatArray:
+        """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
+
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Where one does not follow at once, the plume is
+        dark: only sensors that follow bodies observe the target, as after burnout.
+        """
+        return one_burn_s(self.ignition_s, self.burnout_s)
+
+    @optional
+    def course_breakpoints_s(self) -> FloatArray | None:
+        """Scene times (n, k) at which the direction of flight jumps or bends, s; nan where there are fewer."""
+        return None
+
+    @optional
+    def files(self) -> Sequence[Mapping[str, Any]]:
+        """The `path` and `sha256` of each file that was read; the run manifest lists them."""
+        return ()
 
 
 class RandomDraws(Protocol):
@@ -188,116 +236,192 @@ class Measured(Columns):
     band_noise_w_m2: FloatArray | None = None
 
 
-class DetectionProbability(Protocol):
-    """Exposures to probability of detection."""
+@frozen(eq=False, repr=False)
+class Response(Columns):
+    """Expected measurements of looks: the quantile of P_d, and each band's signal and noise.
 
-    @property
+    `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already; `snr` (n, B) the
+    expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
+    sensor's own bands. `elevation_sine` (n,) is of the sensor's elevation above the target's horizon; None if the model
+    does not need it to measure.
+    """
+
+    probit: FloatArray | None
+    snr: FloatArray
+    noise_w_m2: FloatArray
+    elevation_sine: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.snr)
+
+    def sine(self, rows: Any) -> FloatArray | None:
+        """Return the sines of the elevations of some of the looks, if there are any."""
+        return None if self.elevation_sine is None else self.elevation_sine[rows]
+
+
+class DetectionProbability(Contract):
+    """Exposures to probability of detection; by default every look on its own, without signals or false alarms.
+
+    A model with signals defines `response` and `measure_response`: if it has a `probability_tolerance` too, the engine
+    interpolates its P_d between looks. One with false alarms defines `rate_per_scan`, `words` and `measure_noise`.
+
+    >>> class Sure(DetectionProbability):
+    ...     def probability(self, exposures):
+    ...         return np.ones(len(exposures))
+    ...
+    ...     def measure(self, exposures, dice):
+    ...         return Measured(bands=np.ones(len(exposures), dtype=np.uint8), snr=np.full(len(exposures), np.nan))
+    >>> Sure().probability(range(2))
+    array([1., 1.])
+    """
+
+    @optional
     def needs_geometry(self) -> bool:
         """Whether `probability` reads the geometry columns of its exposures."""
+        return True
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return P_d (n,) of all looks of the pairs, or None if it varies from look to look."""
+        return None
 
+    @abstractmethod
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look, in [0, 1]."""
 
+    @abstractmethod
     def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the measurements of looks that detected."""
 
+    @optional
+    def probability_tolerance(self) -> float | None:
+        """Largest error of a P_d that is interpolated between looks, or None to evaluate every look."""
+        return None
 
-class Classifier(Protocol):
-    """Measurements to the reported target type."""
+    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response | None:
+        """Return the expected measurements of looks, with P_d to within `slack`; None for a model without signals."""
+        return None
+
+    def measure_response(
+        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+    ) -> Measured:
+        """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
+        raise NotImplementedError
+
+    def breakpoints_s(self) -> FloatArray | None:
+        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none.
+
+        The grid of the interpolation starts with these times.
+        """
+        return None
+
+    def transmittance(self, exposures: Exposures, band: Band) -> FloatArray | None:
+        """Return the transmittances (n,) in a band between the targets and the sensors of looks, None if unknown."""
+        return None
+
+    @optional
+    def confirmation(self) -> IntArray | None:
+        """The needed detections M and the successive scans N among which these must be, (sensors, 2); None for 1 of 1.
+
+        The false alarms of a model with confirmation are the confirmed ones.
+        """
+        return None
+
+    @optional
+    def rate_per_scan(self) -> FloatArray | None:
+        """Mean number (sensors,) of reported false alarms in one scan of the whole field of regard; None for none."""
+        return None
+
+    @optional
+    def words(self) -> int:
+        """Number of random numbers per false alarm."""
+        return 0
+
+    def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
+        """Return the measurements (n,) of false alarms, from numbers (n, words) in [0, 1)."""
+        raise NotImplementedError
+
+
+class Classifier(Contract):
+    """Measurements to the reported target type; with `log_posterior`, also to type probabilities that tracks revise.
+
+    >>> class Undecided(Classifier):
+    ...     def reported_type(self, sightings, dice):
+    ...         return np.zeros(len(sightings), dtype=np.uint8)
+    >>> Undecided().reported_type(range(2), dice=None)
+    array([0, 0], dtype=uint8)
+    """
 
     def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> ByteArray | None:
         """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
+        return None
 
+    @abstractmethod
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray | None:
+        """Return ln P (n, 4) over `REPORTED_TYPES`, or None for a classifier without probabilities."""
+        return None
 
-class Confidence(Protocol):
-    """Detections and detection counts to confidence."""
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        """Return posteriors (n, 4) combined with type probabilities from the tracks' motion, (n, 4)."""
+        raise NotImplementedError
 
+    def reported(self, log_posterior: FloatArray) -> ByteArray:
+        """Return the codes (n,) reported for posteriors."""
+        raise NotImplementedError
+
+
+class Confidence(Contract):
+    """Detections and detection counts to confidence.
+
+    >>> class Even(Confidence):
+    ...     def confidence(self, sightings):
+    ...         return np.full(len(sightings), 0.5)
+    >>> Even().confidence(range(2))
+    array([0.5, 0.5])
+    """
+
+    @abstractmethod
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]."""
 
+    def of_types(self, reported_type: ByteArray, log_probability: FloatArray) -> FloatArray | None:
+        """Return confidences (n,) of reported types (n,) with ln P (n, 4) over `REPORTED_TYPES`.
 
-class Tracker(Protocol):
-    """Detections to tracks; stepped at ticks of scene time, never at window edges."""
+        None, the default, for models whose confidences do not follow from type probabilities alone.
+        """
+        return None
 
-    @property
+
+class Tracker(Contract):
+    """Detections to tracks; stepped at ticks of scene time, never at window edges.
+
+    >>> class Following(Tracker):
+    ...     cadence_s = 2.0
+    ...
+    ...     def associate(self, detections):
+    ...         return np.full(len(detections), -1)
+    ...
+    ...     def step(self, tick_s, detections):
+    ...         return Tracks.empty()
+    >>> from opir_testing.doubles import stub_window
+    >>> Following().associate(stub_window(2).detections)
+    array([-1, -1])
+    """
+
+    @required
     def cadence_s(self) -> float | None:
         """Time between ticks, s, or None for a tracker that never steps."""
 
+    @abstractmethod
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks of the last tick; changes no state."""
 
+    @abstractmethod
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
 
-
-class Encoder(Protocol):
-    """Detections to message bytes; tracks to message bytes if it is a `TrackEncoder` too."""
-
-    @property
-    def content_type(self) -> str:
-        """The media type of a message."""
-
-    @property
-    def schema_version(self) -> str:
-        """The version of the schema that the messages follow."""
-
-    def encode(self, window: Window) -> bytes:
-        """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
-
-
-@frozen
-class Delivery:
-    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written + recovered.
-
-    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of an earlier run that
-    were still in the spool. `complaint` is the reason of a failed delivery.
-    """
-
-    delivered: int
-    spooled: int = 0
-    dropped: int = 0
-    withheld: int = 0
-    recovered: int = 0
-    complaint: str | None = None
-
-
-class Sink(Protocol):
-    """A destination of events. A sink that fails raises `SinkError`; the other sinks continue.
-
-    A sink's `build` may return a `Transport` instead; the core makes a sink of it.
-    """
-
-    def write(self, window: Window) -> None:
-        """Accept a window's events."""
-
-    def close(self) -> Delivery:
-        """Release all resources and return the delivery counts; called once, also after a failure."""
-
-
-@runtime_checkable
-class Transport(Protocol):
-    """Sends encoded events and acknowledges them later: a sink's `build` may return one.
-
-    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
-    its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
-    """
-
-    @property
-    def trouble(self) -> str | None:
-        """The reason why nothing gets through at the moment; None while all is well."""
-
-    def send(self, batch: Batch) -> "Future[None]":
-        """Send events without blocking; those of one key arrive in the order in which they were given.
-
-        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink without a
-        spool has failed; one with a spool is parked, and sends the batch again later (see `ReopenableTransport`).
-        """
-
-    def close(self, wait_s: float) -> None:
-        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
+        """Use new settings of the sensors, as many in the same order; a running scene may change them."""
+        return

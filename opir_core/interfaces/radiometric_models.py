@@ -1,13 +1,13 @@
-"""Protocols of signature, source, atmosphere and background models, their contexts, and the columns they work on.
+"""Contracts of signature, source, atmosphere and background models, their contexts, and the columns they work on.
 
 `band` is an index into the `bands` of the context of a model: the distinct bands of the scene's sensors. A model that
 does not support one of them raises `ModelError` when it is built. Results are finite and element by element: they do
-not depend on how rows are grouped into calls. The functions at the end evaluate several bands, by the model's own
-method if it has one.
+not depend on how rows are grouped into calls.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar
 
 import numpy as np
 from attrs import Factory, field, frozen
@@ -15,6 +15,7 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.contract import Contract, optional, required
 from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.scene.target_classes import Plume
 
@@ -59,9 +60,18 @@ class Views(Columns):
     )
 
 
-class Signatures(Protocol):
-    """Radiant intensities of the targets of one model; rows are those of the context (or the `Sources`)."""
+class Signatures(Contract):
+    """Radiant intensities of the targets of one model; rows are those of the context (or the `Sources`).
 
+    >>> class Torch(Signatures):
+    ...     def intensity_w_sr(self, band, target, time_since_ignition_s, altitude_m, aspect_rad):
+    ...         return np.full(len(target), 2e5)
+    >>> Torch().intensities_w_sr([0, 1], np.array([0]), np.array([10.0]), np.array([3e4]), np.array([1.6]))
+    array([[200000.],
+           [200000.]])
+    """
+
+    @abstractmethod
     def intensity_w_sr(
         self,
         band: int,
@@ -77,107 +87,104 @@ class Signatures(Protocol):
         In a dark gap between burns the engine asks for a time just after burnout.
         """
 
+    def intensities_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return those of several bands (bands, n); to define where all at once cost less than one after the other."""
+        columns = (target, time_since_ignition_s, altitude_m, aspect_rad)
+        return _stacked([self.intensity_w_sr(band, *columns) for band in bands])
+
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
         """Return the angles (n,) that `intensity_w_sr` takes at scene times, by unit vectors (n, 3) to the sensors.
 
         None where that angle is measured from the direction of flight (of the velocity in ECEF), as for plumes.
         """
+        return None
 
+    @optional
+    def time_breakpoints_s(self) -> FloatArray | None:
+        """Times since ignition (targets, k) at which intensities jump or bend, s; nan where there are fewer."""
+        return None
 
-@runtime_checkable
-class SignaturesWithBreakpoints(Protocol):
-    """What `Signatures` also have that know where their intensities jump or bend; each has as many rows as targets."""
-
-    @property
-    def time_breakpoints_s(self) -> FloatArray:
-        """Times since ignition (n, k) at which they do, s; nan where there are fewer."""
-
-    @property
-    def altitude_breakpoints_m(self) -> FloatArray:
-        """Altitudes (n, k) at which they do while the plume burns, m; nan where there are fewer."""
-
-
-@runtime_checkable
-class ReflectingSignatures(Protocol):
-    """What `Signatures` also have whose targets reflect sunlight; the engine adds it to their intensities."""
+    @optional
+    def altitude_breakpoints_m(self) -> FloatArray | None:
+        """Altitudes (targets, k) at which they do while the plume burns, m; nan where there are fewer."""
+        return None
 
     def reflecting_area_m2(self, target: IndexArray, time_since_ignition_s: FloatArray) -> FloatArray:
-        """Return albedo times cross-section (n,), m², of diffuse spheres; 0 where nothing is reflected.
+        """Return albedo times cross-section (n,), m², of diffuse spheres; 0 where no sunlight is reflected.
 
-        Only targets that sensors follow after burnout reflect.
+        The engine adds the reflected light. Only targets that sensors follow after burnout reflect.
         """
+        return np.zeros(len(target))
 
 
-@runtime_checkable
-class TransmittanceWithBreakpoints(Protocol):
-    """What a `Transmittance` also has that jumps or bends at altitudes of its own."""
-
-    @property
-    def altitude_breakpoints_m(self) -> FloatArray:
-        """Altitudes (k,) of targets at which it does, m."""
-
-
-@runtime_checkable
-class CloudyTransmittance(Protocol):
-    """What a `Transmittance` also has that knows the same air without its clouds."""
-
-    @property
-    def clear(self) -> "Transmittance":
-        """The air without clouds."""
-
-
-@runtime_checkable
-class CourseWithBreakpoints(Protocol):
-    """What `Trajectories` also have that know when the direction of flight jumps or bends."""
-
-    @property
-    def course_breakpoints_s(self) -> FloatArray:
-        """Scene times (n, k) at which it does, s; nan where there are fewer."""
-
-
-class Sources(Protocol):
+class Sources(Contract):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
     `opir_core.scene.scene.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may
     begin before the scene does.
+
+    >>> class NoFires(Sources):
+    ...     ids = ()
+    ...     trajectories = signatures = None
+    >>> len(NoFires().ids)
+    0
     """
 
-    @property
+    @required
     def ids(self) -> Sequence[str]:
         """Ids of the emitters: the block's own id with a number from 1, `fires-17`."""
+        raise NotImplementedError
 
-    @property
+    @required
     def trajectories(self) -> Trajectories:
         """Their positions and times."""
+        raise NotImplementedError
 
-    @property
+    @required
     def signatures(self) -> Signatures:
         """Their signatures."""
+        raise NotImplementedError
 
 
-class Transmittance(Protocol):
-    """The transmittance of the atmosphere."""
+class Transmittance(Contract):
+    """The transmittance of the atmosphere; by default without clouds.
 
+    >>> class Haze(Transmittance):
+    ...     def transmittance(self, band, path):
+    ...         return np.full(len(path), 0.8)
+    >>> Haze().cloud_top_m(np.zeros((1, 3)))
+    array([-inf])
+    """
+
+    @abstractmethod
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return in-band transmittances (n,) in [0, 1] from target to sensor; 1 for targets above the atmosphere."""
 
+    def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
+        """Return those of several bands (bands, n); to define where all at once cost less than one after the other."""
+        return _stacked([self.transmittance(band, path) for band in bands])
+
     def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
         """Return the heights (n,) of the tops of opaque clouds over points (n, 3), m; -inf where there is none."""
+        return np.full(len(point_ecef_m), -np.inf)
 
+    @optional
+    def clear(self) -> "Transmittance":
+        """The same air without its clouds."""
+        return self
 
-class Background(Protocol):
-    """The radiance behind a target."""
-
-    def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return in-band radiances (n,) at the sensor, W m⁻² sr⁻¹; 0 for cold space."""
-
-    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return the standard deviations (n,) of the radiance left after the subtraction of the background.
-
-        Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter · ω · R², W/sr, or an
-        irradiance of clutter · ω at the aperture, W/m².
-        """
+    @optional
+    def altitude_breakpoints_m(self) -> FloatArray:
+        """Altitudes (k,) of targets at which the transmittance jumps or bends, m."""
+        return np.empty(0)
 
 
 @frozen
@@ -188,49 +195,48 @@ class Structure:
     exponent: float
 
 
-@runtime_checkable
-class StructuredBackground(Protocol):
-    """What a `Background` also has whose radiance has structure, which sensors with a focal plane see as clutter."""
+class Background(Contract):
+    """The radiance behind a target.
 
-    @property
+    With `structures` and `structured_radiances_w_m2_sr` sensors with a focal plane see its structure as clutter.
+
+    >>> class Grey(Background):
+    ...     def radiance_w_m2_sr(self, band, view):
+    ...         return np.full(len(view), 0.1)
+    ...
+    ...     def clutter_w_m2_sr(self, band, view):
+    ...         return np.full(len(view), 0.01)
+    >>> Grey().radiances_and_clutter_w_m2_sr([0], range(1))
+    (array([[0.1]]), array([[0.01]]))
+    """
+
+    @abstractmethod
+    def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+        """Return in-band radiances (n,) at the sensor, W m⁻² sr⁻¹; 0 for cold space."""
+
+    @abstractmethod
+    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+        """Return the standard deviations (n,) of the radiance left after the subtraction of the background.
+
+        Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter · ω · R², W/sr, or an
+        irradiance of clutter · ω at the aperture, W/m².
+        """
+
+    def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return both of several bands (bands, n); to define where all at once cost less than one after the other."""
+        radiance = [self.radiance_w_m2_sr(band, view) for band in bands]
+        return _stacked(radiance), _stacked([self.clutter_w_m2_sr(band, view) for band in bands])
+
+    @optional
     def structures(self) -> Sequence[Structure]:
         """The structures of its parts: cloud, ground, limb."""
+        return ()
 
     def structured_radiances_w_m2_sr(
         self, bands: Sequence[int], view: Views
     ) -> tuple[FloatArray, FloatArray, IndexArray]:
         """Return radiances and the standard deviations of their structure (bands, n), and its number (n,)."""
-
-
-@runtime_checkable
-class ManyBandSignatures(Protocol):
-    """What `Signatures` also have that know several bands at once, cheaper than one after the other."""
-
-    def intensities_w_sr(
-        self,
-        bands: Sequence[int],
-        target: IndexArray,
-        time_since_ignition_s: FloatArray,
-        altitude_m: FloatArray,
-        aspect_rad: FloatArray,
-    ) -> FloatArray:
-        """Return `intensity_w_sr` of each band, (bands, n)."""
-
-
-@runtime_checkable
-class ManyBandTransmittance(Protocol):
-    """What a `Transmittance` also has that knows several bands at once, cheaper than one after the other."""
-
-    def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
-        """Return `transmittance` of each band, (bands, n)."""
-
-
-@runtime_checkable
-class ManyBandBackground(Protocol):
-    """What a `Background` also has that knows several bands, and their clutter, at once."""
-
-    def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return `radiance_w_m2_sr` and `clutter_w_m2_sr` of each band, (bands, n) both."""
+        raise NotImplementedError
 
 
 @frozen(kw_only=True)
@@ -272,7 +278,7 @@ class SourceContext:
     epoch_us: int
     duration_s: float
     seed: int
-    make_atmosphere: Callable[[], "Transmittance"] | None = None
+    make_atmosphere: Callable[[], Transmittance] | None = None
 
 
 @frozen(kw_only=True)
@@ -292,39 +298,6 @@ class BackgroundContext:
     path: str
     epoch_us: int
     make_atmosphere: Callable[[], Transmittance]
-
-
-def intensities_w_sr(
-    signatures: Signatures,
-    bands: Sequence[int],
-    target: IndexArray,
-    time_since_ignition_s: FloatArray,
-    altitude_m: FloatArray,
-    aspect_rad: FloatArray,
-) -> FloatArray:
-    """Return radiant intensities (bands, n) at the source, W/sr."""
-    columns = (target, time_since_ignition_s, altitude_m, aspect_rad)
-    if isinstance(signatures, ManyBandSignatures):
-        return signatures.intensities_w_sr(bands, *columns)
-    return _stacked([signatures.intensity_w_sr(band, *columns) for band in bands])
-
-
-def transmittances(atmosphere: Transmittance, bands: Sequence[int], path: Paths) -> FloatArray:
-    """Return in-band transmittances (bands, n)."""
-    if isinstance(atmosphere, ManyBandTransmittance):
-        return atmosphere.transmittances(bands, path)
-    return _stacked([atmosphere.transmittance(band, path) for band in bands])
-
-
-def radiances_and_clutter_w_m2_sr(
-    background: Background, bands: Sequence[int], view: Views
-) -> tuple[FloatArray, FloatArray]:
-    """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹."""
-    if isinstance(background, ManyBandBackground):
-        return background.radiances_and_clutter_w_m2_sr(bands, view)
-    both = [(background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)) for band in bands]
-    radiance, clutter = zip(*both, strict=True)
-    return _stacked(radiance), _stacked(clutter)
 
 
 def _stacked(columns: Sequence[FloatArray]) -> FloatArray:

@@ -13,9 +13,9 @@ from opir_core.host.boundary import check_hint, owner_text
 from opir_core.host.components import EventEncoder, SinkModel
 from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
-from opir_core.interfaces.protocols import Encoder, Sink, Transport
+from opir_core.interfaces.outputs import Encoder, Sink, Transport, sink_or_transport
 from opir_core.interfaces.records import Window
-from opir_core.output.checked_parts import checked_encoder, checked_sink, is_of_core
+from opir_core.output.checked_parts import CheckedEncoder, CheckedSink, is_of_core
 from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
@@ -210,12 +210,11 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
         origin=_origin(plan),
         **({} if stage is None else {"stage": stage}),
     )
-    made: Any = built(plan.host, choice, context)
+    owner = partial(owner_text, plan.host, choice)
+    made = sink_or_transport(built(plan.host, choice, context), owner)
     if choice.spool is None and not isinstance(made, Transport):
-        sink: Sink = made
-        component = plan.host.component(choice.hook, choice.name)
-        owner = partial(owner_text, plan.host, choice)
-        return sink if not is_checked or is_of_core(component) else checked_sink(sink, owner, check_hint(choice.name))
+        is_trusted = not is_checked or is_of_core(plan.host.component(choice.hook, choice.name))
+        return made if is_trusted else CheckedSink(made, owner, check_hint(choice.name))
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 
@@ -240,9 +239,10 @@ def _encoder(plan: Plan, choice: Choice) -> Encoder:
     component = _encoder_model(plan, choice)
     chosen = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
     _, render = chosen_renderer(plan.host)
-    encoder: Encoder = built(plan.host, chosen, evolve(_origin(plan), render=render), component.config())
     owner = partial(owner_text, plan.host, chosen)
-    return encoder if is_of_core(component) else checked_encoder(encoder, owner, check_hint(component.name))
+    context = evolve(_origin(plan), render=render)
+    encoder = Encoder.adopt(built(plan.host, chosen, context, component.config()), owner)
+    return encoder if is_of_core(component) else CheckedEncoder(encoder, owner, check_hint(component.name))
 
 
 def _origin(plan: Plan) -> EncoderContext:

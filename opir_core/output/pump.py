@@ -10,7 +10,7 @@ from typing import Self
 
 from attrs import frozen
 
-from opir_core.interfaces.protocols import Sink
+from opir_core.interfaces.outputs import Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
 from opir_core.output.sink_thread import COUNTS, Counter, OpenSink

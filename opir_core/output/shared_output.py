@@ -7,7 +7,7 @@ other sinks write the window's columns in the parent.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from opir_core.interfaces.protocols import Delivery, Sink
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.run_files import TruthFile
 from opir_core.planning.plan import Plan
@@ -80,7 +80,7 @@ class SharedOutput:
         return SharedTruth(self, file)
 
 
-class SharedLines:
+class SharedLines(Sink):
     """A file of lines, some of which other processes have encoded."""
 
     def __init__(self, shared: SharedOutput, path: str, sink: LineSink) -> None:

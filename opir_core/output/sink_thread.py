@@ -15,8 +15,7 @@ from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
 from opir_core.host.error_messages import described_error
-from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink, ParkingSink
-from opir_core.interfaces.protocols import Delivery, Sink
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count
 
@@ -136,10 +135,8 @@ class OpenSink:
         """Return the counts of the present sink: its own, or all that was written as delivered."""
         if self._final is not None:
             return self._final
-        sink = self._sink
-        if not isinstance(sink, MonitoredSink):
-            return Delivery(delivered=self._written)
-        return self._checked(sink.delivery_so_far(), is_final=False)
+        told = self._sink.delivery_so_far()
+        return Delivery(delivered=self._written) if told is None else self._checked(told, is_final=False)
 
     def _checked(self, told: Delivery, *, is_final: bool) -> Delivery:
         """Return a sink's counts, made to add up; says so if they did not."""
@@ -231,7 +228,7 @@ class SinkThread(OpenSink):
     def close_by(self, deadline_s: float) -> None:
         """Set the time of the monotonic clock by which the sink must be closed."""
         self._deadline_s = deadline_s
-        self._pass_deadline(deadline_s)
+        self._sink.close_by(deadline_s)
 
     def close(self, deadline_s: float) -> None:
         """Close the sink after its queued windows; stop waiting at `deadline_s` of the monotonic clock."""
@@ -247,16 +244,16 @@ class SinkThread(OpenSink):
     @property
     def parked(self) -> str | None:
         """Why the destination refuses the events that the sink keeps for it, or None."""
-        return self._sink.parked if isinstance(self._sink, ParkingSink) else None
+        return self._sink.parked
 
     @property
     def has_waiting_in_memory(self) -> bool:
         """Whether the sink sends later what it has been given, and keeps it in memory meanwhile."""
-        return isinstance(self._sink, BufferingSink) and not self._sink.outlives_the_process
+        return self._sink.outlives_the_process is False
 
     def retry(self) -> bool:
         """Let a parked sink try again at once; return whether it was parked."""
-        return isinstance(self._sink, ParkingSink) and self._sink.retry()
+        return self._sink.retry()
 
     def status(self) -> SinkStatus:
         """Return the event counts and the state."""
@@ -268,7 +265,7 @@ class SinkThread(OpenSink):
             given=self._given,
             **{each: getattr(counts, each) for each in COUNTS},
             queued_windows=self._queue.qsize(),
-            waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
+            waits=self._waits + self._sink.waits,
             busy_s=self.busy_s,
             unbalanced=self.unbalanced,
             has_spool=self.is_spooled,
@@ -315,8 +312,8 @@ class SinkThread(OpenSink):
         return False
 
     def _change(self, replacement: "_Replacement") -> None:
-        if isinstance(self._sink, BufferingSink) and self._sink.outlives_the_process:
-            self._pass_deadline(min(self._deadline_s, time.monotonic() + _REPLACEMENT_S))
+        if self._sink.outlives_the_process:
+            self._sink.close_by(min(self._deadline_s, time.monotonic() + _REPLACEMENT_S))
         closed = Delivery(delivered=0)
         try:
             closed = self._checked(self._sink.close(), is_final=True)
@@ -331,17 +328,13 @@ class SinkThread(OpenSink):
         again = min(before.spooled, self._current().recovered)
         self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)
         if self._deadline_s < math.inf:
-            self._pass_deadline(self._deadline_s)
+            self._sink.close_by(self._deadline_s)
         self._count_replacements(1)
 
     def _count_replacements(self, done: int) -> None:
         with self._replacement_done:
             self._replacements -= done
             self._replacement_done.notify_all()
-
-    def _pass_deadline(self, deadline_s: float) -> None:
-        if isinstance(self._sink, DeadlineSink):
-            self._sink.close_by(deadline_s)
 
 
 def _sum(one: Delivery, other: Delivery) -> Delivery:

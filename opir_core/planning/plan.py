@@ -230,10 +230,12 @@ def _models(
         reported_types=reported_types(scene, host),
         surroundings=Surroundings(scene, host, sensors, targets, sources),
     )
-    detection = built(host, scene.detection, context)
+    detection = DetectionProbability.adopt(built(host, scene.detection, context), _owner(host, scene.detection))
     context = evolve(context, detection=detection)
-    classifier = built(host, scene.classification, context)
-    return detection, classifier, built(host, scene.confidence, evolve(context, classifier=classifier))
+    classifier = Classifier.adopt(built(host, scene.classification, context), _owner(host, scene.classification))
+    context = evolve(context, classifier=classifier)
+    confidence = Confidence.adopt(built(host, scene.confidence, context), _owner(host, scene.confidence))
+    return detection, classifier, confidence
 
 
 def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
@@ -267,6 +269,11 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
     settings = choice.config if config is None else config
     hint = check_hint(choice.name)
     return blamed_call(lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context))
+
+
+def _owner(host: Host, choice: Choice) -> Callable[[], str]:
+    """Return the function that makes the beginning of messages about a component."""
+    return partial(owner_text, host, choice)
 
 
 def _tracker_fault(part: Any) -> str:
@@ -328,12 +335,12 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         target_class=partial(host.component, TargetClass),
     )
     configs = [target.model.config for target in chosen]
-    trajectories: Trajectories = built(host, chosen[0].model, context, configs)
+    trajectories = built(host, chosen[0].model, context, configs)
     fault = trajectories_fault(trajectories, len(chosen))
     if fault:
         owner = owner_text(host, chosen[0].model)
         raise ModelError(f"{owner}: build made trajectories with {fault}; {check_hint(chosen[0].model.name)}")
-    return trajectories
+    return Trajectories.adopt(trajectories, _owner(host, chosen[0].model))
 
 
 def _forces(scene: Scene) -> "ForceModel":

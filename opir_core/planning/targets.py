@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
-from opir_core.interfaces.optional import FreeFlight, WithBurns, WithClasses
 from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.scene import EMITTER_TYPES
 
 
 @frozen(eq=False)
@@ -71,9 +69,9 @@ def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows:
         index = np.asarray(where, dtype=np.int64)
         group[index], place[index] = number, np.arange(len(index))
         type_code[index], ignition_s[index], burnout_s[index] = part.type_code, part.ignition_s, part.burnout_s
-        end_s[index] = part.end_s if isinstance(part, FreeFlight) else part.burnout_s
-        burns_s.append(part.burns_s if isinstance(part, WithBurns) else one_burn_s(part.ignition_s, part.burnout_s))
-        for row, name in zip(where, _class_names(part), strict=True):
+        end_s[index] = part.end_s
+        burns_s.append(part.burns_s)
+        for row, name in zip(where, part.class_names, strict=True):
             class_names[row] = name
     return Targets(
         ids=tuple(ids),
@@ -97,10 +95,3 @@ def _in_order(parts: Sequence[FloatArray], rows: Sequence[Sequence[int]]) -> Flo
     burns_s = np.empty_like(own)
     burns_s[np.concatenate([np.asarray(where, dtype=np.int64) for where in rows])] = own
     return burns_s
-
-
-def _class_names(trajectories: Trajectories) -> Sequence[str]:
-    """Return the class of each target of a model, by default its missile type."""
-    if isinstance(trajectories, WithClasses):
-        return trajectories.class_names
-    return [EMITTER_TYPES[code] for code in trajectories.type_code.tolist()]

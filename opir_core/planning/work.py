@@ -10,7 +10,6 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.interfaces.protocols import DetectionProbability, Sensor
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import WorkLimits
@@ -99,10 +98,11 @@ class Workload:
 
     def _false_alarms_per_s(self) -> FloatArray:
         """Return the mean number (sensors,) of false alarms in a second."""
-        if not isinstance(self.detection, FalseAlarmModel):
+        rate = self.detection.rate_per_scan
+        if rate is None:
             return np.zeros(len(self.sensors))
         period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / _NS
-        return np.asarray(self.detection.rate_per_scan, dtype=np.float64) / period_s
+        return np.asarray(rate, dtype=np.float64) / period_s
 
 
 def most_looks(pairs: Pairs, duration_ns: int) -> float:

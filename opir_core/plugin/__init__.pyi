@@ -42,40 +42,26 @@ from opir_core.interfaces.focal_plane import (
 from opir_core.interfaces.impact_regions import (
     ImpactRegion as ImpactRegion,
 )
-from opir_core.interfaces.optional import (
-    BufferingSink as BufferingSink,
-    DeadlineSink as DeadlineSink,
-    FalseAlarmModel as FalseAlarmModel,
-    FreeFlight as FreeFlight,
-    FromFiles as FromFiles,
-    MonitoredSink as MonitoredSink,
-    PartialEncoder as PartialEncoder,
-    PosteriorClassifier as PosteriorClassifier,
-    ReconfigurableTracker as ReconfigurableTracker,
-    Response as Response,
-    SignalModel as SignalModel,
-    TrackEncoder as TrackEncoder,
-    WithBreakpoints as WithBreakpoints,
-    WithBurns as WithBurns,
-    WithClasses as WithClasses,
+from opir_core.interfaces.outputs import (
+    Delivery as Delivery,
+    Encoder as Encoder,
+    Sink as Sink,
+    Transport as Transport,
 )
 from opir_core.interfaces.protocols import (
     Band as Band,
     Classifier as Classifier,
     Confidence as Confidence,
-    Delivery as Delivery,
     DetectionProbability as DetectionProbability,
-    Encoder as Encoder,
     Measured as Measured,
     Orbit as Orbit,
     RandomDraws as RandomDraws,
     ReportingStage as ReportingStage,
+    Response as Response,
     ScanPattern as ScanPattern,
     Sensor as Sensor,
-    Sink as Sink,
     Tracker as Tracker,
     Trajectories as Trajectories,
-    Transport as Transport,
 )
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext as AtmosphereContext,

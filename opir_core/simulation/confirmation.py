@@ -3,7 +3,7 @@
 import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
-from opir_core.interfaces.optional import ConfirmingModel
+from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.sightlines import Pairs
 from opir_core.simulation.output_checks import checked_confirmation
 
@@ -51,9 +51,9 @@ class Confirmation:
             self.recent[pair, back] = np.where(is_new, new, old)
 
 
-def confirmation_of(model: object, pairs: Pairs, sensors: int) -> Confirmation | None:
+def confirmation_of(model: DetectionProbability, pairs: Pairs, sensors: int) -> Confirmation | None:
     """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
-    if not isinstance(model, ConfirmingModel):
+    if model.confirmation is None:
         return None
     confirmation = checked_confirmation(model.confirmation, sensors)
     if not np.any(confirmation[:, 0] > 1):

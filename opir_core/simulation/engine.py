@@ -13,7 +13,6 @@ from attrs import evolve
 
 from opir_core.arrays import IntArray
 from opir_core.host.boundary import PluginErrors
-from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.interfaces.records import Window
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
@@ -135,7 +134,7 @@ class Engine:
 
 def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Stage | None]:
     """Return the stages before and after the building of detections, None if the model has no false alarms."""
-    if not isinstance(plan.detection, FalseAlarmModel):
+    if plan.detection.rate_per_scan is None:
         return None, None
     from opir_core.simulation.insertion import DrawFalseAlarms, insert_false_alarms
 

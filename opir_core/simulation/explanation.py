@@ -8,7 +8,6 @@ import numpy as np
 from attrs import asdict
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
@@ -127,9 +126,10 @@ def _rows(sensor: Sensor, columns: Mapping[str, FloatArray]) -> list[Mapping[str
 
 def _noise(plan: Plan) -> list[Mapping[str, Any]]:
     """Return the false-alarm rates by sensor; nothing for models without noise."""
-    if not isinstance(plan.detection, FalseAlarmModel):
+    rates = plan.detection.rate_per_scan
+    if rates is None:
         return []
-    both = zip(plan.sensors, plan.detection.rate_per_scan.tolist(), strict=True)
+    both = zip(plan.sensors, rates.tolist(), strict=True)
     return [
         {"sensor_id": sensor.id, "per_scan": rate, "per_day": rate * 86_400e9 / sensor.scan.period_ns}
         for sensor, rate in both
@@ -139,9 +139,9 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
 def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
     """Return the figures of the focal planes by band, with the noise of looks in this scene; none without planes."""
     receivers = getattr(plan.detection, "receivers", ())
-    if not isinstance(plan.detection, SignalModel) or all(receiver.plane is None for receiver in receivers):
+    if all(receiver.plane is None for receiver in receivers):
         return []
-    noise = _look_noise(plan, plan.detection)
+    noise = _look_noise(plan)
     return [
         {
             "sensor_id": sensor.id,
@@ -159,13 +159,15 @@ def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
     ]
 
 
-def _look_noise(plan: Plan, model: SignalModel) -> _LookNoise:
+def _look_noise(plan: Plan) -> _LookNoise:
     """Return the noise of a few looks of every pair."""
     pair = np.repeat(np.flatnonzero(plan.pairs.looks > 0), _LOOKS_SHOWN)
     share = np.tile(np.linspace(0.0, 1.0, _LOOKS_SHOWN), len(pair) // _LOOKS_SHOWN)
     first, last = plan.pairs.first_scan[pair], plan.pairs.last_scan[pair]
     exposures = plan.look_geometry().exposures(pair, first + np.floor(share * (last - first)).astype(np.int64))
-    return _LookNoise(exposures.sensor, model.response(exposures).noise_w_m2)
+    response = plan.detection.response(exposures)
+    assert response is not None
+    return _LookNoise(exposures.sensor, response.noise_w_m2)
 
 
 def _reporting(plan: Plan) -> list[Mapping[str, Any]]:

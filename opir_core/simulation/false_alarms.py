@@ -16,8 +16,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel
-from opir_core.interfaces.protocols import Measured
+from opir_core.interfaces.protocols import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
@@ -73,7 +72,7 @@ class FalseAlarms:
 class FalseAlarmGenerator:
     """Draws a run's false alarms, window by window; there are none where the Sun prevents looks."""
 
-    def __init__(self, plan: Plan, model: FalseAlarmModel, geometry: LookGeometry) -> None:
+    def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
         self._model, self._classifier, self._confidence = model, plan.classifier, plan.confidence
         self._states, self._types_total = geometry.states, len(plan.reported_types)
         scene, sensors, names = plan.scene, plan.sensors, plan.sensor_names()
@@ -183,9 +182,9 @@ class FalseAlarmGenerator:
         return classified(self._classifier, sightings, _NoDraws(len(sightings)), self._types_total)
 
 
-def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
+def _needed(model: DetectionProbability, sensors: int) -> IndexArray:
     """Return the detections (sensors,) that a reported false alarm consists of."""
-    if isinstance(model, ConfirmingModel):
+    if model.confirmation is not None:
         return checked_confirmation(model.confirmation, sensors)[:, 0].astype(np.int32)
     return np.ones(sensors, dtype=np.int32)
 

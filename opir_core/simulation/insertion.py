@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.interfaces.optional import FalseAlarmModel
+from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
 from opir_core.simulation.false_alarms import FalseAlarmGenerator
@@ -12,7 +12,7 @@ from opir_core.simulation.observation import Observation
 class DrawFalseAlarms:
     """Takes `hits` and `order`; gives `false_alarms` and their `places`, and an `order` with a row for each."""
 
-    def __init__(self, plan: Plan, model: FalseAlarmModel, geometry: LookGeometry) -> None:
+    def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
         self._generator = FalseAlarmGenerator(plan, model, geometry)
         self._sensor = plan.pairs.sensor
 

@@ -1,6 +1,6 @@
 """P_d interpolated between looks: the detection model is evaluated at knots along each pair's looks only.
 
-Signals vary slowly along a track, except at breakpoints that models may know (`WithBreakpoints`). Between these, pieces
+Signals vary slowly along a track, except at breakpoints that models may know (`breakpoints_s`). Between these, pieces
 have five knots (`opir_core.simulation.refinement`), or three if P_d is 0 or 1 throughout. The quantile of P_d is a
 polynomial over the scan number through the knots; each band's signal and noise are linear between knots. A piece is
 halved until the error of the curve is within the tolerance of P_d; at jumps of the quantile halving ends at adjacent
@@ -14,8 +14,7 @@ from attrs import frozen
 from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.optional import Response, SignalModel
-from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response
 from opir_core.planning.looks import LookGeometry, Looks
 from opir_core.simulation.refinement import (
     KNOTS,
@@ -65,7 +64,7 @@ class ProbabilityInterpolant:
     signals, noise and the sine of the elevation at an interval's first scan, and their increase per scan.
     """
 
-    model: SignalModel
+    model: DetectionProbability
     pieces: _LookIntervals
     curves: Curves
     certain: FloatArray
@@ -74,7 +73,7 @@ class ProbabilityInterpolant:
     rise: FloatArray
 
     @classmethod
-    def of(cls, geometry: LookGeometry, model: SignalModel, tolerance: float) -> "ProbabilityInterpolant":
+    def of(cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> "ProbabilityInterpolant":
         """Return the interpolant of all pairs with looks."""
         grid = GridRefiner(geometry, model, tolerance).refined()
         last_scan = geometry.pairs.last_scan

@@ -8,7 +8,6 @@ import numpy as np
 
 from opir_core._version import __version__
 from opir_core.host.components import Constellation, EventEncoder
-from opir_core.interfaces.optional import FromFiles
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.philox import SCHEME
 from opir_core.reading import scene_hash, scene_mapping
@@ -27,7 +26,7 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         "random_numbers": SCHEME,
         "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "components": components_used(plan),
-        "files": [file for part in plan.targets.trajectories if isinstance(part, FromFiles) for file in part.files],
+        "files": [file for part in plan.targets.trajectories for file in part.files],
         "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),

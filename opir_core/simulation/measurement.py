@@ -5,7 +5,6 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.optional import PosteriorClassifier, TypeConfidence
 from opir_core.interfaces.protocols import Classifier, Confidence, Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 from opir_core.planning.sensor_states import SensorStates
@@ -54,12 +53,11 @@ def classified(
 ) -> tuple[NDArray[np.uint8], FloatArray]:
     """Return reported types (n,) and ln of the type probabilities (n, 4), or (n, 0) if the classifier has none."""
     rows = len(sightings)
-    if not isinstance(classifier, PosteriorClassifier):
+    posterior = classifier.log_posterior(sightings)
+    if posterior is None:
         codes = checked_types(classifier.reported_type(sightings, rng), rows, types, "reported_type")
         return codes, np.empty((rows, 0))
-    log_probability = checked_log_probability(
-        classifier.log_posterior(sightings), rows, len(REPORTED_TYPES), "log_posterior"
-    )
+    log_probability = checked_log_probability(posterior, rows, len(REPORTED_TYPES), "log_posterior")
     return checked_types(classifier.reported(log_probability), rows, types, "reported"), log_probability
 
 
@@ -67,8 +65,9 @@ def confidences(
     model: Confidence, sightings: ClassifierInputs, reported_type: NDArray[np.uint8], log_probability: FloatArray
 ) -> FloatArray:
     """Return confidences (n,) of detections with reported types (n,) and ln of the type probabilities (n, 4)."""
-    if isinstance(model, TypeConfidence):
-        return checked_confidence(model.of_types(reported_type, log_probability), len(sightings), "of_types")
+    of_types = model.of_types(reported_type, log_probability)
+    if of_types is not None:
+        return checked_confidence(of_types, len(sightings), "of_types")
     return checked_confidence(model.confidence(sightings), len(sightings), "confidence")
 
 
@@ -80,11 +79,11 @@ def with_tracks(
     Only tracks with a burnout estimate are used: their types come from motion, those of others may come from the very
     reports.
     """
-    if not isinstance(classifier, PosteriorClassifier) or not len(estimates):
+    if not len(estimates) or not detections.type_log_probability.shape[1]:
         return detections
     moved: BoolArray = np.all(np.isfinite(estimates.burnout), axis=1)
     rows = np.flatnonzero((detections.estimate >= 0) & moved[detections.estimate])
-    if not len(rows) or not detections.type_log_probability.shape[1]:
+    if not len(rows):
         return detections
     of_track = estimates.type_probability[detections.estimate[rows]]
     log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
@@ -92,9 +91,9 @@ def with_tracks(
     log_probability[rows] = checked_log_probability(revised, len(rows), log_probability.shape[1], "revised")
     reported[rows] = checked_types(classifier.reported(log_probability[rows]), len(rows), 256, "reported")
     changed = evolve(detections, type_log_probability=log_probability, reported_type=reported)
-    if not isinstance(confidence, TypeConfidence):
-        return changed
     of_types = confidence.of_types(reported, log_probability)
+    if of_types is None:
+        return changed
     return evolve(changed, confidence=checked_confidence(of_types, len(detections), "of_types"))
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.optional import SignalModel
 from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks
 from opir_core.simulation.observation import Observation
@@ -68,9 +67,9 @@ class VisibilityTest:
             window.probability[part] *= self.geometry.visible(looks.pair[part], looks.scan[part])
 
 
-def interpolant_of(model: object, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
+def interpolant_of(model: DetectionProbability, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
     """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation."""
-    if not isinstance(model, SignalModel) or model.probability_tolerance is None:
+    if model.probability_tolerance is None:
         return None
     from opir_core.simulation.interpolation import ProbabilityInterpolant
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.optional import SignalModel, WithBreakpoints
+from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
 
 #: First pieces of smooth intervals: longest duration, s, and largest number.
@@ -129,7 +129,7 @@ class RefinedGrid(NamedTuple):
 class GridRefiner:
     """Refines the interpolation grid of all pairs: each round evaluates new knots of all open pieces at once."""
 
-    def __init__(self, geometry: LookGeometry, model: SignalModel, tolerance: float) -> None:
+    def __init__(self, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> None:
         self._geometry, self._model, self._tolerance = geometry, model, tolerance
         self._certain = certain_beyond(tolerance)
         self._known, self._count = np.empty((1, 0)), 0
@@ -187,6 +187,7 @@ class GridRefiner:
         for rows in blocks(len(pair)):
             exposed = self._geometry.exposures(pair[rows], scan[rows])
             response = self._model.response(exposed, slack=slack)
+            assert response is not None
             assert response.probit is not None
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
             sine = np.zeros(len(quantile)) if response.elevation_sine is None else response.elevation_sine
@@ -299,14 +300,15 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
 
 
-def _smooth_intervals(geometry: LookGeometry, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
+def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tuple[IntArray, IntArray, IntArray]:
     """Return intervals of looks between breakpoints of the model: pairs, first and last scans."""
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first, last = pairs.first_scan[looking], pairs.last_scan[looking]
     starts = first[:, None]
-    if isinstance(model, WithBreakpoints):
-        cut = _scans_from(geometry, looking, model.breakpoints_s()[pairs.target[looking]])
+    breakpoints_s = model.breakpoints_s()
+    if breakpoints_s is not None:
+        cut = _scans_from(geometry, looking, breakpoints_s[pairs.target[looking]])
         cut = np.clip(cut, first[:, None], last[:, None] + 1)
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
     stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)

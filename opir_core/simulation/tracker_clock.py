@@ -1,6 +1,7 @@
 """Steps a tracker at ticks of scene time, independent of the windows, and checks its output."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
-from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_core.planning.plan import Plan
@@ -55,9 +55,8 @@ class ScheduledTracker:
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
-        tracker: Any = self._tracker
-        if isinstance(tracker, ReconfigurableTracker):
-            tracker.set_sensors(sensors)
+        if self._cadence_ns is not None:
+            self._tracker_in_use.set_sensors(sensors)
 
     def absorb(self, detections: Detections, start_ns: int, end_ns: int) -> Tracked:
         """Process the detections of [start, end), sorted by time."""
@@ -108,7 +107,8 @@ def checked_tracker(plan: Plan) -> Tracker:
     tracker, choice = plan.make_tracker(), plan.scene.tracker
     if tracker.cadence_s is None:
         return tracker
-    return CheckedTracker(tracker, lambda: owner_text(plan.host, choice), check_hint(choice.name))
+    owner = partial(owner_text, plan.host, choice)
+    return CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name))
 
 
 def without_truth(detections: Detections) -> Detections:
@@ -125,7 +125,7 @@ def rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
     return np.where(numbers[place] == track, place + offset, -1)
 
 
-class CheckedTracker:
+class CheckedTracker(Tracker):
     """A tracker with checked output: shapes, track numbers and times, not the quality of estimates.
 
     Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors. `owner()` returns
@@ -159,9 +159,7 @@ class CheckedTracker:
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
-        tracker = self._tracker
-        if isinstance(tracker, ReconfigurableTracker):
-            self._called("set_sensors", lambda: tracker.set_sensors(sensors))
+        self._called("set_sensors", lambda: self._tracker.set_sensors(sensors))
 
     def _called(self, method: str, call: Callable[[], Any]) -> Any:
         return blamed_call(self._owner, self._hint, method, call)

@@ -36,7 +36,7 @@ from spool_transports import ENCODER, SENSORS, fill, window
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.output.pump import SinkGroup
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
@@ -295,7 +295,7 @@ def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
     """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
     topic = broker.topic()
     sink = kafka_sink(dead_address(), topic, spool, brief())
-    database: Any = sink._backlog
+    database: Any = sink._store.backlog
     pages = database._database.execute("PRAGMA page_count").fetchone()[0]
     database._database.execute(f"PRAGMA max_page_count = {pages + 300}")
     with pytest.raises(SinkError, match=r"is full, with \d+ events that wait: no broker answers"):

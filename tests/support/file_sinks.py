@@ -10,7 +10,7 @@ from opir_testing import stub_sensor
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.protocols import Encoder
+from opir_core.interfaces.outputs import Encoder
 
 
 def encoder() -> Encoder:

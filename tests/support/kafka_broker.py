@@ -21,7 +21,7 @@ from opir_kafka.transport import KafkaTransport
 from spool_transports import ENCODER, SENSORS, take_for_ever, window
 from waiting import within
 
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import Policy, TransportSink

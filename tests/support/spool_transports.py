@@ -14,7 +14,7 @@ from opir_testing.doubles import stub_window
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Sink
+from opir_core.interfaces.outputs import Sink, Transport
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
@@ -29,7 +29,7 @@ MIB = 1 << 20
 QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
 
 
-class Holding:
+class Holding(Transport):
     """A carrier that acknowledges when told to, or at once; `mood` is "take", "hold" or "fail"."""
 
     def __init__(self, mood: str = "take") -> None:

@@ -7,8 +7,8 @@ from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.optional import PartialEncoder, TrackEncoder
-from opir_core.interfaces.protocols import Encoder, Sensor
+from opir_core.interfaces.outputs import Encoder
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -38,7 +38,7 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
 
 def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:
     """Yield a window as windows of a limited number of events for an encoder; nothing for a window without events."""
-    if not isinstance(encoder, TrackEncoder):
+    if not encoder.encodes_tracks:
         yield from window_blocks(window)
         return
     for start in range(0, len(window.tracks), TRACK_BLOCK_ROWS):
@@ -64,17 +64,15 @@ def track_count(window: Window) -> int:
 
 def event_counter(encoder: Encoder) -> Callable[[Window], int]:
     """Return the function that counts the events of a window for an encoder: its detections or its tracks."""
-    return track_count if isinstance(encoder, TrackEncoder) else detection_count
+    return track_count if encoder.encodes_tracks else detection_count
 
 
 def only_encodable(window: Window, encoder: Encoder) -> Window:
     """Return the window without the detections that have no message in an encoder."""
-    if not isinstance(encoder, PartialEncoder) or not len(window.detections):
+    mask = encoder.encodable(window) if len(window.detections) else None
+    if mask is None or mask.all():
         return window
-    mask = encoder.encodable(window)
-    return (
-        window if mask.all() else evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
-    )
+    return evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
 
 
 def require_valid(window: Window, sensors: Sequence[Sensor], types: int = len(REPORTED_TYPES)) -> None:

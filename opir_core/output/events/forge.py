@@ -12,6 +12,7 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
@@ -87,7 +88,7 @@ _NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 _URAD_PER_RAD = 1e6
 
 
-class ForgeEncoder:
+class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
     With `has_irradiances` an event has the irradiance measured in each band, if the detection model measures it; with

@@ -11,6 +11,7 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
@@ -38,7 +39,7 @@ _SIGNAL = b',"signal_type":"IR","intensity":'
 _json = msgspec.json.Encoder().encode
 
 
-class ForgeC2Encoder:
+class ForgeC2Encoder(Encoder):
     """Detections as lines of JSON, one flat object each, all with a position."""
 
     content_type = "application/json"

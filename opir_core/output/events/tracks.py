@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.records import Window
 from opir_core.output.events import TRACKS_VERSION
 from opir_core.output.events.text import timestamp_text
@@ -15,7 +16,7 @@ from opir_core.output.track_records import track_records
 _US_PER_S = 1e6
 
 
-class TracksEncoder:
+class TracksEncoder(Encoder):
     """Tracks as lines of JSON; the bytes do not depend on the windows."""
 
     content_type = "application/json"

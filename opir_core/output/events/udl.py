@@ -14,6 +14,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
 from opir_core.interfaces.viewpoints import Viewpoints
@@ -46,7 +47,7 @@ _SPACE_FROM_M = 100_000.0
 _json = msgspec.json.Encoder().encode
 
 
-class UdlEncoder:
+class UdlEncoder(Encoder):
     """Detections as lines of JSON, a MissileTrack each."""
 
     content_type = "application/json"

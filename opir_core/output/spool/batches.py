@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.optional import TrackEncoder
-from opir_core.interfaces.protocols import Encoder, Sensor, Sink
+from opir_core.interfaces.outputs import Encoder, Sink, Transport
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
@@ -46,7 +46,7 @@ class EncodedBatcher:
         for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
             lines = self._encoder.encode(kept)
-            if len(kept.tracks) and isinstance(self._encoder, TrackEncoder):
+            if len(kept.tracks) and self._encoder.encodes_tracks:
                 numbers, key = np.unique(kept.tracks.track, return_inverse=True)
                 yield from self._cut(lines, key, numbers.astype(str).astype(object))
             elif len(kept.detections):
@@ -182,10 +182,8 @@ class WindowBatcher:
             )
 
 
-class WindowTransport:
+class WindowTransport(Transport):
     """A transport that writes batches of columns into a sink; what is written is acknowledged."""
-
-    trouble: str | None = None
 
     def __init__(self, sink: Sink, origin: Origin) -> None:
         self._sink, self._origin = sink, origin

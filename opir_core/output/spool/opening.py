@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from opir_core.interfaces.protocols import Encoder, Sink, Transport
+from opir_core.interfaces.outputs import Encoder, Sink, Transport
 from opir_core.output.sink_thread import MEMORY_BYTES
 from opir_core.output.spool.batches import (
     Backlog,
@@ -15,8 +15,9 @@ from opir_core.output.spool.batches import (
 )
 from opir_core.output.spool.columns import Origin
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.policy import Policy
 from opir_core.output.spool.salvage import Salvage, salvaged_at_start
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.scene.scene import Choice
 
 #: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.

@@ -4,14 +4,14 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.errors import SinkError
-from opir_core.plugin import Delivery, Detections, EncoderContext, SinkContext, Window
+from opir_core.plugin import Delivery, Detections, EncoderContext, Sink, SinkContext, Window
 from opir_export.row_groups import RowGroups
 from opir_export.settings import ParquetSinkConfig
 from opir_export.tabular.columns import table_of
 from opir_export.tabular.detection_tables import columns_of_detections
 
 
-class ParquetSink:
+class ParquetSink(Sink):
     """Writes detections to a file, in row groups; the file can be read once the sink is closed."""
 
     def __init__(self, config: ParquetSinkConfig, place: Path, origin: EncoderContext) -> None:

@@ -13,7 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
-from opir_core.plugin import Batch
+from opir_core.plugin import Batch, Transport
 from opir_kafka.connection import OURS, Connector, close_producer
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
@@ -22,7 +22,7 @@ from opir_kafka.settings import KafkaConfig
 _log = logging.getLogger(__name__)
 
 
-class KafkaTransport:
+class KafkaTransport(Transport):
     """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
 
     Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error

@@ -1,24 +1,18 @@
 """The radiometric environment of a scene: signatures, atmosphere and background, for models that compute signals."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core import Plan, Scene
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import FloatArray, IndexArray, RowArray
 from opir_core.flight import height_m
 from opir_core.geometry import length
-from opir_core.interfaces import (
-    Columns,
-    CourseWithBreakpoints,
-    ReflectingSignatures,
-    SignaturesWithBreakpoints,
-    Surroundings,
-    TransmittanceWithBreakpoints,
-    intensities_w_sr,
-)
+from opir_core.host import owner_text
+from opir_core.interfaces import Columns, Surroundings
 from opir_core.planning import Targets, distinct_bands, scene_atmosphere
 from opir_core.plugin import (
     Background,
@@ -184,11 +178,11 @@ class RadiometricEnvironment:
         """Return what signatures radiate (bands, n)."""
         place, group = self.place[target], self.group[target]
         if len(self.signatures) == 1:
-            return intensities_w_sr(self.signatures[0], bands, place, since_s, height_m, aspect)
+            return self.signatures[0].intensities_w_sr(bands, place, since_s, height_m, aspect)
         intensity = np.empty((len(bands), len(target)))
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
-            own = intensities_w_sr(signatures, bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
+            own = signatures.intensities_w_sr(bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
             intensity[:, rows] = own
         return intensity
 
@@ -196,9 +190,8 @@ class RadiometricEnvironment:
         """Return albedo times cross-section (n,) of targets at times since ignition (n,)."""
         area, group = np.zeros(len(target)), self.group[target]
         for number, signatures in enumerate(self.signatures):
-            if isinstance(signatures, ReflectingSignatures):
-                rows = np.flatnonzero(group == number)
-                area[rows] = signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
+            rows = np.flatnonzero(group == number)
+            area[rows] = signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
         return area
 
     def breakpoints_s(self) -> FloatArray:
@@ -208,31 +201,34 @@ class RadiometricEnvironment:
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
-        air = (
-            self.atmosphere.altitude_breakpoints_m
-            if isinstance(self.atmosphere, TransmittanceWithBreakpoints)
-            else np.empty(0)
-        )
+        air = self.atmosphere.altitude_breakpoints_m
         times_s = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
         if self.targets.burns_s.shape[1] > 1:
             times_s.append(self.targets.burns_s.reshape(len(self.group), -1))
         for signatures, rows in zip(self.signatures, everyone, strict=True):
-            if isinstance(signatures, SignaturesWithBreakpoints):
-                place = self.place[rows]
-                levels_m, since_s = signatures.altitude_breakpoints_m[place], signatures.time_breakpoints_s[place]
-                own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
-                crossed_s = heights.take(rows).times_s(levels_m)
-                own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
-                times_s.append(own)
+            place, levels_m, since_s = (
+                self.place[rows],
+                signatures.altitude_breakpoints_m,
+                signatures.time_breakpoints_s,
+            )
+            if levels_m is not None:
+                times_s.append(self._of_all(rows, heights.take(rows).times_s(levels_m[place])))
+            if since_s is not None:
+                times_s.append(self._of_all(rows, self.targets.ignition_s[rows, None] + since_s[place]))
         for number, trajectories in enumerate(self.targets.trajectories):
-            if isinstance(trajectories, CourseWithBreakpoints):
-                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_breakpoints_s
-                own = np.full((len(self.group), own_s.shape[1]), np.nan)
-                own[turning] = own_s[self.targets.place[turning]]
-                times_s.append(own)
+            own_s = trajectories.course_breakpoints_s
+            if own_s is not None:
+                turning = np.flatnonzero(self.targets.group == number)
+                times_s.append(self._of_all(turning, own_s[self.targets.place[turning]]))
         if self.sunlight is not None:
             times_s.append(shadow_times_s(self.targets, self.epoch_us))
         return np.concatenate(times_s, axis=1)
+
+    def _of_all(self, rows: RowArray, own_s: FloatArray) -> FloatArray:
+        """Return times (targets, k) from those of some rows; nan for the others."""
+        times_s = np.full((len(self.group), own_s.shape[1]), np.nan)
+        times_s[rows] = own_s
+        return times_s
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
         """Return the angles (n,) between the direction of flight and the direction to the sensor, rad."""
@@ -262,7 +258,9 @@ def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
         group=group,
         place=place,
         atmosphere=atmosphere,
-        background=_built(host, scene.background, backdrop),
+        background=Background.adopt(
+            _built(host, scene.background, backdrop), partial(owner_text, host, scene.background)
+        ),
         epoch_us=scene.epoch_us,
         has_background=scene.background.name != "none",
         reference_intensity_w_sr=_reference_intensity_w_sr(host, bands),
@@ -306,7 +304,8 @@ def _signatures(
         )
         group[rows], place[rows] = len(made), np.arange(len(rows))
         component = host.component(SignatureModel, name, chosen[0].path)
-        made.append(component.build([choice.config for choice in chosen], context))
+        built = component.build([choice.config for choice in chosen], context)
+        made.append(Signatures.adopt(built, partial(owner_text, host, chosen[0])))
     return tuple(made), group, place
 
 
@@ -334,7 +333,7 @@ def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray
         profiles=(REFERENCE_PROFILE,),
         burn_time_s=np.array([REFERENCE_BURN_S]),
     )
-    plume: Signatures = component.build([component.config()], context)
+    plume = Signatures.adopt(component.build([component.config()], context))
     one, place = np.zeros(1, dtype=np.int32), (REFERENCE_TIME_S, REFERENCE_ALTITUDE_M, 0.5 * np.pi)
     columns = [np.array([value]) for value in place]
     return np.array([plume.intensity_w_sr(band, one, *columns)[0] for band in range(len(bands))])

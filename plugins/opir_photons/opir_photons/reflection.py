@@ -20,7 +20,6 @@ from opir_core.geometry import (
     sunlit_fraction,
     zero_crossings,
 )
-from opir_core.interfaces import transmittances
 from opir_core.planning import Targets
 from opir_core.plugin import Band, Exposures, Paths, Transmittance
 from opir_photons.radiometry.sunlight import lambert_sphere_intensity, solar_irradiance
@@ -64,7 +63,7 @@ class ReflectedSunlight:
         area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
         sine = np.clip(dot(local_axes(target_m)[:, 2], to_sun) / distance_m, -1.0, 1.0)
         path = Paths(height_m[rows], sine, target_m, sun_m[rows], time_s[rows])
-        light = self.irradiance_w_m2[list(bands)][:, None] * transmittances(self.atmosphere, bands, path)
+        light = self.irradiance_w_m2[list(bands)][:, None] * self.atmosphere.transmittances(bands, path)
         intensity[:, rows] = lambert_sphere_intensity(light, area, phase)
         return intensity
 

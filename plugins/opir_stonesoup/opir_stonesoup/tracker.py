@@ -23,7 +23,7 @@ from opir_stonesoup.upkeep import GroundInitiator, SilenceDeleter, has_hits
 _UNIX = datetime(1970, 1, 1)
 
 
-class StoneSoupTracker:
+class StoneSoupTracker(Tracker):
     """A Stone Soup multi-target tracker, stepped at opir's ticks.
 
     `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, like Stone Soup's simple trackers;

@@ -26,7 +26,7 @@ from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExec
 from opir_studies.runs import worker_host
 
 
-class TimedTracker:
+class TimedTracker(Tracker):
     """A tracker with its processor time measured; calls that import modules, as the first ones do, are not counted."""
 
     def __init__(self, tracker: Tracker) -> None:

@@ -14,7 +14,7 @@ from attrs import evolve, frozen
 from opir_core import Run
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.planning import Looks
-from opir_core.plugin import Detections, SignalModel
+from opir_core.plugin import Detections
 from opir_core.scoring import (
     evidence_of_run,
     ground_error,
@@ -122,10 +122,11 @@ def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
     """
     plan, model = run.plan, run.plan.detection
     count = len(plan.targets.ids)
-    if not isinstance(model, SignalModel):
+    every = Looks.between(plan.pairs, 0, plan.end_ns)
+    first = plan.look_geometry().exposures(every.pair[:1], every.scan[:1])
+    if not len(first) or model.response(first) is None:
         detected = run.detections.take(mine)
         return _look_keys(detected.sensor, run.truth.target[mine], detected.scan, count), run.truth.probability[mine]
-    every = Looks.between(plan.pairs, 0, plan.end_ns)
     stride = 1 << max(0, math.ceil(math.log2(max(len(every.pair), 1) / LOOKS)))
     kept = np.flatnonzero(every.scan % stride == 0)
     pair, scan = every.pair[kept], every.scan[kept]

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 
 from opir_core import Plan, Scene, __version__, compile_plan, run_of_plan
 from opir_core.host import described_error
-from opir_core.plugin import FromFiles, Host, Metric
+from opir_core.plugin import Host, Metric
 from opir_core.random_streams import SCHEME
 from opir_core.reading import scene_hash
 from opir_core.simulation import components_used
@@ -86,7 +86,7 @@ def identity_of(plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str]
 
 def run_files(plan: Plan) -> list[Any]:
     """Return the files that a plan's trajectories were read from, with their hashes, as in the manifest."""
-    return [file for part in plan.targets.trajectories if isinstance(part, FromFiles) for file in part.files]
+    return [file for part in plan.targets.trajectories for file in part.files]
 
 
 def run_key(identity: str, replicate: int) -> str:

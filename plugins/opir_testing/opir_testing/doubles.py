@@ -16,7 +16,10 @@ from opir_core.orbits import GeostationaryOrbit
 from opir_core.planning import PairCompiler, drawn_bias, join_targets, solar_exclusions
 from opir_core.plugin import (
     Band,
+    Classifier,
     ClassifierInputs,
+    Confidence,
+    DetectionProbability,
     Detections,
     Exposures,
     Host,
@@ -25,7 +28,9 @@ from opir_core.plugin import (
     NoConfig,
     RandomDraws,
     Sensor,
+    Tracker,
     Tracks,
+    Trajectories,
     Window,
 )
 from opir_core.random_streams import id_key, uuid8_words
@@ -148,7 +153,7 @@ _NS = 1_000_000_000
 
 
 @frozen(eq=False)
-class VerticalTargets:
+class VerticalTargets(Trajectories):
     """Targets that climb vertically from positions (n,) at constant speed from ignition to burnout."""
 
     latitude_deg: FloatArray
@@ -178,7 +183,7 @@ class VerticalTargets:
 
 
 @frozen
-class CertainDetection:
+class CertainDetection(DetectionProbability):
     """A detection model of one probability, in the first band, without SNR; constant for a pair or look by look."""
 
     chance: float = 1.0
@@ -199,12 +204,8 @@ class CertainDetection:
 
 
 @frozen
-class UnknownClassifier:
+class UnknownClassifier(Classifier):
     """A classifier that reports UNKNOWN."""
-
-    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return None: detection by detection."""
-        return None
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
@@ -212,7 +213,7 @@ class UnknownClassifier:
 
 
 @frozen
-class FullConfidence:
+class FullConfidence(Confidence):
     """A confidence model of 1."""
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
@@ -224,7 +225,7 @@ class FullConfidence:
 SilentTracker = NoTracker
 
 
-class CountingTracker:
+class CountingTracker(Tracker):
     """A tracker with one track per sensor, whose state is the number of detections so far; records its ticks."""
 
     def __init__(self, cadence_s: float = 1.0) -> None:

@@ -11,7 +11,7 @@ from opir_testing.doubles import stub_window
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.builtin.sinks import LineFile
-from opir_core.interfaces.protocols import Delivery, Encoder
+from opir_core.interfaces.outputs import Delivery, Encoder
 from opir_core.output.events import encoder_input
 from opir_core.scene.fields import field_infos
 
@@ -63,7 +63,7 @@ def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
     path, most = tmp_path / "events.jsonl", 0
     inner = encoder()
 
-    class Watched:
+    class Watched(Encoder):
         content_type, schema_version = inner.content_type, inner.schema_version
 
         def encode(self, window: Any) -> bytes:

@@ -16,7 +16,6 @@ from opir_core.flight.tables import csv_table as csv_table_module
 from opir_core.flight.tables.table import BadTableError
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.optional import FreeFlight
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.simulation.run import simulate
@@ -166,7 +165,6 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
     path.write_text(csv_text(np.linspace(0.0, 100.0, 11)), encoding="utf-8")
     context = TargetContext(ids=("T",), paths=("targets[0]",), free_flight=free_flight)
     targets = table_targets([TableConfig(type="SRBM", file=str(path), burnout_s=60.0)], context)
-    assert isinstance(targets, FreeFlight)
     assert (targets.burnout_s[0], targets.end_s[0]) == (60.0, end_s)
     asked = np.array([60.0, np.nextafter(60.0, 99.0), 100.0])
     found = targets.position_ecef_m(np.zeros(3, np.int32), asked)

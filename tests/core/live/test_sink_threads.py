@@ -11,7 +11,7 @@ from waiting import until
 
 from opir_core.errors import SinkError
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
 from opir_core.output.sink_thread import QUEUED_WINDOWS, SinkThread
@@ -52,7 +52,7 @@ def run_into(host: Host, speed: float | None, *outputs: Mapping[str, Any]) -> Li
     return LiveRun(scene_from_mapping({**SCENE, "outputs": outputs}, host=host), host, LiveSettings(speed=speed))
 
 
-class Slow:
+class Slow(Sink):
     """A sink that takes its time, or fails."""
 
     def __init__(self, gate: threading.Event, error: str | None = None) -> None:

@@ -10,7 +10,7 @@ from opir_testing.doubles import stub_window
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import pump
 from opir_core.output.sink_thread import SinkThread, balanced
@@ -23,7 +23,7 @@ def total(told: Any) -> int:
     return int(told.delivered + told.spooled + told.dropped + told.withheld)
 
 
-class Liar:
+class Liar(Sink):
     """A sink that gives the figures that the test sets."""
 
     def __init__(self, told: Any, *, fails_at: int = 0) -> None:

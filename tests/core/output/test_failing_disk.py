@@ -137,10 +137,13 @@ def message_of(work: Callable[[], Any]) -> str | None:
 ROWS, WINDOWS = 60, 5
 
 
-def sink_into(path: Path, carrier: Holding, when_full: str, *, survives_power_cut: bool = False) -> TransportSink:
+def sink_into(
+    path: Path, carrier: Holding, when_full: str, policy: Policy | None = None, *, survives_power_cut: bool = False
+) -> TransportSink:
     damage = salvaged_at_start(path)
     journal = Journal(str(path), 64 * MIB, survives_power_cut=survives_power_cut)
-    policy = Policy(when_full=when_full, wait_s=0.0 if when_full != "wait" else 0.05, stall_s=0.2)
+    brief = Policy(when_full=when_full, wait_s=0.0 if when_full != "wait" else 0.05, stall_s=0.2)
+    policy = policy or brief
     return TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy, damage)
 
 
@@ -209,8 +212,8 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
         opened = next(at for at, call in enumerate(disk.calls) if call == ("write", "spool-wal"))
         for number in (n for n in chosen(list(disk.calls), [*WRITING, READ]) if n > opened + 4):
             path, carrier = tmp_path / f"spool-{number}", Holding()
-            sink = sink_into(path, carrier, "wait", **more)
-            sink._policy = Policy(when_full="wait", wait_s=20.0, stall_s=5.0)
+            patient = Policy(when_full="wait", wait_s=20.0, stall_s=5.0)
+            sink = sink_into(path, carrier, "wait", patient, **more)
             disk.fail_at(number - opened - 4, errno.EIO, lasts=lasts, kinds=[*WRITING, READ], of=path_is(path))
             told = []
             writing = threading.Thread(

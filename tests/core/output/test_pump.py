@@ -8,12 +8,12 @@ from hypothesis import given, strategies as st
 from opir_testing.doubles import stub_window
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
 
 
-class Recorder:
+class Recorder(Sink):
     """A sink that counts, and fails when told to."""
 
     def __init__(self, *, fails_at: int | None = None, fails_to_close: BaseException | None = None) -> None:

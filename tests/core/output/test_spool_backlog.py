@@ -17,7 +17,7 @@ from spool_transports import (
 )
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import EncodedBatcher, FullError
 from opir_core.output.spool.journal import Journal

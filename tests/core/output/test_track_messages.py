@@ -17,8 +17,7 @@ from opir_core.builtin.sinks import LineFile, MemorySink
 from opir_core.errors import SinkError
 from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.optional import TrackEncoder
-from opir_core.interfaces.protocols import Delivery, Encoder
+from opir_core.interfaces.outputs import Delivery, Encoder
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.output import TracksFile, deliver, schema
@@ -126,7 +125,7 @@ def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
         ),
         "forge": forge,
     }
-    assert isinstance(ENCODER, TrackEncoder)
+    assert ENCODER.encodes_tracks
     report = pump(windows, sinks, counts=dict.fromkeys(("line", "memory", "sent"), track_count))
     assert [sink.delivered for sink in report.sinks] == [603, 603, 603, 9]
     assert not report.failures

@@ -8,7 +8,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 import opir_core as opir
-from opir_core.interfaces.optional import Response
+from opir_core.interfaces.protocols import DetectionProbability, Response
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.looks import LookGeometry, Looks
 from opir_core.simulation.interpolation import ProbabilityInterpolant
@@ -35,7 +35,7 @@ def plan() -> Any:
 
 
 @frozen
-class Bent:
+class Bent(DetectionProbability):
     """A model of a constant P_d in two bands, with a bend of signals or of noise; sums over the bands are constant."""
 
     quantile: float
@@ -50,8 +50,10 @@ class Bent:
         snr, noise = self.signal_level * (1.0 + self.signal * both), 3e-12 * (1.0 + self.noise * both)
         return Response(np.full(len(exposures), self.quantile), snr, noise)
 
-    def measure_response(self, *_: Any, **__: Any) -> Any:
+    def probability(self, exposures: Exposures) -> Any:
         raise AssertionError("only responses are interpolated here; nothing is measured")
+
+    measure = measure_response = probability  # type: ignore[assignment]
 
 
 def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Array]:

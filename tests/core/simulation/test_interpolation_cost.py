@@ -12,7 +12,6 @@ from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.radiometric_models import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.planning.looks import Looks
 from opir_core.simulation.interpolation import ProbabilityInterpolant
 from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
@@ -137,11 +136,11 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
     exposed = plan.look_geometry().exposures(looks.pair[every], looks.scan[every])
     view, path, aspect = environment.views(exposed), environment.paths(exposed), environment.aspect_rad(exposed)
     bands = list(range(len(environment.bands)))
-    radiance, clutter = radiances_and_clutter_w_m2_sr(environment.background, bands, view)
-    passed = transmittances(environment.atmosphere, bands, path)
+    radiance, clutter = environment.background.radiances_and_clutter_w_m2_sr(bands, view)
+    passed = environment.atmosphere.transmittances(bands, path)
     since_s = exposed.emission_time_s - plan.targets.ignition_s[exposed.target]
     columns = (environment.place[exposed.target], since_s, path.height_m, aspect)
-    intensity = intensities_w_sr(environment.signatures[0], bands, *columns)
+    intensity = environment.signatures[0].intensities_w_sr(bands, *columns)
     for band in bands:
         assert np.array_equal(radiance[band], environment.background.radiance_w_m2_sr(band, view))
         assert np.array_equal(clutter[band], environment.background.clutter_w_m2_sr(band, view))

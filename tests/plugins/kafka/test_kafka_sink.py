@@ -26,7 +26,7 @@ from spool_transports import ENCODER, SENSORS, window
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.interfaces.protocols import Transport
+from opir_core.interfaces.outputs import Transport
 from opir_core.output.delivery import deliver
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.transport_sink import Policy

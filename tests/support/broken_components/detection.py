@@ -13,8 +13,7 @@ import numpy as np
 from broken_components.offers import mutant
 from opir_core.arrays import FloatArray
 from opir_core.builtin.detection import ConstantDetection, always_detection
-from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.protocols import Measured, RandomDraws, Response
 from opir_core.interfaces.records import Exposures
 from opir_core.plugin import DetectionModel
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from broken_components.offers import mutant
-from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.outputs import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import EventEncoder, SinkModel

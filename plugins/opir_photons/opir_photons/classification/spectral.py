@@ -6,9 +6,9 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.plugin import TARGET_TYPES, ClassifierInputs, ModelContext, RandomDraws, Sensor
+from opir_core.plugin import TARGET_TYPES, Classifier, ClassifierInputs, ModelContext, RandomDraws, Sensor
 from opir_core.scene import UNKNOWN_TYPE
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.false_sources import least_log_odds, source_detections
@@ -40,7 +40,7 @@ class TypeEvidence(NamedTuple):
 
 
 @frozen(eq=False)
-class SpectralClassifier:
+class SpectralClassifier(Classifier):
     """Bayes' rule with densities from synthetic launches and hot sources; sensor k has `banks[bank_of_sensor[k]]`.
 
     `log_prior` (types,) are logarithms of the shares of launches; `least_log_odds` is the limit below which UNKNOWN is
@@ -52,10 +52,6 @@ class SpectralClassifier:
     log_prior: FloatArray
     confidence: float
     least_log_odds: float
-
-    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return None: types vary from detection to detection."""
-        return None
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`; no random numbers are drawn."""

@@ -72,7 +72,7 @@ KINDS = (
 
 
 @frozen(eq=False)
-class SyntheticPlumes:
+class SyntheticPlumes(Signatures):
     """Plumes of launches (n,) with the intensities of their class profiles, along their trajectories."""
 
     plumes: Signatures
@@ -101,7 +101,7 @@ class SyntheticPlumes:
 
 
 @frozen(eq=False)
-class SyntheticSources:
+class SyntheticSources(Signatures):
     """Hot sources (n,): in-band intensities (bands, n), W/sr, isotropic and constant."""
 
     peak_w_sr: FloatArray

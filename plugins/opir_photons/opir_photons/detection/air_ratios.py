@@ -13,7 +13,6 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces import CloudyTransmittance
 from opir_core.plugin import Paths, Transmittance
 from opir_photons.detection.radiometric_columns import checked_transmittances
 
@@ -37,11 +36,10 @@ class AirRatios:
     @classmethod
     def of(cls, atmosphere: Transmittance, reference: int, others: Sequence[int]) -> "AirRatios":
         """Return the factors on the ratios of a sensor's other bands to its reference band, in air without clouds."""
-        clear = atmosphere.clear if isinstance(atmosphere, CloudyTransmittance) else atmosphere
         sine = _BEND * np.sinh(np.linspace(0.0, math.asinh(1.0 / _BEND), _ELEVATIONS))
         height_m = _TOP_M * np.square(np.linspace(0.0, 1.0, _HEIGHTS))
         through = checked_transmittances(
-            clear, (reference, *others), _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
+            atmosphere.clear, (reference, *others), _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
         )
         usable = through[0] >= _FAINTEST
         log_ratio = np.log(np.maximum(through[1:], _OPAQUE)) - np.log(np.maximum(through[0], _OPAQUE))

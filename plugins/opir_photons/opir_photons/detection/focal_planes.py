@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces import Radiometer, Structure, StructuredBackground
+from opir_core.interfaces import Radiometer, Structure
 from opir_core.plugin import Background, Band, FocalPlaneConfig
 from opir_photons.detection.cfar import cfar_loss
 from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
@@ -143,9 +143,8 @@ def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background:
     """Return the figures of a radiometer's focal plane in its bands, or None without one."""
     if radiometer.focal_plane is None:
         return None
-    structures = tuple(background.structures) if isinstance(background, StructuredBackground) else ()
     middle_um = tuple(0.5 * (band.lower_um + band.upper_um) for band in bands)
-    return _terms(radiometer, radiometer.focal_plane, middle_um, structures)
+    return _terms(radiometer, radiometer.focal_plane, middle_um, tuple(background.structures))
 
 
 @lru_cache(maxsize=64)

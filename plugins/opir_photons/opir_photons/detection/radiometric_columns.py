@@ -12,7 +12,6 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, kind_of
 from opir_core.host import InvalidOutput
-from opir_core.interfaces import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.plugin import Background, Paths, Transmittance, Views
 
 #: Rounding of a transmittance that models interpolate.
@@ -21,7 +20,7 @@ _ROUNDING = 1e-9
 
 def checked_transmittances(atmosphere: Transmittance, bands: Sequence[int], path: Paths) -> FloatArray:
     """Return in-band transmittances (bands, n), in [0, 1]; raises `InvalidOutput`."""
-    through = transmittances(atmosphere, bands, path)
+    through = atmosphere.transmittances(bands, path)
     fault = _fault(through, (len(bands), len(path)), -_ROUNDING, 1.0 + _ROUNDING, "[0, 1]")
     if fault:
         raise InvalidOutput("atmosphere", "transmittance", fault)
@@ -32,7 +31,7 @@ def checked_radiances_and_clutter(
     background: Background, bands: Sequence[int], view: Views
 ) -> tuple[FloatArray, FloatArray]:
     """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹, finite and not negative; raises `InvalidOutput`."""
-    both = radiances_and_clutter_w_m2_sr(background, bands, view)
+    both = background.radiances_and_clutter_w_m2_sr(bands, view)
     for method, column in zip(("radiance_w_m2_sr", "clutter_w_m2_sr"), both, strict=True):
         require_radiance(column, len(bands), view, method)
     return both

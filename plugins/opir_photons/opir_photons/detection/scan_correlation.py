@@ -4,7 +4,6 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import components, length
-from opir_core.interfaces import StructuredBackground
 from opir_core.plugin import Sensor
 from opir_photons.detection.receivers import Receiver, noise_w_m2, photon_noise_w_m2
 from opir_photons.environment import RadiometricEnvironment
@@ -20,7 +19,7 @@ def scan_correlation(
     background with structure.
     """
     background, plane = environment.background, receiver.plane
-    if plane is None or not isinstance(background, StructuredBackground):
+    if plane is None or not background.structures:
         return np.zeros(len(interval_s))
     start = np.zeros(1)
     at_m = sensor.orbit.position_ecef_m(start)

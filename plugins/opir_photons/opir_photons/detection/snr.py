@@ -10,9 +10,19 @@ from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import components, length
-from opir_core.interfaces import StructuredBackground, as_slice_if_consecutive
+from opir_core.interfaces import as_slice_if_consecutive
 from opir_core.planning import blocks
-from opir_core.plugin import Band, Exposures, Measured, ModelContext, RandomDraws, Response, Sensor, Views
+from opir_core.plugin import (
+    Band,
+    DetectionProbability,
+    Exposures,
+    Measured,
+    ModelContext,
+    RandomDraws,
+    Response,
+    Sensor,
+    Views,
+)
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError
@@ -81,7 +91,7 @@ _MOST_SNR = 1e100
 
 
 @frozen(eq=False)
-class SnrDetection:
+class SnrDetection(DetectionProbability):
     """SNR in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
     `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an equal receiver;
@@ -106,10 +116,6 @@ class SnrDetection:
     false_again: FloatArray
     probability_tolerance: float | None
     needs_geometry: bool = True
-
-    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
-        """Return None: probabilities vary from look to look."""
-        return None
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""
@@ -230,7 +236,7 @@ class SnrDetection:
     def _background(self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
         background, bands = self.environment.background, receiver.bands.tolist()
-        if receiver.plane is None or not isinstance(background, StructuredBackground):
+        if receiver.plane is None or not background.structures:
             return checked_radiances_and_clutter(background, bands, view)
         radiance, rms, structure = background.structured_radiances_w_m2_sr(bands, view)
         for column in (radiance, rms):

@@ -128,7 +128,7 @@ def _radiance(row: _Row) -> float:
 
 
 @frozen(eq=False)
-class EarthBackground:
+class EarthBackground(Background):
     """Radiance tables by band, each a list of tables with their factors.
 
     `residual` is the share of radiance that is clutter to sensors without a focal plane, `structure` that of others;

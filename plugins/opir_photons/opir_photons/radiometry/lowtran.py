@@ -125,7 +125,7 @@ SAME_EDGE_UM = 1e-6
 
 
 @frozen(eq=False)
-class LowtranAtmosphere:
+class LowtranAtmosphere(Transmittance):
     """Transmittances of each band on the grids of `lowtran_table`, and clouds."""
 
     grids: tuple[BandGrid, ...]

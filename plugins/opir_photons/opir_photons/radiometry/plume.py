@@ -33,7 +33,7 @@ _MOST_STAGES = 8
 
 
 @frozen(eq=False)
-class PlumeSignatures:
+class PlumeSignatures(Signatures):
     """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
 
     The other columns are (n,), shapes by number; `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the
@@ -99,10 +99,6 @@ class PlumeSignatures:
         most = max(len(altitude_m) for altitude_m, _ in self.shapes)
         padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]
         return np.array(padded)[self.shape]
-
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return None: aspect is measured from the direction of flight."""
-        return None
 
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         stage = np.zeros(len(target), dtype=np.int64)

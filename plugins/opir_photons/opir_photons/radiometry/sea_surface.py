@@ -12,7 +12,6 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import components, dot, length, local_axes, sun_ecef_m
-from opir_core.interfaces import transmittances
 from opir_core.plugin import Band, Paths, Transmittance, Views
 from opir_photons.radiometry.sunlight import SUN_SOLID_ANGLE_SR, solar_irradiance
 
@@ -84,6 +83,6 @@ class SeaGlint:
         ground, above = np.zeros(len(rows)), point + _ABOVE_THE_AIR_M * to_sensor
         down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
         up = Paths(ground, view.elevation_sine, point, above, view.time_s)
-        air = transmittances(self.atmosphere, bands, down) * transmittances(self.atmosphere, bands, up)
+        air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(bands, up)
         radiance[:, rows] = self.irradiance_w_m2[list(bands)][:, None] * air * share
         return radiance

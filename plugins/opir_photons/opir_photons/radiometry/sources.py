@@ -25,7 +25,7 @@ from opir_photons.radiometry.sunlight import solar_irradiance
 
 
 @frozen(eq=False)
-class GlintSignatures:
+class GlintSignatures(Signatures):
     """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is normal irradiance above the air."""
 
     sunlight_w_m2: FloatArray
@@ -99,7 +99,7 @@ def glint_signatures(
 
 
 @frozen(eq=False)
-class StraightTrajectories:
+class StraightTrajectories(Trajectories):
     """Emitters that stand still or move straight: at `start_ecef_m` (n, 3) from `ignition_s` on."""
 
     type_code: NDArray[np.uint8]
@@ -122,7 +122,7 @@ class StraightTrajectories:
 
 
 @frozen(eq=False)
-class GreySignatures:
+class GreySignatures(Signatures):
     """Grey bodies: intensities (bands, n); flat ones by how their area turns to the sensor, brief ones with a flash.
 
     `up_ecef` (n, 3) is the vertical of a flat body, and None where all shine alike to all sides. `flash_s` (n,) is how
@@ -159,7 +159,7 @@ class GreySignatures:
 
 
 @frozen(eq=False)
-class EmitterSources:
+class EmitterSources(Sources):
     """The emitters of a block of sources."""
 
     ids: tuple[str, ...]

@@ -8,7 +8,6 @@ from matplotlib.lines import Line2D
 from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.interfaces import ConfirmingModel
 from opir_core.planning import look_times_s
 from opir_core.scoring import latency_cdf
 from opir_report.canvas import without_data
@@ -94,7 +93,7 @@ def _steps(plan: Plan, pair: int) -> tuple[FloatArray, FloatArray]:
     chance = look_probability(plan, rows, geometry.exposures(rows, scan)) * geometry.visible(rows, scan)
     since_s: FloatArray = look_times_s(plan.pairs, rows, scan) - plan.targets.ignition_s[plan.pairs.target[pair]]
     needed, among = 1, 1
-    if isinstance(plan.detection, ConfirmingModel):
+    if plan.detection.confirmation is not None:
         needed, among = plan.detection.confirmation[plan.pairs.sensor[pair]].tolist()
     return since_s, confirmed_by(chance, needed, among)
 

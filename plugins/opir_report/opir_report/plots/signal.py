@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.plugin import Exposures, Sensor, SignalModel
+from opir_core.plugin import Exposures, Sensor
 from opir_report.canvas import legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import Hue, series_hue
@@ -78,14 +78,12 @@ def look_probability(plan: Plan, pair: IntArray, exposures: Exposures) -> FloatA
 def _snr_and_air(plan: Plan, sensor: Sensor, exposures: Exposures) -> tuple[FloatArray, FloatArray]:
     """Return expected SNR and transmittance (n,) in a sensor's reference band, nan where the model has none."""
     unknown = np.full(len(exposures), np.nan)
-    if not isinstance(plan.detection, SignalModel):
+    response = plan.detection.response(exposures)
+    if response is None:
         return unknown, unknown
     place = sensor.radiometer.reference if sensor.radiometer is not None else 0
-    air = getattr(plan.detection, "transmittance", None)  # of `snr`; a model need not have it
-    return (
-        plan.detection.response(exposures).snr[:, place],
-        unknown if air is None else air(exposures, sensor.bands[place]),
-    )
+    air = plan.detection.transmittance(exposures, sensor.bands[place])
+    return response.snr[:, place], unknown if air is None else air
 
 
 def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, panel: str) -> Axes:

@@ -13,6 +13,7 @@ import numpy as np
 from attrs import fields
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces import has_own
 from opir_core.plugin import Component, Host
 from opir_core.reading import InvalidNode, Node, class_reader, node_of_data
 from opir_core.scene import info_of
@@ -219,15 +220,14 @@ def require_same_events(expected: Sequence[bytes], lines: Sequence[bytes], where
     )
 
 
-def require_complete_abilities(part: Any, abilities: Sequence[type]) -> None:
-    """Require that a built part has all members of an optional protocol, or none of them."""
-    for ability in abilities:
-        members = [name for name in vars(ability) if not name.startswith("_")]
-        missing = [name for name in members if not hasattr(part, name)]
+def require_complete_abilities(base: type, part: Any, abilities: Sequence[Sequence[str]]) -> None:
+    """Require that a built part defines all members of an optional ability of its base class, or none of them."""
+    for members in abilities:
+        missing = [name for name in members if not has_own(base, part, name)]
         if missing and len(missing) < len(members):
             raise ConformanceError(
-                f"it has some members of {ability.__name__} and lacks {', '.join(missing)}",
-                f"Implement all of opir_core.plugin.{ability.__name__}, or none of it.",
+                f"it defines {', '.join(name for name in members if name not in missing)} and not {', '.join(missing)}",
+                f"Define all of {', '.join(members)} of opir_core.plugin.{base.__name__}, or none of them.",
             )
 
 

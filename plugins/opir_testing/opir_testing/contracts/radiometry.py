@@ -8,7 +8,6 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces import StructuredBackground
 from opir_core.plugin import (
     EMITTER_TYPES,
     TARGET_TYPES,
@@ -136,7 +135,7 @@ class SignatureContract(EmitterContract):
             profiles=("",) * count,
             burn_time_s=np.full(count, _BURN_S),
         )
-        return cls.component().build([cls.config()] * count, context)
+        return Signatures.adopt(cls.component().build([cls.config()] * count, context))
 
 
 class SourceContract(EmitterContract):
@@ -156,12 +155,12 @@ class SourceContract(EmitterContract):
             duration_s=_DURATION_S,
             seed=_SEED,
         )
-        return cls.component().build(cls.config(), context)
+        return Sources.adopt(cls.component().build(cls.config(), context))
 
     @classmethod
     def signatures(cls) -> Signatures:
         """Return the sources' signatures."""
-        return cls.sources().signatures
+        return Signatures.adopt(cls.sources().signatures)
 
     @classmethod
     def count(cls) -> int:
@@ -230,7 +229,7 @@ class AtmosphereContract(EnvironmentContract):
     def model(cls) -> Transmittance:
         """Return the built model."""
         context = AtmosphereContext(bands=tuple(cls.bands), path="atmosphere", seed=_SEED)
-        return cls.component().build(cls.config(), context)
+        return Transmittance.adopt(cls.component().build(cls.config(), context))
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
@@ -281,7 +280,7 @@ class BackgroundContract(EnvironmentContract):
         context = BackgroundContext(
             bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
         )
-        return cls.component().build(cls.config(), context)
+        return Background.adopt(cls.component().build(cls.config(), context))
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the radiances and clutter of some views."""
@@ -310,7 +309,7 @@ class BackgroundContract(EnvironmentContract):
     def test_structure_goes_with_the_radiance(self) -> None:
         """Structured radiances equal the plain ones; their structure is finite and known."""
         model, view, bands = self.model(), _views(), range(len(self.bands))
-        if not isinstance(model, StructuredBackground):
+        if not model.structures:
             return
         radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())
         plain = np.array([model.radiance_w_m2_sr(band, view) for band in bands])

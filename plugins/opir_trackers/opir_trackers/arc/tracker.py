@@ -10,7 +10,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import LinesOfSight, no_lines_of_sight
 from opir_core.geometry import great_circle_m
 from opir_core.interfaces import IMPACT_METHODS
-from opir_core.plugin import Detections, Sensor, TrackerContext, Tracks
+from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
@@ -32,7 +32,7 @@ _POOL_S, _POOL_SCANS = 20.0, 20
 _LEAST_CHANCE = 0.01
 
 
-class ArcTracker:
+class ArcTracker(Tracker):
     """The tracker `kepler-arc`."""
 
     def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: ImmTracking) -> None:

@@ -6,14 +6,14 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import IntArray
-from opir_core.plugin import Detections, Sensor, TrackerContext, Tracks
+from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.imm.tracking import ImmTracking, TrackerState
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
-class ImmTracker:
+class ImmTracker(Tracker):
     """The tracker `imm`."""
 
     def __init__(self, tracking: ImmTracking, context: TrackerContext) -> None:

@@ -5,7 +5,7 @@ import pytest
 from opir_photons.detection.radiometric_columns import checked_intensities
 
 from opir_core.errors import ModelError
-from opir_core.interfaces.radiometric_models import intensities_w_sr
+from opir_core.interfaces.radiometric_models import Signatures
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, np.inf])
@@ -18,16 +18,13 @@ def test_an_impossible_intensity_is_refused_with_its_row(wrong: float) -> None:
 
 
 def test_bands_of_different_lengths_are_refused_as_they_are() -> None:
-    class Ragged:
+    class Ragged(Signatures):
         def intensity_w_sr(self, band: int, target: np.ndarray, *_columns: np.ndarray) -> np.ndarray:
             return np.ones(len(target) - band)
 
-        def aspect_rad(self, *_columns: np.ndarray) -> None:
-            return None
-
     columns = (np.zeros(3, dtype=np.int32), np.zeros(3), np.zeros(3), np.zeros(3))
     with pytest.raises(ModelError, match=r"intensity_w_sr returned object .* floats of shape \(2, 3\) are required"):
-        checked_intensities(intensities_w_sr(Ragged(), (0, 1), *columns), 2, 3)
+        checked_intensities(Ragged().intensities_w_sr((0, 1), *columns), 2, 3)
 
 
 def test_no_rows_are_no_fault() -> None:

@@ -15,7 +15,7 @@ from scipy import integrate
 
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Paths, Views
+from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Paths, Transmittance, Views
 
 
 class TestGlint:
@@ -94,7 +94,7 @@ EPOCH = np.datetime64(NOON_US, "us")
 WINDOW = Band("MWIRW_3.5_4.0", 3.5, 4.0)
 
 
-class ClearSky:
+class ClearSky(Transmittance):
     """An atmosphere without air."""
 
     def transmittance(self, band, path):

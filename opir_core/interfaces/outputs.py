@@ -1,0 +1,183 @@
+"""The contracts of outputs: sinks, transports and event encoders.
+
+Each is one base class: the abstract methods are required, the others have defaults. A part that has the methods and
+another base class works too (`Contract.adopt`).
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from attrs import frozen
+
+from opir_core.arrays import BoolArray
+from opir_core.interfaces.contract import Contract, optional, required
+from opir_core.interfaces.records import Batch, Window
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+
+@frozen
+class Delivery:
+    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written + recovered.
+
+    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of an earlier run that
+    were still in the spool. `complaint` is the reason of a failed delivery.
+    """
+
+    delivered: int
+    spooled: int = 0
+    dropped: int = 0
+    withheld: int = 0
+    recovered: int = 0
+    complaint: str | None = None
+
+
+class Sink(Contract):
+    """A destination of events. A sink that fails raises `SinkError`; the other sinks continue.
+
+    A sink's `build` may return a `Transport` instead; the core makes a sink of it.
+
+    >>> class Census(Sink):
+    ...     written = 0
+    ...
+    ...     def write(self, window):
+    ...         self.written += len(window.detections)
+    ...
+    ...     def close(self):
+    ...         return Delivery(delivered=self.written)
+    >>> Census().close()
+    Delivery(delivered=0, spooled=0, dropped=0, withheld=0, recovered=0, complaint=None)
+    """
+
+    @abstractmethod
+    def write(self, window: Window) -> None:
+        """Accept a window's events."""
+
+    @abstractmethod
+    def close(self) -> Delivery:
+        """Release all resources and return the delivery counts; called once, also after a failure."""
+
+    def delivery_so_far(self) -> Delivery | None:
+        """Return the counts of an open sink, None to count what is written as delivered; callable from any thread.
+
+        `spooled` are all events that are not delivered yet.
+        """
+        return None
+
+    def close_by(self, deadline_s: float) -> None:
+        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
+        return
+
+    @optional
+    def waits(self) -> int:
+        """How often `write` has waited for room in the sink's own buffer."""
+        return 0
+
+    @optional
+    def outlives_the_process(self) -> bool | None:
+        """Whether the next run finds what is left in the sink's buffer at closing; None for a sink without a buffer."""
+        return None
+
+    @optional
+    def parked(self) -> str | None:
+        """Why the destination refuses the events that the sink keeps for it, or None; callable from any thread."""
+        return None
+
+    def retry(self) -> bool:
+        """Try again at once; return whether the sink was parked; callable from any thread."""
+        return False
+
+
+class Transport(Contract):
+    """Sends encoded events and acknowledges them later: a sink's `build` may return one.
+
+    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
+    its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
+
+    >>> from concurrent.futures import Future
+    >>> class Mailbox(Transport):
+    ...     letters = []
+    ...
+    ...     def send(self, batch):
+    ...         self.letters += batch.messages()
+    ...         acknowledged = Future()
+    ...         acknowledged.set_result(None)
+    ...         return acknowledged
+    ...
+    ...     def close(self, wait_s):
+    ...         pass
+    >>> batch = Batch(body=b"{}\\n", keys=("S-1",), key_of=[0], content_type="application/json", schema_version="1")
+    >>> Mailbox().send(batch).done(), Mailbox.letters
+    (True, [b'{}'])
+    """
+
+    @abstractmethod
+    def send(self, batch: Batch) -> "Future[None]":
+        """Send events without blocking; those of one key arrive in the order in which they were given.
+
+        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink without a
+        spool has failed; one with a spool is parked, and sends the batch again later (see `retry`).
+        """
+
+    @abstractmethod
+    def close(self, wait_s: float) -> None:
+        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""
+
+    @optional
+    def trouble(self) -> str | None:
+        """The reason why nothing gets through at the moment; None while all is well."""
+        return None
+
+    def retry(self) -> None:
+        """Forget a final error: the batches that follow are sent as if there had been none."""
+        return
+
+
+class Encoder(Contract):
+    """Detections to message bytes; tracks to message bytes if it `encodes_tracks`.
+
+    >>> from opir_testing.doubles import stub_window
+    >>> class Times(Encoder):
+    ...     content_type = "application/json"
+    ...     schema_version = "times-1"
+    ...
+    ...     def encode(self, window):
+    ...         return b"".join(b"%.1f\\n" % time_s for time_s in window.detections.time_s)
+    >>> Times().encode(stub_window(2)).count(b"\\n")
+    2
+    """
+
+    @required
+    def content_type(self) -> str:
+        """The media type of a message."""
+        raise NotImplementedError
+
+    @required
+    def schema_version(self) -> str:
+        """The version of the schema that the messages follow."""
+        raise NotImplementedError
+
+    @abstractmethod
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
+
+    @optional
+    def encodes_tracks(self) -> bool:
+        """Whether messages are the rows of `window.tracks`, and the event counts of outputs are of tracks.
+
+        Outputs pass such an encoder every window with tracks, with detections or without.
+        """
+        return False
+
+    def encodable(self, window: Window) -> BoolArray | None:
+        """Return which detections (n,) have a message; None if all have."""
+        return None
+
+
+def sink_or_transport(made: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
+    """Return what a sink's `build` made, as the one or the other; raises `ModelError` for neither."""
+    if isinstance(made, Transport) or (hasattr(made, "send") and hasattr(made, "trouble")):
+        return Transport.adopt(made, owner)
+    return Sink.adopt(made, owner)

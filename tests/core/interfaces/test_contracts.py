@@ -1,0 +1,189 @@
+"""Base classes of contracts: their examples run, and parts of other classes have the defaults of what they lack."""
+
+import doctest
+import pickle
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+import opir_core
+from opir_core.errors import ModelError
+from opir_core.interfaces.contract import has_own
+from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
+from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.radiometric_models import Background, Transmittance
+from opir_core.output import deliver
+from opir_core.plugin import EMITTER_TYPES, SinkModel, hookimpl
+
+SCENE = {
+    "scene": "adopted",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60,
+    "sensors": [{"model": "generic-scanner", "id": "S-1", "orbital_slot_deg": -160.0}],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "SRBM",
+            "launch": {"lat_deg": 11.0, "lon_deg": 171.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+}
+
+
+@pytest.mark.parametrize("module", ["outputs", "protocols", "radiometric_models"])
+def test_examples_of_contracts_run(module: str) -> None:
+    found = import_module(f"opir_core.interfaces.{module}")
+    contracts = [each for each in vars(found).values() if getattr(each, "__abstractmethods__", None)]
+    contracts = [each for each in contracts if each.__module__ == found.__name__]
+    assert contracts
+    for contract in contracts:
+        (example,) = doctest.DocTestFinder(recurse=False).find(contract, contract.__name__, globs=vars(found).copy())
+        assert example.examples, f"{contract.__name__} has no example"
+        assert doctest.DocTestRunner().run(example).failed == 0
+
+
+class Bare:
+    """A sink with the required methods alone."""
+
+    taken = 0
+
+    def write(self, window: Any) -> None:
+        self.taken += len(window.detections)
+
+    def close(self) -> Delivery:
+        return Delivery(delivered=self.taken)
+
+
+class Lines:
+    content_type = "text/plain"
+    schema_version = "1"
+
+    def encode(self, window: Any) -> bytes:
+        return b"x\n" * len(window.detections)
+
+
+class Faulty(Bare):
+    @property
+    def waits(self) -> int:
+        return self.nothing  # type: ignore[attr-defined, no-any-return]
+
+
+def test_a_part_of_another_class_has_the_defaults_of_what_it_lacks() -> None:
+    sink = Sink.adopt(Bare())
+    assert (sink.delivery_so_far(), sink.waits, sink.outlives_the_process, sink.parked) == (None, 0, None, None)
+    assert not sink.retry()
+    sink.close_by(0.0)
+    assert sink.close() == Delivery(delivered=0)
+    assert Sink.adopt(sink) is sink
+
+
+def test_what_a_part_defines_itself_is_used_and_is_told_apart_from_defaults() -> None:
+    class Waiting(Bare):
+        waits = 7
+
+    class Derived(Waiting, Sink):
+        pass
+
+    for sink in (Sink.adopt(Waiting()), Derived()):
+        assert sink.waits == 7
+        assert has_own(Sink, sink, "waits")
+        assert not has_own(Sink, sink, "parked")
+
+
+def test_a_property_that_fails_is_not_taken_for_a_missing_one() -> None:
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = Sink.adopt(Faulty()).waits
+
+
+def test_an_adopted_part_pickles() -> None:
+    encoder = pickle.loads(pickle.dumps(Encoder.adopt(Lines())))
+    assert (encoder.content_type, encoder.encodes_tracks) == ("text/plain", False)
+
+
+def test_what_sends_is_a_transport_and_what_writes_a_sink() -> None:
+    class Sending:
+        trouble = None
+        send = close = print
+
+    assert isinstance(sink_or_transport(Sending()), Transport)
+    assert isinstance(sink_or_transport(Bare()), Sink)
+
+
+@pytest.mark.parametrize(("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")])
+def test_what_is_no_sink_is_refused_with_its_owner_and_what_it_lacks(made: Any, seen: str) -> None:
+    with pytest.raises(ModelError, match=f"outputs\\[0\\]: .*'own' of plugin .*build made {seen}.*plugin.Sink"):
+        run_into(made)
+
+
+def test_a_sink_of_another_class_takes_all_events_of_a_run() -> None:
+    sink = Bare()
+    report = run_into(sink).report
+    assert [each.delivered for each in report.sinks] == [report.events] == [sink.taken]
+    assert sink.taken > 0
+
+
+def run_into(sink: Any) -> Any:
+    class Plugin:
+        @hookimpl
+        def opir_sinks(self) -> Any:
+            yield SinkModel(name="own", summary="for this test", build=lambda _config, _context: sink)
+
+    host = opir_core.Host.of(Plugin())
+    plan = opir_core.compile_plan(opir_core.scene_from_mapping({**SCENE, "outputs": ["own"]}, host=host), host)
+    return deliver(plan)
+
+
+def test_an_attribute_set_by_the_instance_replaces_a_default_and_a_required_one() -> None:
+    class Broker(Transport):
+        def __init__(self) -> None:
+            self.trouble = "no connection yet"  # type: ignore[misc]
+
+        send = close = print  # type: ignore[assignment]
+
+    assert Transport.adopt(Broker()).trouble == "no connection yet"
+
+
+def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
+    class Unnamed(Encoder):
+        content_type = "text/plain"
+
+        def encode(self, window: Any) -> bytes:
+            return b""
+
+    with pytest.raises(ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"):
+        Encoder.adopt(Unnamed())
+
+
+def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
+    class Still:
+        type_code = np.array([2, 0], dtype=np.uint8)
+        ignition_s, burnout_s = np.array([1.0, 2.0]), np.array([61.0, 92.0])
+        position_ecef_m = truth = print
+
+    targets = Trajectories.adopt(Still())
+    assert targets.end_s.tolist() == [61.0, 92.0]
+    assert targets.burns_s.tolist() == [[[1.0, 61.0]], [[2.0, 92.0]]]
+    assert list(targets.class_names) == [EMITTER_TYPES[2], EMITTER_TYPES[0]]
+    assert (targets.course_breakpoints_s, list(targets.files)) == (None, [])
+
+
+def test_models_of_light_of_other_classes_work_band_by_band_without_clouds_and_structure() -> None:
+    class Air:
+        def transmittance(self, band: int, path: Any) -> Any:
+            return np.full(len(path), 0.5 + 0.1 * band)
+
+    class Sky:
+        def radiance_w_m2_sr(self, band: int, view: Any) -> Any:
+            return np.full(len(view), 1.0 + band)
+
+        clutter_w_m2_sr = radiance_w_m2_sr
+
+    air, sky = Transmittance.adopt(Air()), Background.adopt(Sky())
+    rows: Any = range(2)
+    assert air.transmittances([0, 1], rows).tolist() == [[0.5, 0.5], [0.6, 0.6]]
+    assert air.cloud_top_m(np.zeros((1, 3))).tolist() == [-np.inf]
+    assert (air.clear, len(air.altitude_breakpoints_m), list(sky.structures)) == (air, 0, [])
+    assert sky.radiances_and_clutter_w_m2_sr([1], rows)[1].tolist() == [[2.0, 2.0]]
