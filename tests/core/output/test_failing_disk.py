@@ -27,6 +27,7 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvaged_at_start, spool_state
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls")]
@@ -94,7 +95,7 @@ def good(tmp_path: Path) -> Path:
 
 @FAULT
 def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path, error: int, lasts: bool) -> None:
-    place = good.with_name("place")
+    place, host = good.with_name("place"), Host.discover()
     plans = {seed: plan_of(seed, {"jsonl": {"path": str(place / "e.jsonl")}}) for seed in (2, 3)}
 
     def fresh() -> None:
@@ -114,10 +115,10 @@ def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path,
             seed = read_manifest(place / "e.manifest.json")["seed"]
             assert (told is None) == (seed == 2) or IS_THERE.search(told or ""), (number, told)
             assert told is None or (place / "e.jsonl").name in told or str(place) in told, told
-            seed = load_run(place).manifest["seed"]  # finishes the run that is whole
+            seed = load_run(place, host).manifest["seed"]  # finishes the run that is whole
             assert seed == 2 if told is None else seed in (1, 2)
             run_into(place, plans[3])
-            assert load_run(place).manifest["seed"] == 3
+            assert load_run(place, host).manifest["seed"] == 3
             assert sorted(path.name for path in place.iterdir()) == NAMES
     assert failed == 0, "the last number is beyond the last call"
 
