@@ -19,6 +19,7 @@ from spool_transports import ENCODER, MIB, SENSORS, Holding, ids_of, window
 
 from opir_core.builtin.sinks import LineFile
 from opir_core.errors import OpirError, SinkError
+from opir_core.host.host import Host
 from opir_core.output.delivery import deliver
 from opir_core.output.run_files import read_manifest
 from opir_core.output.saved_runs import load_run
@@ -94,7 +95,7 @@ def good(tmp_path: Path) -> Path:
 
 @FAULT
 def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path, error: int, lasts: bool) -> None:
-    place = good.with_name("place")
+    place, host = good.with_name("place"), Host.discover()
     plans = {seed: plan_of(seed, {"jsonl": {"path": str(place / "e.jsonl")}}) for seed in (2, 3)}
 
     def fresh() -> None:
@@ -114,10 +115,10 @@ def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path,
             seed = read_manifest(place / "e.manifest.json")["seed"]
             assert (told is None) == (seed == 2) or IS_THERE.search(told or ""), (number, told)
             assert told is None or (place / "e.jsonl").name in told or str(place) in told, told
-            seed = load_run(place).manifest["seed"]  # finishes the run that is whole
+            seed = load_run(place, host).manifest["seed"]  # finishes the run that is whole
             assert seed == 2 if told is None else seed in (1, 2)
             run_into(place, plans[3])
-            assert load_run(place).manifest["seed"] == 3
+            assert load_run(place, host).manifest["seed"] == 3
             assert sorted(path.name for path in place.iterdir()) == NAMES
     assert failed == 0, "the last number is beyond the last call"
 
