@@ -28,7 +28,7 @@ site:
 	python -m sphinx -W --keep-going --quiet -b html docs build/site
 
 ci:
-	bash .ci/run
+	OPIR_THIRD=all bash .ci/run
 
 mutants:
 	python tests/mutation/sample.py

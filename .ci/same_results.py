@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from itertools import zip_longest
 from pathlib import Path
@@ -44,12 +45,13 @@ Difference = tuple[str, Any, Any, float]
 
 def main(first: str, other: str, *scenes: str, without_simd: bool = False) -> int:
     """Run and compare all scenes; return the number of those that differ."""
-    failed = 0
-    with tempfile.TemporaryDirectory() as place:
+    failed, variables = 0, simd_disabled(other) if without_simd else {}
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(2) as pool:
         for scene in scenes or SCENES:
             one, two = (Path(place) / name for name in ("first.jsonl", "other.jsonl"))
-            run(first, ROOT / scene, one)
-            run(other, ROOT / scene, two, **(simd_disabled(other) if without_simd else {}))
+            runs = [pool.submit(run, first, ROOT / scene, one), pool.submit(run, other, ROOT / scene, two, **variables)]
+            for ended in runs:
+                ended.result()
             failed += not same(scene, one, two)
     return failed
 
