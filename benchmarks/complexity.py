@@ -30,9 +30,7 @@ POINTS = 2
 
 PAGE = """# Complexity
 
-How do time and memory grow with targets, sensors, duration and scan rate?
-
-{answer}
+How do time and memory grow with targets, sensors, duration and scan rate? {answer}
 
 ![Processor time and peak memory of a whole process against each quantity](complexity.svg)
 
@@ -40,14 +38,8 @@ How do time and memory grow with targets, sensors, duration and scan rate?
 
 Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat} over all decades. One quantity
 varies, the others are {base}; every minute has as many launches
-anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time, user and system, of the whole
-process, start-up included: on a busy machine it is longer than on an idle one, though less so than wall time.
-[complexity.csv](complexity.csv) has all points.
-
-```
-python benchmarks/complexity.py --write docs/benchmarks
-python benchmarks/complexity.py --from-csv docs/benchmarks
-```
+anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time is that of the whole process, start-up
+included. All points: [complexity.csv](complexity.csv).
 """
 #: Growth of memory over all decades that counts as none.
 FLAT = 1.25

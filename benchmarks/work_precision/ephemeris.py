@@ -34,19 +34,14 @@ PAGE = """# Ephemerides: accuracy against run time
 *What does a tolerance on the position of targets cost in time and memory?* An ephemeris stores a flight as piecewise
 polynomials that are fitted to a tolerance. {answer}
 
-{table}
-
-- *span*: `boost`, from ignition to burnout; `flight`, on to impact.
-- *largest error*: over a million random points, against the series of the boost and two-body propagation.
-- *in order*, *shuffled*: positions of all targets at 1000 times in one call, sorted by target and time, or in random
-  order; *with velocity*: position and velocity, in order.
-
 ![Build time, memory and evaluation time against tolerance](ephemeris.svg)
 
-{targets} flights of all classes. Times: processor time of one core, medians; in the same run a multiplication of two
-numpy arrays took {multiply_ns} ns per element (0.2 ns on an idle machine). All tolerances:
-[ephemeris.csv](ephemeris.csv). Made by `python benchmarks/work_precision/ephemeris.py --write docs/benchmarks`;
-`--from-csv docs/benchmarks` draws page and plot again.
+{table}
+
+*Boost*: from ignition to burnout; *flight*: to impact. *Largest error*: over a million random points of {targets}
+flights of all classes. *In order*, *shuffled*: positions of all targets at 1000 times in one call. All tolerances, and
+times for position with velocity: [ephemeris.csv](ephemeris.csv). A multiplication of two numpy arrays took
+{multiply_ns} ns per element in the same run (0.2 ns on an idle machine).
 """
 
 
@@ -142,12 +137,12 @@ def measured(
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| span | tolerance, m | largest error, m | pieces per target | kB per target | build, µs per target"
-        " | in order, ns per point | shuffled, ns | with velocity, ns |\n|---|---|---|---|---|---|---|---|---|"
+        "| span | tolerance, m | largest error, m | kB per target | build, µs per target | in order, ns per point"
+        " | shuffled, ns |\n|---|---|---|---|---|---|---|"
     )
     lines = [
-        f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.pieces:.1f} | {r.kilobytes:.1f} | {r.build_us:.0f}"
-        f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} | {r.state_ns:.0f} |"
+        f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.kilobytes:.1f} | {r.build_us:.0f}"
+        f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} |"
         for r in rows
         if r.tolerance_m in SHOWN_M
     ]
