@@ -47,13 +47,11 @@ and the 95 % ellipses contain at least 95 % of the truths.
 interval of the mean over targets: 1 is consistent, above 1 is overconfident. *In ellipse*: share of truths inside the
 95 % ellipse, with its 95 % interval. *Position*, *velocity*: RMSE. *Launch time*: median error.
 
-**Scenes** (`benchmarks/imm_consistency.py`). Ten distant SRBMs and IRBMs a run with random ranges and azimuths, two
-SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after
-the first detection to burnout, launches and impacts by each track's last estimate.
+Ten distant SRBMs and IRBMs a run, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States
+count every second from 20 s after the first detection to burnout, launches and impacts by each track's last estimate.
 
-**Why conservative.** The boost model allows boosts other than these. Under the cloud deck a target is first detected at
-10 km. With biases, each line of sight counts with noise and bias together: velocities are less certain than need be,
-for a constant bias shifts the position, not the velocity.
+It is conservative because the boost model allows other boosts. With biases, each line of sight counts with noise and
+bias together: velocities are less certain than need be, for a constant bias shifts the position, not the velocity.
 """
 
 

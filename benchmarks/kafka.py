@@ -44,16 +44,15 @@ KEYS = [sensor.id.encode() for sensor in SENSORS]
 
 PAGE = """# Throughput of the Kafka sink
 
-The Kafka sink delivers {plain} events/s uncompressed, {zstd} with zstd; with a spool on disk {spooled} and
-{spooled_zstd}.
-
-{events} events of {size} bytes, {partitions} partitions, two shared cores; `acks=all`, idempotent, 128 KiB batches;
-broker: {broker}. Times end at the last acknowledgement; the sink's include encoding.
-Medians of {repeats} repetitions. Made by `python benchmarks/kafka.py --write docs/benchmarks`.
+How many events per second does the Kafka sink deliver? {plain} uncompressed, {zstd} with zstd; with a spool on disk
+{spooled} and {spooled_zstd}.
 
 | compression | method | events/s | ratio to `send()` | range |
 |---|---|---|---|---|
 {rows}
+
+{events} events of {size} bytes, {partitions} partitions, two shared cores; `acks=all`, idempotent, 128 KiB batches;
+broker: {broker}. Times end at the last acknowledgement; the sink's include encoding. Medians of {repeats} repetitions.
 """
 
 Messages = list[tuple[bytes, bytes]]

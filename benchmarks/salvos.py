@@ -20,7 +20,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from result_files import BLUE, ORANGE, estimate, markdown_table, number, read_csv, svg_plot, write_csv
+from result_files import BLUE, ORANGE, markdown_table, number, read_csv, svg_plot, write_csv
 from scipy.optimize import linear_sum_assignment
 
 import opir_core as opir
@@ -163,21 +163,12 @@ def rows_of(spacings_km: Sequence[float], runs: int) -> Iterator[dict[str, str]]
 
 def page(rows: Sequence[dict[str, str]]) -> str:
     """Return the page."""
-    head = (
-        "spacing, km",
-        "launches",
-        "with a track, %",
-        "state in 95 %, %",
-        "error, m",
-        "95 % semi-axis, m",
-        "wrong labels, %",
-    )
+    head = ("spacing, km", "with a track, %", "state in 95 %, %", "error, m", "95 % semi-axis, m", "wrong labels, %")
     cells = [
         (
             row["spacing_km"],
-            row["launches"],
-            estimate(row, "tracked"),
-            estimate(row, "held"),
+            row["tracked"],
+            row["held"],
             row["median_error_m"] or "–",
             row["median_semi_axis_m"] or "–",
             row["wrong_labels"],
@@ -186,23 +177,22 @@ def page(rows: Sequence[dict[str, str]]) -> str:
     ]
     return f"""# Salvos
 
-How far apart must launches be for `imm` to tell them apart, and does it say when it cannot? {LAUNCHES} launches of one
-class within ten seconds, on a hexagonal grid, seen by two SBIRS-GEO at default settings.
+How far apart must launches be for `imm` to separate them, and do its covariances show when it cannot? {LAUNCHES}
+launches of one class within ten seconds, on a hexagonal grid, seen by two SBIRS-GEO at default settings.
 
 ![Share of launches whose track holds the true state, and wrong labels, against spacing](salvos.svg)
 
 {markdown_table(head, cells)}
 
-When the first launch is at {MARK:.0%} of its burn. A launch has a track if one of the tracks then has most of its
-detections from it. States are those of the tracks assigned to the launches, one to one, by least distance; intervals
-are of 95 % (Wilson). Errors and the largest semi-axes of the ellipsoids of position are medians. A label is wrong if a
+At {MARK:.0%} of the first burn, {rows[0]["launches"]} launches a line. A launch has a track if one of the tracks then
+has most of its detections from it. States are those of the tracks assigned to the launches, one to one, by least
+distance. Errors and the largest semi-axes of the 95 % ellipsoids of position are medians. A label is wrong if a
 detection of the second half of a burn is on a track of another launch.
 
-From 37 000 km, 20 µrad of noise is 0.7 km. Closer than some 5 km, detections of one launch are taken for those of
-another, and lines of sight of different targets nearly meet (ghosts). Such tracks are off by a kilometre or more, and
-[say so](../explanation/association.md#neighbours): their ellipsoids are wide, until the targets move apart.
-
-Made by `python benchmarks/salvos.py --write docs/benchmarks`; data: [salvos.csv](salvos.csv).
+From 37 000 km, 20 µrad of noise is 0.7 km. Closer than some 5 km, detections are assigned to the wrong launch, and
+lines of sight of different targets nearly meet (ghosts). Such tracks are off by a kilometre or more, but
+[their ellipsoids are wide](../explanation/association.md#neighbours), until the targets move apart. Intervals of 95 %:
+[salvos.csv](salvos.csv).
 """
 
 

@@ -42,23 +42,14 @@ faults.
 
 ![Memory, spool file, waiting events and events read, by minute](soak.svg)
 
-The samples are in [soak.csv](soak.csv).
-
-## Method
-
 Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run when it is full. A launch is requested
 every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
-{kinds}.{machine}
+{kinds}.{machine} Samples: [soak.csv](soak.csv).
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
-warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps, in which the service's histories fill). A process gives
-freed memory back in steps of some 20 MiB, and late: the least is what it holds. Made by `python benchmarks/soak.py
---write docs/benchmarks`.
-
-What grows at first is bounded: the last 10 000 detections, as text (13.6 MiB with tracks, 5.8 MiB without), modules
-that are imported when a track first needs them (3 MiB), and what the page shows of a track (about 20 KiB each, of at
-most `http.maximum_tracks`, here {tracks}). Traced by `tracemalloc`, a service with one spooled file and without a
-tracker held 46.9 MiB at lap 5 and 46.8 MiB at lap 77 of a scene of 60 s, with as many objects.
+warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: the last 10 000 detections
+(13.6 MiB with tracks, 5.8 MiB without), modules imported when a track first needs them (3 MiB), and what the page shows
+of a track (about 20 KiB each, of at most `http.maximum_tracks`, here {tracks}).
 """
 
 SCENE = """
