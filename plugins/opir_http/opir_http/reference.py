@@ -18,12 +18,23 @@ service has a bearer token, all paths except `/`, `/page/…`, `/health/…` and
 
 def reference_page() -> str:
     """Return the page as Markdown."""
-    whole = document()
-    routes = [line for path, item in whole["paths"].items() for line in _route(path, item)]
-    return "\n".join([_HEAD, *routes, *_settings()]) + "\n"
+    paths = document()["paths"]
+    shared = _shared([operation["responses"] for item in paths.values() for operation in item.values()])
+    everywhere = "; ".join(f"{status} {meaning}" for status, meaning in shared.items())
+    routes = [line for path, item in paths.items() for line in _route(path, item, shared)]
+    return "\n".join([_HEAD, f"Every request may be answered with these: {everywhere}.", *routes, *_settings()]) + "\n"
 
 
-def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
+def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
+    """Return the statuses, with their meaning, that all operations have."""
+    return {
+        status: response["description"]
+        for status, response in responses[0].items()
+        if all(other.get(status, {}).get("description") == response["description"] for other in responses)
+    }
+
+
+def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[str]:
     for method, operation in item.items():
         yield from ("", f"## {method.upper()} {path}", "", f"{operation['summary']}.")
         if "description" in operation:
@@ -35,7 +46,8 @@ def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
         yield from ("", "| status | meaning |", "|---|---|")
         for status, response in operation["responses"].items():
-            yield f"| {status} | {response['description']} |"
+            if status not in shared:
+                yield f"| {status} | {response['description']} |"
 
 
 def _words(parameter: dict[str, Any]) -> str:
