@@ -61,13 +61,11 @@ Looks, one at each launch, that report its type correctly (a type is reported fr
 
 **Method.** {launches} launches of each type and {sources} fires, gas flares and sun glints each, seed {seed}, below one
 geostationary slot by day (midlatitude summer, no cloud). Places, headings and ranges are uniform or log-uniform,
-brightness log-normal with sigma {brightness} (all bands) and {colour} (each band), areas with sigma {area}; glints are
-within 10° of the specular point. One look at each object at a random time, the same for all sensors; the revisit
-interval is {period:g} s. Every detection is reported; the classifier's prior is that of the scene.
-
-AUCs have DeLong's intervals (Biometrics 44, 1988, 837), their lower end at most that of Clopper and Pearson; shares
-have Clopper-Pearson intervals, differences of shares an exact McNemar test. Every AUC:
-[discrimination.csv](discrimination.csv). Confusion of types: [classification.csv](classification.csv).
+brightness log-normal with sigma {brightness} (all bands) and {colour} (each band), areas with sigma {area}. One look at
+each object at a random time, the same for all sensors; the revisit interval is {period:g} s. The classifier's prior is
+that of the scene. AUCs have DeLong's intervals (Biometrics 44, 1988, 837), shares those of Clopper and Pearson, their
+differences an exact McNemar test. Every AUC: [discrimination.csv](discrimination.csv). Confusion of types:
+[classification.csv](classification.csv).
 """
 
 REMARKS = """\

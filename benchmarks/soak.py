@@ -280,7 +280,7 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     rss, usual = (quarters([each.rss_mib for each in warm], figure) for figure in (min, np.median))
     counts = [[int(count) for count in COUNTED.findall(line)] for line in found["told"].splitlines()]
     delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
-    held = "at least {:.1f} MiB in the first quarter, {:.1f} in the last; medians {:.1f} and {:.1f}"
+    held = "least of the first quarter {:.1f} MiB, of the last {:.1f}; medians {:.1f} and {:.1f}"
     rows = [
         ("memory constant", held.format(*rss, *usual), rss[1] / rss[0] - 1.0 <= FLAT),
         ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", abs(fds[0] - fds[1]) <= DESCRIPTORS),

@@ -28,14 +28,11 @@ A position stays near its bound. A velocity is above it until a new stage has sh
 time, the bound knows how many there are. Impacts are far above it, because `imm` cannot exclude another stage 5 s after
 burnout. It knows no class, so the bound of class profiles is out of its reach.
 
-**Flights.** Gravity turns of one to three stages, integrated by SciPy, and class profiles of `ballistic`, over 150 to
-12 000 km. The tracker's prior (`boost_priors.json`) knows neither. Seeds were not used while building. Each flight is a
-scene of its own, seen by two SBIRS-GEO, or one; default settings.
-
-**Marks.** 25, 50, 75 and 95 % of the time from ignition to the last burnout, and 5 and 20 s after it. The tracker does
-not know how much of a burn is over, so its 50 % region cannot hold half of the impacts at each mark; over all marks
-together it holds {half:.0f} %. An area is that of all burnouts that the motion so far allows. It falls about thirtyfold
-from half of the burn to 20 s after it; less for one sensor.
+Flights are gravity turns of one to three stages, integrated by SciPy, and class profiles of `ballistic`, over 150 to
+12 000 km. The tracker's prior (`boost_priors.json`) knows neither. Each is a scene of its own, seen by two SBIRS-GEO,
+or one; default settings. Marks are 25, 50, 75 and 95 % of the time from ignition to the last burnout, and 5 and 20 s
+after it. The tracker does not know how much of a burn is over, so its 50 % region cannot hold half of the impacts at
+each mark; over all marks together it holds {half:.0f} %.
 
 By `--flights {flights} --write docs/benchmarks`, then `tracker_honesty_page.py docs/benchmarks`.
 """

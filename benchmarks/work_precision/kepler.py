@@ -84,20 +84,19 @@ def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) ->
 PAGE_TEXT = """# Two-body propagation: speed and error
 
 *How fast and how exact is two-body propagation?* opir returns a result for every class of arc, with errors near the
-floor: the error from rounding the inputs to doubles, below which no method can be sure to be.
+floor: the error from rounding the inputs to doubles.
 
 Largest error of {checked} states against mpmath with 50 digits, one state per call:
 
 {error}
 
-{states} states, each with its own duration, in one call (a loop for libraries without such a call). Median processor
-time of {repeat} interleaved runs, one thread; {machine}. "–": the library raised an error.
+Median processor time of {repeat} interleaved runs of {states} states in one call (a loop for libraries without such a
+call), one thread; {machine}. "–": the library raised an error.
 
 {speed}
 
 *Ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free flights from 100–300 km;
-*near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1| from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10,
-each up to a day forward or backward.
+*near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1| from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10.
 """
 
 
