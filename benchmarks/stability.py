@@ -32,9 +32,7 @@ Does opir lose digits that its inputs do not?
 The relative error of a good formula is about (1 + κ) u (the line on the left): u = 1.1·10⁻¹⁶ is the rounding of a
 double, and the condition number κ says by how much an input's relative change grows on its way to the result. So 10⁻⁹
 may be right, and 10⁻¹⁴ a defect. On the right κ of `propagate_kepler` by number of turns and speed: after a thousand
-turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u:
-
-{worst}
+turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u: {worst}.
 
 `chain` is a whole look, up to ten years after the scene's epoch: position with light time, range, elevation,
 irradiance, ln P_d and the probability to detect in eight looks. The Earth's angle since the epoch, in a double, loses
@@ -104,7 +102,7 @@ def write(folder: Path, outcomes: list[Outcome], bounds: list[Searched], draws: 
             answer=answer,
             count=f"{sum(len(found.error) for found in [*outcomes, *bounds]):,}".replace(",", " "),
             functions=len({found.case.name.partition(",")[0] for found in [*outcomes, *bounds]}),
-            worst=worst_table(order[:5]),
+            worst=worst_listed(order[:3]),
             draws=draws,
             seed=seed,
         ),
@@ -128,14 +126,8 @@ def csv_row(found: Any, condition: float, over: float) -> list[Any]:
     return [found.case.name, len(found.error), *figures, row_text(found.inputs, row)]
 
 
-def worst_table(order: list[Outcome]) -> str:
-    head = ["| function | draws | error | condition κ | error / (1 + κ) u |", "|---|---|---|---|---|"]
-    lines = [
-        f"| `{found.case.name}` | {len(found.error)} | {found.error[found.worst]:.1e} |"
-        f" {found.condition[found.worst]:.1e} | {found.scaled[found.worst]:.2g} |"
-        for found in order
-    ]
-    return "\n".join([*head, *lines])
+def worst_listed(order: list[Outcome]) -> str:
+    return ", ".join(f"{found.scaled[found.worst]:.2g} (`{found.case.name}`)" for found in order)
 
 
 def plot(outcomes: list[Outcome], path: Path) -> None:

@@ -52,8 +52,6 @@ of 125 x 401: {answer} A target above
 
 ![Error against time](atmosphere.svg)
 
-{table}
-
 Errors are the largest differences of transmittance over the {tables} tables of LOWTRAN7 that opir ships:
 
 - *between*: at {places} random heights and zenith angles between the table's points;
@@ -283,7 +281,6 @@ def redraw(folder: Path) -> None:
     rows, facts = read_csv(folder / "atmosphere.csv", Row)
     omitted, _ = read_csv(folder / "atmosphere_omitted.csv", Region)
     page = PAGE.format(
-        table=table(rows),
         answer=answer(rows),
         omitted=f"{max(region.error for region in omitted):.3f}",
         places=sum(len(rows) for rows in own_values(ABOVE).values()),

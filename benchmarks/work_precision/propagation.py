@@ -38,7 +38,7 @@ SINGLES = 12
 BOUND_S = 2.0
 
 #: How names of tools begin that are in the data and the plot, not in the table.
-UNSHOWN = ("opir, one arc", "heyoka, one arc", "SciPy LSODA")
+UNSHOWN = ("opir, one arc", "heyoka, one arc", "SciPy LSODA", "SciPy DOP853, largest step")
 
 #: The error, m, for which the page compares run times.
 COMPARED_M = 1e-3

@@ -44,6 +44,8 @@ Figures with the thrust known too: [tracking_scene.csv](tracking_scene.csv), by 
 """
 
 UNKNOWN = "rmse_over_bound_thrust_unknown"
+#: Lines that are in the data and the plot, not in the table.
+UNSHOWN = ("imm, 0.2 s", "imm, 5 s", "kepler-arc, memory 5 s, 1 s", "Stone Soup EKF, jerk, 1 s")
 HEAD = (
     "tracker, cadence",
     "µs per detection",
@@ -59,7 +61,7 @@ def write_page(source: Path) -> None:
     first, runs = rows[0], int(rows[0]["runs"])
     page = PAGE.format(
         left_out=left_out(rows),
-        table=markdown_table(HEAD, [cells(row) for row in rows]),
+        table=markdown_table(HEAD, [cells(row) for row in rows if row["tracker"] not in UNSHOWN]),
         faster=next((row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"), "–"),
         detections=first["detections"],
         runs=runs,
