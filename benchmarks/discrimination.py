@@ -72,7 +72,7 @@ REMARKS = """\
 **Why.**
 
 - From geostationary distance the range is known to about 1 %, so brightness itself separates types, unless noise hides
-  it. An ICBM late in its burn is as bright as a smaller type; the number of detections so far separates the two.
+  it. The number of detections so far separates an ICBM late in its burn from a smaller type.
 - DSP has one band. It separates fires, whose LWIR is far above that of plumes, but not a flare or a glint as bright as
   a plume. What it detects is bright, and so mostly an ICBM.
 - The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise the spectrum. HEO

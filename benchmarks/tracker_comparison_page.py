@@ -52,10 +52,8 @@ opir compare {scene} --set "{sensors}" \\
 #: Rows of the short table: its name, the quantity, the bin's start, and whether the interval is shown.
 LINES = (
     ("position RMSE, 100–120 s, m", "position_rmse_m", "100", False),
-    ("… over the bound, thrust unknown", "position_rmse_over_bound_thrust_unknown", "100", False),
     ("velocity RMSE, 100–120 s, m/s", "velocity_rmse_m_s", "100", False),
     ("NEES / 6, 100–120 s (1 is consistent)", "nees_over_6", "100", False),
-    ("NIS / 2, 100–120 s (1 is consistent)", "nis_over_2", "100", False),
     ("last launch point, RMSE, m", "launch_rmse_m", "", False),
     ("last impact point, RMSE, km", "impact_rmse_km", "", False),
     ("impacts in the 95 % ellipse, %", "impact_in_95_ellipse_percent", "", True),

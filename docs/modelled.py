@@ -140,8 +140,8 @@ PARTS = (
         "Detection",
         "computed",
         "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
-        "without a `focal_plane`: point spread, saturation, image motion; always: blooming, the phase of a source on its"
-        " pixel, its own photon noise",
+        "without a `focal_plane`: point spread, saturation, image motion; always: blooming, the phase of a source on"
+        " its pixel, its own photon noise",
         "With a `focal_plane`: P_d off by 0.01 in the median of 48 settings, by 0.10 at most"
         " ([images](../benchmarks/focal_plane.md)). Without: source at the corner of four cells, up to three quarters"
         " of the signal",

@@ -20,9 +20,9 @@ def reference_page() -> str:
     """Return the page as Markdown."""
     paths = document()["paths"]
     shared = _shared([operation["responses"] for item in paths.values() for operation in item.values()])
-    everywhere = "; ".join(f"{status} {meaning}" for status, meaning in shared.items())
+    everywhere = "; ".join(f"**{status}** {meaning}" for status, meaning in shared.items())
     routes = [line for path, item in paths.items() for line in _route(path, item, shared)]
-    return "\n".join([_HEAD, f"Every request may be answered with these: {everywhere}.", *routes, *_settings()]) + "\n"
+    return "\n".join([_HEAD, f"\nEvery request may be answered with these: {everywhere}.", *routes, *_settings()]) + "\n"
 
 
 def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
@@ -44,10 +44,8 @@ def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[
             yield from ("", "| parameter | in | meaning |", "|---|---|---|")
         for parameter in parameters:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
-        yield from ("", "| status | meaning |", "|---|---|")
-        for status, response in operation["responses"].items():
-            if status not in shared:
-                yield f"| {status} | {response['description']} |"
+        own = {status: each["description"] for status, each in operation["responses"].items() if status not in shared}
+        yield from ("", f"Answers: {'; '.join(f'**{status}** {meaning}' for status, meaning in own.items())}.")
 
 
 def _words(parameter: dict[str, Any]) -> str:
