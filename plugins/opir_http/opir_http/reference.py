@@ -20,9 +20,10 @@ def reference_page() -> str:
     """Return the page as Markdown."""
     paths = document()["paths"]
     shared = _shared([operation["responses"] for item in paths.values() for operation in item.values()])
-    everywhere = "; ".join(f"**{status}** {meaning}" for status, meaning in shared.items())
+    listed = "; ".join(f"**{status}** {meaning}" for status, meaning in shared.items())
+    everywhere = f"Every request may be answered with these: {listed}."
     routes = [line for path, item in paths.items() for line in _route(path, item, shared)]
-    return "\n".join([_HEAD, f"\nEvery request may be answered with these: {everywhere}.", *routes, *_settings()]) + "\n"
+    return "\n".join([_HEAD, "", everywhere, *routes, *_settings()]) + "\n"
 
 
 def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
