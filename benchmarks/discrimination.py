@@ -39,8 +39,8 @@ from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 PAGE = """# Discrimination and classification
 
 *How well does each sensor separate plumes from fires, flares and glints, and the types of missiles from one another?*
-DSP worst, NEXTGEN-GEO best. This follows from bands and noise, which are notional: no setting says how well a sensor
-discriminates.
+DSP worst, NEXTGEN-GEO best. This follows from bands and noise, which are notional: a sensor has no setting for how
+well it discriminates.
 
 ![ROC curves of plume against fire, flare and glint, by sensor, with 95 % bands](discrimination.svg)
 

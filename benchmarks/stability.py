@@ -30,9 +30,9 @@ Does opir lose digits that its inputs do not?
 ![Relative error against condition number of all draws, and the condition number of two-body arcs](stability.svg)
 
 The relative error of a good formula is about (1 + κ) u (the line on the left): u = 1.1·10⁻¹⁶ is the rounding of a
-double, and the condition number κ says by how much an input's relative change grows on its way to the result. So 10⁻⁹
-may be right, and 10⁻¹⁴ a defect. On the right κ of `propagate_kepler` by number of turns and speed: after a thousand
-turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u: {worst}.
+double, and the condition number κ is the factor by which an input's relative change grows on its way to the result.
+So 10⁻⁹ may be right, and 10⁻¹⁴ a defect. On the right κ of `propagate_kepler` by number of turns and speed: after a
+thousand turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u: {worst}.
 
 `chain` is a whole look, up to ten years after the scene's epoch: position with light time, range, elevation,
 irradiance, ln P_d and the probability to detect in eight looks. The Earth's angle since the epoch, in a double, loses
