@@ -45,11 +45,9 @@ slots, orbits and fields of regard are notional.
 
 ![Share of a day with at least one and at least two satellites in view, by latitude](coverage.svg)
 
-*Covered all day*: latitudes at which every sampled place is always seen. *Two satellites*: share of the day with two or
-more in view, as stereo tracking needs, and *satellites in view*, their mean number: the smallest and the largest of all
-latitudes within ±72°. *Longest gap*: for which no satellite sees a place; "a day" where a place is never seen.
-
-Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. By
+*Two satellites*: share of the day with two or more in view, as stereo tracking needs, and *satellites in view*, their
+mean number: the smallest and the largest of all latitudes within ±72°. *Longest gap*: for which no satellite sees a
+place. Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. By
 latitude: [coverage.csv](coverage.csv).
 """
 

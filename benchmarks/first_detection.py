@@ -73,16 +73,16 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 
 {headline}
 
-Entries are medians of the launches that are reported during their burn: time after ignition and height, as ranges over
-five climates. All launches are reported, except SRBM by DSP: {faint} %.
+Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
+height, as ranges over five climates. All launches are reported, except SRBM by DSP: {faint} %.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
 NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP; the ICBM through tropical air is reported by DSP
 before SBIRS-GEO. What delays a first report, each cause switched off by itself under a clear sky:
 
-- **Cloud.** No plume is detected below a deck. Over its cold top at 10 km DSP detects more SRBM ({cloudy} %), with less
-  LWIR clutter than over warm ground. Half cover is drawn once in a run; here it hides the site.
+- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there. Over its cold
+  top DSP detects more SRBM ({cloudy} %), with less LWIR clutter. Half cover is drawn once in a run.
 - **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air SBIRS-GEO reports
   an SRBM after {swir_delay}. LWIR of DSP is dimmed less.
 - **Background.** Photon noise and clutter of the warm Earth matter in LWIR: without them DSP reports an IRBM after
@@ -284,14 +284,12 @@ def between(low: str, high: str) -> str:
 
 
 def headline(found: list[Cell]) -> str:
-    """Return a line for each class and sensor: ranges over the climates, without cloud and above a deck."""
-    skies = tuple(CLOUDS)[:2]
-    lines = [f"| class | sensor | {' | '.join(skies)} |", "|---" * (2 + len(skies)) + "|"]
+    """Return a line for each class: ranges over the climates under a clear sky, by sensor."""
+    clear = [cell for cell in found if cell.cloud == "clear sky"]
+    lines = [f"| class | {' | '.join(SENSORS)} |", "|---" * (1 + len(SENSORS)) + "|"]
     for kind in LAUNCHES:
-        for sensor in SENSORS:
-            own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
-            cells_ = [spread([cell for cell in own if cell.cloud == cloud]) for cloud in skies]
-            lines.append(f"| {kind} | {sensor} | {' | '.join(cells_)} |")
+        own = [[cell for cell in clear if (cell.kind, cell.sensor) == (kind, sensor)] for sensor in SENSORS]
+        lines.append(f"| {kind} | {' | '.join(map(spread, own))} |")
     return "\n".join(lines)
 
 

@@ -43,15 +43,14 @@ and the 95 % ellipses contain at least 95 % of the truths.
 
 {table}
 
-{runs} runs a case. *NEES* is over its degrees of freedom (6 of the state, 2 of launch and impact), with the 99 %
-interval of the mean over targets: 1 is consistent, above 1 is overconfident. *In ellipse*: share of truths inside the
-95 % ellipse, with its 95 % interval. *Position*, *velocity*: RMSE. *Launch time*: median error.
-
-Ten distant SRBMs and IRBMs a run, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States
-count every second from 20 s after the first detection to burnout, launches and impacts by each track's last estimate.
+*NEES* is over its degrees of freedom, with the 99 % interval of the mean over targets: 1 is consistent, above 1 is
+overconfident. *In ellipse*: share of truths inside the 95 % ellipse, with its 95 % interval. *Position*, *velocity*:
+RMSE. *Launch time*: median error. {runs} runs a case of ten distant SRBMs and IRBMs, two SBIRS-GEO (10 looks a second
+each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after the first detection to burnout,
+launches and impacts by each track's last estimate.
 
 It is conservative because the boost model allows other boosts. With biases, each line of sight counts with noise and
-bias together: velocities are less certain than need be, for a constant bias shifts the position, not the velocity.
+bias together, although a constant bias shifts the position, not the velocity.
 """
 
 

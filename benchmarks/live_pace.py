@@ -31,7 +31,6 @@ class Found:
 
     targets: int
     seconds: float
-    speed: float
     status: LiveStatus
     age_ms: Any
     core: float
@@ -41,14 +40,14 @@ class Found:
         ages = (np.percentile(self.age_ms, 50), np.percentile(self.age_ms, 99), self.age_ms.max())
         status, age = self.status, " | ".join(f"{each:.1f}" for each in ages)
         return (
-            f"| {self.targets} | {self.speed:g}x | {self.seconds:g} | {len(self.age_ms) / self.seconds:.0f} |"
-            f" {status.cycle} | {status.late_cycles} | {1e3 * status.latest_s:.1f} | {age} | {100 * self.core:.0f} % |"
+            f"| {self.targets} | {self.seconds:g} | {len(self.age_ms) / self.seconds:.0f} | {status.late_cycles} |"
+            f" {1e3 * status.latest_s:.1f} | {age} | {100 * self.core:.0f} % |"
         )
 
 
 HEAD = (
-    "| targets | speed | s | events/s | cycles | missed deadlines | latest, ms | age p50, ms | p99 | max | CPU |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|"
+    "| targets | s | events/s | missed deadlines | latest, ms | age p50, ms | p99 | max | CPU |\n"
+    "|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -70,7 +69,7 @@ def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Found:
     cpu_s, began_s = time.process_time(), time.monotonic()
     time.sleep(seconds)
     core = (time.process_time() - cpu_s) / (time.monotonic() - began_s)
-    return Found(len(scene.targets), seconds, speed, run.stop(), 1e3 * np.concatenate(ages), core)
+    return Found(len(scene.targets), seconds, run.stop(), 1e3 * np.concatenate(ages), core)
 
 
 def raid(host: Host, times: int) -> Scene:

@@ -225,16 +225,10 @@ What each part omits, and the size of the error, is on the page [What is left ou
 
 ## Defaults
 
-The sensor models start from these values. Noise-equivalent irradiance (NEI), IFOV (`ifov_urad`) and line-of-sight
-error (one sigma) are notional.
-
-| sensor model | bands, µm | NEI, W/m² | IFOV, µrad | threshold, σ | scan period, ms | line of sight, µrad |
-|---|---|---|---|---|---|---|
-{sensors}
-
 All {count} defaults of components, scenes, outputs and the service, each with its source, are in
 [defaults.csv](defaults.csv) (columns: component, key, default, source). {notional} of them are notional without a
-source; {paper} come from the [paper](paper-errata.md) at least in part. The page of
+source; {paper} come from the [paper](paper-errata.md) at least in part. Noise-equivalent irradiance (NEI), IFOV and
+line-of-sight error of sensors are notional. The page of
 [components](../reference/components.md) has the same defaults with units and ranges, and the values of every preset.
 A default of `none` sets nothing and is not listed.
 """
@@ -261,9 +255,6 @@ How the figures were obtained:
 - *CO₂.* Optical depth scaled by 1.3. *Earthshine.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
 """
 
-#: The headline settings of a sensor model, as columns.
-SHOWN = ("bands", "nei_w_m2", "ifov_urad", "threshold_sigma", "scan_period_ms", "line_of_sight_sigma_urad")
-
 
 def modelled_pages(host: Host) -> Mapping[str, str]:
     """Return both pages and the table of defaults by file name."""
@@ -271,23 +262,12 @@ def modelled_pages(host: Host) -> Mapping[str, str]:
     sources = [row[3] for row in rows]
     modelled = MODELLED.format(
         parts=_table((part.subject, part.how, part.model) for part in PARTS),
-        sensors=_table(_sensors(host)),
         count=len(rows),
         notional=sources.count("notional"),
         paper=sum("paper (2026)" in source for source in sources),
     )
     left_out = LEFT_OUT.format(parts=_table((part.subject, part.left_out, part.error) for part in PARTS))
     return {"what-is-modelled.md": modelled, "what-is-left-out.md": left_out, "defaults.csv": _csv(rows)}
-
-
-def _sensors(host: Host) -> Iterator[tuple[str, ...]]:
-    """Yield the headline defaults of each sensor model that scans."""
-    for name in host.names("opir_sensor_models"):
-        offered = host.component("opir_sensor_models", name)
-        if isinstance(offered, Component):
-            text = {row.key: row.default_text for row in field_rows(offered.config)}
-            if text.keys() >= set(SHOWN):
-                yield (f"`{name}`", text["bands"].strip("{}"), *(text[key] for key in SHOWN[1:]))
 
 
 def _defaults(host: Host) -> Iterator[tuple[str, str, str, str]]:
