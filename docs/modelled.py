@@ -92,8 +92,8 @@ PARTS = (
     Part(
         "Atmospheric transmittance",
         "tabulated",
-        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error: 1.3e-4 at the points of the"
-        " table, 0.003 at 360 places between them ([benchmark](../benchmarks/atmosphere.md))",
+        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error 0.003 at 360 places"
+        " ([benchmark](../benchmarks/atmosphere.md))",
         "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases since 1986",
         "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a transmittance by at"
         " most 0.10",
@@ -127,10 +127,8 @@ PARTS = (
     Part(
         "Clutter",
         "notional",
-        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through spatial filter and frame"
-        " difference with registration error and drift, in closed form ([how](focal-plane.md),"
-        " [checked on images](../benchmarks/focal_plane.md)). Others:"
-        " `clutter_residual`, a fixed share of the radiance",
+        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through filters and frame difference"
+        " ([how](focal-plane.md)). Others: `clutter_residual`, a fixed share of the radiance",
         "correlation between the looks at a target; foreshortening towards the limb; non-Gaussian tails; motion of"
         " clouds; structure by place and season",
         "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms of real clutter are"
@@ -149,8 +147,8 @@ PARTS = (
     Part(
         "Type from measured irradiance",
         "computed",
-        "Bayes' rule over simulated launches of every class profile, fires, flares, glints and bolides, through the"
-        " scene's atmosphere and sensors; priors and spreads notional",
+        "Bayes' rule over simulated launches and hot sources, through the scene's atmosphere and sensors; priors and"
+        " spreads notional",
         "correlation between looks at one launch; signatures that a scene sets for its targets",
         "Probabilities of several looks must not be multiplied",
     ),
