@@ -53,9 +53,7 @@ A look that does not detect scores below all others. Crosses in the plot: the se
 
 ![Reported types of looks at launches of each type, by sensor](classification.svg)
 
-Looks, one at each launch, that report its type correctly (a type is reported from a probability of 0.6):
-
-{type_order}
+Share of the looks, one at each launch, that report its type correctly (from a probability of 0.6): {type_order}
 
 {remarks}
 
@@ -162,7 +160,7 @@ def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion
 
 
 def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]:
-    """Return the gains of each step of the order of sensors: in AUC as a sentence, in correct types below a table."""
+    """Return the gains of each step of the order of sensors: in AUC, and in correct types with their shares."""
     steps = [
         (f"{name}, {worse} to {better}", gain, sigma, p)
         for name, of_looks in (("detections", False), ("looks", True))
@@ -170,15 +168,15 @@ def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]
     ]
     listed = "; ".join(f"{step} {gain:+.3f} (σ {sigma:.3f})" for step, gain, sigma, _ in steps)
     areas = f"Gains against all three kinds: {listed}; the largest one-sided p is {max(p for *_, p in steps):.1e}."
-    types = ["| sensor | of looks | of detections |", "|---|---|---|"]
+    types = []
     for sensor in SENSORS:
         right = is_right(looks[sensor], people.kind)
         seen = int(np.sum(looks[sensor].code[np.isin(people.kind, TARGET_TYPES)] < len(REPORTED_TYPES)))
         low, high = interval(int(right.sum()), len(right))
         of_looks = f"{right.mean():.3f} ({low:.3f}–{high:.3f})"
-        types.append(f"| {sensor} | {of_looks} | {right.sum() / max(seen, 1):.3f} of {seen} |")
+        types.append(f"{sensor} {of_looks}, and {right.sum() / max(seen, 1):.3f} of {seen} detections")
     gains = "; ".join(f"{a} to {b} {gain:+.3f} (p {p:.1e})" for a, b, gain, p in type_orders(people, looks))
-    return areas, "\n".join([*types, "", f"Gains: {gains}."])
+    return areas, f"{'; '.join(types)}. Gains: {gains}."
 
 
 def main() -> None:

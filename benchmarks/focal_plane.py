@@ -72,8 +72,7 @@ lines of sight, and within {bound:.1f} % of the bound.
 
 **Method.** Frames are {pixels} pixels wide, 5 × 5 cells to a pixel, from the Fourier transform of white noise; {places}
 targets a frame at random phases, and as many places without. Clutter is {low:g} to {high:g} times the noise. The code
-that simulates shares nothing with the closed forms; places of spots are fitted by maximum likelihood with known
-brightness. Filters, thresholds and figures of all settings: [focal_plane.csv](focal_plane.csv).
+that simulates shares nothing with the closed forms. All settings: [focal_plane.csv](focal_plane.csv).
 """
 
 

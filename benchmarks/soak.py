@@ -47,9 +47,8 @@ every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to
 {kinds}.{machine} Samples: [soak.csv](soak.csv).
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
-warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: the last 10 000 detections
-(13.6 MiB with tracks, 5.8 MiB without), modules imported when a track first needs them (3 MiB), and what the page shows
-of a track (about 20 KiB each, of at most `http.maximum_tracks`, here {tracks}).
+warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: histories of
+detections and tracks.
 """
 
 SCENE = """
@@ -335,7 +334,6 @@ def page(found: dict[str, Any], minutes: float, seed: int, machine: str) -> str:
         machine=f" {machine}" if machine else "",
         warm_up=100 * WARM_UP,
         warm_up_laps=WARM_UP_LAPS,
-        tracks=TRACKS,
         flat=100 * FLAT,
     )
 

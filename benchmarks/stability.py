@@ -34,9 +34,8 @@ double, and the condition number κ is the factor by which an input's relative c
 So 10⁻⁹ may be right, and 10⁻¹⁴ a defect. On the right κ of `propagate_kepler` by number of turns and speed: after a
 thousand turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u: {worst}.
 
-`chain` is a whole look, up to ten years after the scene's epoch: position with light time, range, elevation,
-irradiance, ln P_d and the probability to detect in eight looks. The Earth's angle since the epoch, in a double, loses
-0.2 mm of a satellite's way in ten years.
+`chain` is a whole look, up to ten years after the scene's epoch, in which the Earth's angle, in a double, loses 0.2 mm
+of a satellite's way.
 
 [All functions](stability.csv), those that work to a tolerance too, with the input of the largest error, and with
 reasons for those left out. No draw raised a warning or an overflow, and no result was `nan` where a number exists. By

@@ -42,8 +42,8 @@ opir compare {scene} --set "{sensors}" \\
   errors grow to many times the Cramér–Rao bound, while the least-squares covariance shrinks with each detection. The
   arc gives the mean speed of the boost, not the speed at burnout: the predicted range falls short and the estimated
   type is too small. No ellipse of the paper's σ₀ exp(−k n/N) contains the impact.
-* **kepler-arc with `memory_s: 5`** fits the last seconds and is not the paper's tracker. It does not diverge, but lags
-  an accelerating target by about the acceleration times the memory, which its covariance does not include.
+* **kepler-arc with `memory_s: 5`** fits the last seconds. It does not diverge, but lags an accelerating target by about
+  the acceleration times the memory, which its covariance does not include.
 * **imm** has the specific force in its state and does not lag. It assumes a boost about along the velocity, so it may
   be below the bound *with the thrust unknown*, which allows any force. Its impact regions include what the target may
   still burn: they are large in the burn, and shrink at burnout.

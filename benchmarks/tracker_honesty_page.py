@@ -24,9 +24,8 @@ burn, and the median error over the posterior Cramér–Rao bound of an estimato
 has its parameters to find. With two sensors the large RMSE come from a flight in a hundred with errors of kilometres
 a second, which its covariance shows. All figures with their 95 % intervals: [tracker_honesty.csv](tracker_honesty.csv).
 
-A position stays near its bound. A velocity is above it until a new stage has shown itself: `imm` must expect one at any
-time, the bound knows how many there are. Impacts are far above it, because `imm` cannot exclude another stage 5 s after
-burnout. It knows no class, so the bound of class profiles is out of its reach.
+A velocity is above its bound until a new stage has shown itself: `imm` must expect one at any time, the bound knows how
+many there are. It knows no class, so the bound of class profiles is out of its reach.
 
 Flights are gravity turns of one to three stages, integrated by SciPy, and class profiles of `ballistic`, over 150 to
 12 000 km. The tracker's prior (`boost_priors.json`) knows neither. Each is a scene of its own, seen by two SBIRS-GEO,

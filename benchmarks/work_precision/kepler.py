@@ -50,7 +50,7 @@ def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> d
 def table(rows: list[list[str]]) -> str:
     """Return rows as a Markdown table, the first its head."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])
 
 
 def spread(nanoseconds: list[float]) -> str:
