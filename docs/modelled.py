@@ -102,8 +102,7 @@ PARTS = (
         "Transmittance of limb paths",
         "tabulated",
         "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height of the straight"
-        " path, 2.5 km and above. Error 0.008 at 360 places. Below 2.5 km: optical depth grows along the path as at"
-        " 2.5 km",
+        " path, 2.5 km and above; below, as at 2.5 km. Error 0.008 at 360 places",
         "refraction below 2.5 km, where rays can meet the ground; air below targets that are above 100 km",
         "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100 km",
     ),
@@ -118,8 +117,8 @@ PARTS = (
     Part(
         "Background radiance of the Earth",
         "tabulated",
-        "LOWTRAN7 by night and by day (Sun 0, 30, 60, 80° from the zenith; view at nadir and 61.6°), three kinds of"
-        " cloud, a formula for opaque cloud; linear in the sines of elevation",
+        "LOWTRAN7 by night and by day, three kinds of cloud, a formula for opaque cloud; linear in the sines of"
+        " elevation",
         "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air beyond the limb, 0"
         " here",
         "Not estimated. It changes only the noise: photon noise as √L, clutter as L",
@@ -155,9 +154,8 @@ PARTS = (
     Part(
         "Boost and ballistic flight",
         "computed",
-        "notional class profiles (`class_profiles.json`) or gravity turns of notional stages (`stagings.json`,"
-        " [gravity-turn](gravity-turn.md)) on the rotating ellipsoid, then a two-body arc (default), or J2 to J4 and"
-        " drag (`forces`)",
+        "notional class profiles or [gravity turns](gravity-turn.md) of notional stages on the rotating ellipsoid, then"
+        " a two-body arc (default), or J2 to J4 and drag (`forces`)",
         "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
         "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",

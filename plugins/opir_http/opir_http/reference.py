@@ -45,8 +45,10 @@ def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[
             yield from ("", "| parameter | in | meaning |", "|---|---|---|")
         for parameter in parameters:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
-        own = {status: each["description"] for status, each in operation["responses"].items() if status not in shared}
-        yield from ("", f"Answers: {'; '.join(f'**{status}** {meaning}' for status, meaning in own.items())}.")
+        said = {*shared.items(), ("200", operation["summary"])}
+        answers = [(status, each["description"]) for status, each in operation["responses"].items()]
+        own = "; ".join(f"**{status}** {meaning}" for status, meaning in answers if (status, meaning) not in said)
+        yield from ("", f"Answers: {own}.") if own else ()
 
 
 def _words(parameter: dict[str, Any]) -> str:
