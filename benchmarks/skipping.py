@@ -225,8 +225,8 @@ What does each optional part cost a scene that names it, and what one that does 
 {table}
 
 The dearest {count} of {parts} parts: calls of functions of the part's own modules, bytes that they hold at the end, and
-how much processor time a whole process takes more once `examples/first_light.yaml` names the part; all others are
-within {rest_ms} ms. *Events*: what naming a part does to the events of the sensors and targets that were there before.
+the additional processor time of a process once `examples/first_light.yaml` names the part; all others are within
+{rest_ms} ms. *Events*: those of the sensors and targets that were there before.
 All counts, also of scenes that do not name a part: [skipping.csv](skipping.csv).{shared}
 """
 

@@ -38,8 +38,7 @@ polynomials that are fitted to a tolerance. {answer}
 
 *Boost*: from ignition to burnout; *flight*: to impact. Errors are the largest over a million random points of {targets}
 flights of all classes; times those of all targets at 1000 times in one call. Times of shuffled positions, and with
-velocity: [ephemeris.csv](ephemeris.csv). A multiplication of two numpy arrays took {multiply_ns} ns per element in the
-same run (0.2 ns on an idle machine).
+velocity: [ephemeris.csv](ephemeris.csv).
 """
 
 
