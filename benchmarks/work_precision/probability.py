@@ -70,8 +70,8 @@ Errors are differences of P_d from `exact: true` at {sample} random looks, for e
 {constant_ns} ns.
 
 The goal is at most 1.5 times the run time of `detection: constant`. {verdict} They are over all hundred launches,
-{looks} looks, with medians of {columns}, {runs} and {repeat} runs. All tolerances: [probability.csv](probability.csv); run
-times: [probability_chains.csv](probability_chains.csv).
+{looks} looks, with medians of {columns}, {runs} and {repeat} runs. All data: [probability.csv](probability.csv),
+[probability_chains.csv](probability_chains.csv).
 """
 
 
