@@ -37,26 +37,21 @@ SENSORS: dict[str, dict[str, Any]] = {
 
 PAGE = """# Calibration
 
-*If a detection is reported with confidence p, how often is it right?* `classification: spectral` with
-`confidence: posterior`, over {events} events of {launches} launches, {sources} fires and gas flares, and noise. A
-report of a type is right if that is the target's type; UNKNOWN is right for what is no missile.
+*If a detection is reported with confidence p, how often is it right?* Within {within:.0f} points of the diagonal lie
+{good} of the {bins} bins of at least {enough} events{worst}.
 
 ![Reliability diagrams by sensor](calibration.svg)
 
-Within {within:.0f} points of the diagonal lie {good} of the {bins} bins of at least {enough} events{worst}.
+`classification: spectral` with `confidence: posterior`, over {events} events of {launches} launches, {sources} fires
+and gas flares, and noise. A report of a type is right if that is the target's type; UNKNOWN is right for what is no
+missile. DSP sees one band, so few of its types are certain. `DSP-unconfirmed` reports every detection, noise included
+({noise}).
 
-DSP sees one band: it is seldom sure of a type. `DSP-unconfirmed` reports every detection, so that noise is among its
-events ({noise}).
+The prior of the classifier is that of the simulation: as many launches and sources; brightnesses, temperatures and
+areas from the distributions that it assumes. Looks every {period:g} s through `midlat_summer` air over the Earth.
+Events of one launch share its brightness: a bin of {enough} events may hold few launches.
 
-## Method
-
-The prior of the classifier is that of the simulation: as many launches and sources. Brightnesses,
-temperatures and areas are drawn from the distributions that the classifier assumes; places, flights, air
-(`midlat_summer`), Earth background, noise and confirmation are the engine's. Looks every {period:g} s. Events of one
-launch share its brightness: a bin of {enough} events may hold few launches.
-
-All bins: [calibration.csv](calibration.csv). Made by
-`python benchmarks/calibration.py --launches 600 --sources 600 --seeds 2 --write docs/benchmarks`.
+All bins: [calibration.csv](calibration.csv), by `--launches 600 --sources 600 --seeds 2`.
 """
 
 

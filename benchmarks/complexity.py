@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from result_files import BLUE, ORANGE, markdown_table, number, read_csv, svg_plot, write_csv
+from result_files import BLUE, ORANGE, number, read_csv, svg_plot, write_csv
 
 #: The scene that stays: with all of these a run is short, so that the largest points take about a minute.
 BASE = {"targets": 10, "sensors": 2, "duration_s": 60.0, "rate_hz": 1.0}
@@ -30,24 +30,14 @@ POINTS = 2
 
 PAGE = """# Complexity
 
-How do time and memory grow with targets, sensors, duration and scan rate?
-
-{answer}
+How do time and memory grow with targets, sensors, duration and scan rate? {answer}
 
 ![Processor time and peak memory of a whole process against each quantity](complexity.svg)
 
-{table}
-
 Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat} over all decades. One quantity
 varies, the others are {base}; every minute has as many launches
-anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time, user and system, of the whole
-process, start-up included: on a busy machine it is longer than on an idle one, though less so than wall time.
-[complexity.csv](complexity.csv) has all points.
-
-```
-python benchmarks/complexity.py --write docs/benchmarks
-python benchmarks/complexity.py --from-csv docs/benchmarks
-```
+anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time is that of the whole process, start-up
+included. All points: [complexity.csv](complexity.csv).
 """
 #: Growth of memory over all decades that counts as none.
 FLAT = 1.25
@@ -162,35 +152,16 @@ def write_page(folder: Path) -> None:
     """Write page and plot beside the CSV file in a folder."""
     table = read_csv(folder / "complexity.csv")
     found = exponents(table)
-    cells = []
+    parts = []
     for quantity, (time, memory) in found.items():
-        mine = [row for row in table if row["quantity"] == quantity]
-        low, high = mine[0], mine[-1]
-        cells.append(
-            (
-                UNITS[quantity],
-                f"{low['value']} to {high['value']}",
-                f"{low['processor_s']} to {high['processor_s']}",
-                f"{time:.2f}",
-                f"{low['peak_mib']} to {high['peak_mib']}",
-                f"{memory:.2f}",
-                f"{1e6 * number(high['processor_s']) / number(high['looks']):.2f}",
-            )
+        low, *_, high = (row for row in table if row["quantity"] == quantity)
+        look_us = 1e6 * number(high["processor_s"]) / number(high["looks"])
+        parts.append(
+            f"{UNITS[quantity].partition(',')[0]}, {low['value']} to {high['value']}: {time:.2f} and {memory:.2f}"
+            f" ({look_us:.1f} µs a look at the end)"
         )
-    head = (
-        "quantity",
-        "range",
-        "processor time, s",
-        "exponent",
-        "peak memory, MiB",
-        "exponent",
-        "µs a look at the end",
-    )
-    worst = max(found.items(), key=lambda item: item[1][0])
-    words = ", ".join(f"{UNITS[name].partition(',')[0]} {time:.2f}" for name, (time, _) in found.items())
     page = PAGE.format(
-        answer=f"Time: {words} (exponents). The largest is that of {UNITS[worst[0]].partition(',')[0]}.",
-        table=markdown_table(head, cells),
+        answer=f"The exponents of processor time and peak memory are, of {'; '.join(parts)}.",
         flat=f"{FLAT:g} times",
         base=f"{BASE['targets']} targets, {BASE['sensors']} sensors, {BASE['duration_s']:g} s, a look per second",
     )

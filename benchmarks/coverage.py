@@ -41,24 +41,14 @@ slots, orbits and fields of regard are notional.
 
 {table}
 
-- *covered all day*: range of latitudes in which at least one satellite sees every sampled place at every time;
-- *two satellites*: share of the day with at least two in view, as stereo tracking needs; the smallest and the largest
-  share of all latitudes within ±72°;
-- *satellites in view*: mean number, likewise;
-- *longest gap*: the longest time, in minutes, for which one place is seen by no satellite, over all latitudes; "a day"
-  where a place is never seen.
-
 {remarks}
 
 ![Share of a day with at least one and at least two satellites in view, by latitude](coverage.svg)
 
-## Method
-
-Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. Shares
-are means over the day and over the longitudes of a latitude. [coverage.csv](coverage.csv) has, by latitude and fleet,
-the share with one and with two satellites, the mean number in view and the longest gap in s. Made by
-`python benchmarks/coverage.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and plot again from
-the CSV file.
+*Two satellites*: share of the day with two or more in view, as stereo tracking needs, and *satellites in view*, their
+mean number: the smallest and the largest of all latitudes within ±72°. *Longest gap*: for which no satellite sees a
+place. Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. By
+latitude: [coverage.csv](coverage.csv).
 """
 
 REMARKS = """The geostationary fleets see nothing at 88° N and S; from 76° to 84° two satellites see only a third of the

@@ -39,69 +39,44 @@ from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 PAGE = """# Discrimination and classification
 
 *How well does each sensor separate plumes from fires, flares and glints, and the types of missiles from one another?*
-The order DSP, SBIRS-GEO, NEXTGEN-GEO follows from bands and noise alone: a sensor has no setting for how well it
-discriminates. Bands and noise are notional.
-
-## Plume against fire, flare and glint
-
-Area under the ROC curve (AUC) of the log odds of a missile by `classification: spectral`, with 95 % intervals:
-
-{areas}
-
-- **detections**: objects that the sensor detects. **looks**: all objects; one that is not detected scores below all
-  others. A sensor that detects fires but not plumes is below 0.5.
-- Sensors detect with any band here (`spectral_discrimination: none`), so that the ratio alone separates. Crosses in
-  the plot: the sensors' own rules.
+DSP worst, NEXTGEN-GEO best. This follows from bands and noise, which are notional: a sensor has no setting for how
+well it discriminates.
 
 ![ROC curves of plume against fire, flare and glint, by sensor, with 95 % bands](discrimination.svg)
 
-Differences of the AUC against all three kinds (one-sided test):
+Area under the ROC curve (AUC) of the log odds of a missile by `classification: spectral`, of objects that the sensor
+detects with any band (`spectral_discrimination: none`), and of all looks, with 95 % intervals:
 
-{area_order}
+{areas}
 
-## Types of missiles
+A look that does not detect scores below all others. Crosses in the plot: the sensors' own rules. {area_order}
 
 ![Reported types of looks at launches of each type, by sensor](classification.svg)
 
-Share of the looks (one at each launch) that detect the launch and report its type correctly. A type is reported from a
-probability of 0.6 (the default).
-
-{type_order}
-
-## Why
+Share of the looks, one at each launch, that report its type correctly (from a probability of 0.6): {type_order}
 
 {remarks}
 
-## Method
-
-{launches} launches of each type and {sources} fires, gas flares and sun glints each, seed {seed}, below one
-geostationary slot by day (noon, midlatitude summer, no cloud). Places are uniform in the sine of the elevation,
-headings uniform, ranges log-uniform within the class, brightness log-normal with sigma {brightness} (all bands) and
-{colour} (each band), areas with sigma {area}; glints are within 10° of the specular point. One look at each object at
-a random time, the same for all sensors; the revisit interval is {period:g} s. Every
-detection is reported; the classifier's prior is that of the scene. All else by default.
-
-AUC is the probability that a plume scores above the other object, ties counting half. Its interval is DeLong's
-(Biometrics 44, 1988, 837); its lower end is at most that of Clopper and Pearson for the smaller number of objects. The
-variance of a difference is that of DeLong's placements, linearised where objects are not detected. Shares have
-Clopper-Pearson intervals, differences of shares an exact McNemar test.
-
-Every AUC with the numbers of objects: [discrimination.csv](discrimination.csv). Confusion of types:
-[classification.csv](classification.csv). Made by `python benchmarks/discrimination.py --write docs/benchmarks`.
+**Method.** {launches} launches of each type and {sources} fires, gas flares and sun glints each, seed {seed}, below one
+geostationary slot by day (midlatitude summer, no cloud). Places, headings and ranges are uniform or log-uniform,
+brightness log-normal with sigma {brightness} (all bands) and {colour} (each band), areas with sigma {area}. One look at
+each object at a random time, the same for all sensors; the revisit interval is {period:g} s. The classifier's prior is
+that of the scene. AUCs have DeLong's intervals (Biometrics 44, 1988, 837), shares those of Clopper and Pearson, their
+differences an exact McNemar test. Every AUC: [discrimination.csv](discrimination.csv). Confusion of types:
+[classification.csv](classification.csv).
 """
 
 REMARKS = """\
+**Why.**
+
 - From geostationary distance the range is known to about 1 %, so brightness itself separates types, unless noise hides
-  it. Upper stages are notionally 0.3 and 0.1 times as bright as the first: an ICBM late in its burn is as bright as a
-  smaller type, and the number of detections so far separates the two.
+  it. The number of detections so far separates an ICBM late in its burn from a smaller type.
 - DSP has one band. It separates fires, whose LWIR is far above that of plumes, but not a flare or a glint as bright as
-  a plume. Faint launches are below its noise; what it detects is bright, and so mostly an ICBM.
-- The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise give the
-  spectrum.
-- HEO is not listed: its bands, noise and thresholds are those of SBIRS-GEO.
-- The sensors' own rules lose low plumes, because the ratio gates do not correct for the atmosphere
-  ([first detections](first_detection.md)), and small plumes, whose LWIR is below the coincidence threshold. The
-  likelihood ratio on detections of any band loses fewer."""
+  a plume. What it detects is bright, and so mostly an ICBM.
+- The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise the spectrum. HEO
+  has the bands, noise and thresholds of SBIRS-GEO.
+- The sensors' own rules lose small plumes, whose LWIR is below the coincidence threshold. The likelihood ratio on
+  detections of any band loses fewer."""
 
 
 class Area(NamedTuple):
@@ -145,13 +120,14 @@ def areas(people: Population, looks: dict[str, Looks]) -> Iterator[Area]:
 
 
 def areas_table(found: list[Area]) -> str:
-    """Return a line for each sensor, of detections and of looks."""
-    kinds = (*KINDS, "all")
-    lines = [f"| of | sensor | {' | '.join(kinds)} |", "|---" * (2 + len(kinds)) + "|"]
-    for name, sensor in dict.fromkeys((row.of, row.sensor) for row in found):
-        own = [row for row in found if (row.of, row.sensor) == (name, sensor)]
-        cells = " | ".join(f"{row.auc:.3f} ({row.low:.3f}–{row.high:.3f})" for row in own)
-        lines.append(f"| {name} | {sensor} | {cells} |")
+    """Return a line for each sensor: detections against each kind, and detections and looks against all."""
+    lines = [f"| sensor | {' | '.join(KINDS)} | all | all, looks |", "|---" * (3 + len(KINDS)) + "|"]
+    for sensor in SENSORS:
+        own = {(row.of, row.against): row for row in found if row.sensor == sensor}
+        cells = [f"{own['detections', kind].auc:.3f}" for kind in KINDS]
+        both = own["detections", "all"], own["looks", "all"]
+        cells += [f"{row.auc:.3f} ({row.low:.3f}–{row.high:.3f})" for row in both]
+        lines.append(f"| {sensor} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -184,20 +160,19 @@ def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion
 
 
 def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]:
-    areas = ["| of | from | to | gain | σ | p |", "|---|---|---|---|---|---|"]
-    for name, of_looks in (("detections", False), ("looks", True)):
-        for worse, better, gain, sigma, p in area_orders(people, looks, of_looks=of_looks):
-            areas.append(f"| {name} | {worse} | {better} | {gain:+.3f} | {sigma:.3f} | {p:.1e} |")
-    types = ["| sensor | of looks | of detections |", "|---|---|---|"]
+    """Return the gains of each step of the order of sensors: in AUC, and in correct types with their shares."""
+    steps = [step for of_looks in (False, True) for step in area_orders(people, looks, of_looks=of_looks)]
+    least, worst_p = min(gain for *_, gain, _sigma, _p in steps), max(p for *_, p in steps)
+    areas = f"Each step of the order gains {least:+.3f} or more against all kinds (largest one-sided p {worst_p:.1e})."
+    types = []
     for sensor in SENSORS:
         right = is_right(looks[sensor], people.kind)
         seen = int(np.sum(looks[sensor].code[np.isin(people.kind, TARGET_TYPES)] < len(REPORTED_TYPES)))
         low, high = interval(int(right.sum()), len(right))
         of_looks = f"{right.mean():.3f} ({low:.3f}–{high:.3f})"
-        types.append(f"| {sensor} | {of_looks} | {right.sum() / max(seen, 1):.3f} of {seen} |")
-    types += ["", "| from | to | gain | p |", "|---|---|---|---|"]
-    types += [f"| {a} | {b} | {gain:+.3f} | {p:.1e} |" for a, b, gain, p in type_orders(people, looks)]
-    return "\n".join(areas), "\n".join(types)
+        types.append(f"{sensor} {of_looks}, and {right.sum() / max(seen, 1):.3f} of {seen} detections")
+    gains = "; ".join(f"{a} to {b} {gain:+.3f} (p {p:.1e})" for a, b, gain, p in type_orders(people, looks))
+    return areas, f"{'; '.join(types)}. Gains: {gains}."
 
 
 def main() -> None:

@@ -29,15 +29,11 @@ BARS = (
     ("truth_m", "true impact, m", 10.0),
     ("line_of_sight_urad", "line of sight, µrad", 0.1),
     ("p_d", "P_d", 1e-4),
-    ("counts", "counts, relative", None),
-    ("latency_s", "latency, s", None),
-    ("confidence", "confidence", None),
     ("type", "share of types that differ", None),
     ("position_km", "tracked position, km", None),
     ("launch_km", "launch point, km", None),
     ("impact_km", "predicted impact, km", None),
     ("impact_area", "area of 95 % regions, relative", None),
-    ("region_contains", "containment of regions", None),
 )
 
 PAGE = """# End to end: run time against error
@@ -48,29 +44,20 @@ What does each accuracy setting cost a whole run, what does it buy, and are the 
 
 ![Error against processor time of a whole process, for each setting; defaults are ringed](end_to_end.svg)
 
-Each setting is varied alone and held against its most exact level with the same seed: noise is the same, so differences
-are those of the setting. Scenes: {scenes}.
+Each setting is varied alone and compared with its most exact level, with the same seed. Scenes: {scenes}.
 {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are
-processor time of whole processes, start-up included. Points without error are drawn at the lower edge. To leave a part
-out is no accuracy but a choice of physics: it says what the part costs.
+processor time of whole processes. `leave out …` changes the physics: it shows what
+a part costs.
 
-## All defaults against the most exact settings
+All defaults against the most exact settings:
 
 {table}
 
-Errors are largest values, those of tracks root mean squares over launches
-([definitions](../how-to/tune.md#errors)). Positions, launch points and impacts are differences between two estimates
-from the same detections, not from the truth. The last predicted impacts are off the true ones by
-{truth}: before burnout an impact is hardly known, and estimates that
-differ by metres predict impacts far apart. True impacts depend on no tolerance: launches are aimed at them.
+Errors are largest values, those of tracks root mean squares over launches ([definitions](../how-to/tune.md#errors)).
+Those of tracks are differences between two estimates from the same detections. The last predicted impacts are off the
+true ones by {truth}: before burnout an impact is hardly known.
 
-[end_to_end.csv](end_to_end.csv) has all levels, errors and times. `opir tune` picks levels for a wanted error
-([how](../how-to/tune.md)).
-
-```
-python benchmarks/end_to_end.py --write docs/benchmarks
-python benchmarks/end_to_end.py --from-csv docs/benchmarks
-```
+All levels: [end_to_end.csv](end_to_end.csv). `opir tune` [picks levels](../how-to/tune.md) for a wanted error.
 """
 
 

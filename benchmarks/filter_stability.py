@@ -3,7 +3,8 @@
     python benchmarks/filter_stability.py [--each 10] [--slices 3600] [--write docs/benchmarks]
 
 Each case's covariances and means are held to the same estimate worked out with mpmath in 50 digits from the same
-float64 numbers, after every fifth slice. `--write` puts the table, and a heat map (matplotlib), into a folder.
+float64 numbers, after every fifth slice. `--write` puts the page, its table as a CSV file, and a heat map
+(matplotlib) into a folder.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from result_files import markdown_table, write_csv
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from ill_conditioned_filters import Case, Sample, an_hour, cases, samples
@@ -22,21 +24,22 @@ Does the square-root filter of `imm` lose precision in ill-conditioned cases?
 No: the largest relative error of a covariance is {worst:.1e}, and rounding adds at most {drift:.1e} to the NEES. Every
 covariance is symmetric and positive definite.
 
-{table}
-
 ![Condition number against smallest eigenvalue, coloured by the error of the covariance](filter_stability.svg)
 
-{count} ill-conditioned cases of ten families and one hour at 20 Hz (`benchmarks/filter_stability.py`), in float64 and
-in 50 digits (mpmath). *Error*: largest relative error of the covariance in any direction, |eig(P_ref⁻¹ P) − 1|.
-*Drift*: squared distance of the mean from the reference's, in its standard deviations. *Condition*: in SI units.
+{count} ill-conditioned cases of ten families and one hour at 20 Hz, in float64 and in 50 digits (mpmath). The error is
+the largest relative one of the covariance in any direction, |eig(P_ref⁻¹ P) − 1|; drift is the squared distance of the
+mean from the reference's, in its standard deviations. Worst of each family:
+[filter_stability.csv](filter_stability.csv).
 """
 
 
-def line(name: str, told: list[Sample]) -> str:
+def line(name: str, told: list[Sample]) -> dict[str, str]:
     """Return a family's line of the table."""
     worst = [max(getattr(sample, field) for sample in told) for field in ("condition", "covariance_error", "drift")]
-    smallest = min(sample.smallest for sample in told)
-    return f"| {name} | {len(told)} | {worst[0]:.1e} | {smallest:.1e} | {worst[1]:.1e} | {worst[2]:.1e} |"
+    figures = (worst[0], min(sample.smallest for sample in told), *worst[1:])
+    names = ("worst_condition", "smallest_eigenvalue", "worst_covariance_error", "worst_drift")
+    shown = {name: f"{figure:.1e}" for name, figure in zip(names, figures, strict=True)}
+    return {"case": name, "samples": str(len(told)), **shown}
 
 
 def shortened(case: Case, slices: int) -> Case:
@@ -78,12 +81,12 @@ def main() -> None:
     families["20 Hz for an hour"] = samples(shortened(an_hour(), chosen.slices), every=60)
     told = [sample for family in families.values() for sample in family]
     assert all(sample.asymmetry == 0.0 and sample.smallest > 0.0 for sample in told)
-    head = "| case | samples | condition, worst | smallest eigenvalue | error, worst | drift, worst |"
-    table = "\n".join([head, "|---|---|---|---|---|---|", *(line(name, family) for name, family in families.items())])
-    print(table)
+    rows = [line(name, family) for name, family in families.items()]
+    print(markdown_table(tuple(rows[0]), [tuple(row.values()) for row in rows]))
     if chosen.write:
         worst, drift = (max(getattr(sample, name) for sample in told) for name in ("covariance_error", "drift"))
-        page = PAGE.format(count=len(every), table=table, worst=worst, drift=drift)
+        page = PAGE.format(count=len(every), worst=worst, drift=drift)
+        write_csv(chosen.write / "filter_stability.csv", rows)
         (chosen.write / "filter_stability.md").write_text(page, encoding="utf-8")
         plot(told, chosen.write / "filter_stability.svg")
 

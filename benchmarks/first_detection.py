@@ -73,44 +73,29 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 
 {headline}
 
-Entries are medians of the launches that are reported during their burn: time after ignition and height, as ranges over
-five climates. All launches are reported, except SRBM by DSP: {faint} %.
+Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
+height, as ranges over five climates. All launches are reported, except SRBM by DSP: {faint} %.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
-- NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP; the ICBM through tropical air is reported by DSP
-  before SBIRS-GEO (water vapour in SWIR). Sensors report the second of three looks that detect
-  (`confirmation_detections`).
-- No plume is detected below a cloud deck. Over the cold top of the deck at 10 km DSP detects more SRBM ({cloudy} %): a
-  cold cloud has less LWIR clutter than warm ground.
-- Half cover either hides the launch site or does not; it is drawn once in a run. Here it hides the site.
+NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP; the ICBM through tropical air is reported by DSP
+before SBIRS-GEO. What delays a first report, each cause switched off by itself under a clear sky:
 
-## What delays a first report
-
-Each cause switched off by itself, clear sky:
-
-{causes}
-
-- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. In humid air SBIRS-GEO waits until
-  the plume of an SRBM is above the lowest kilometres. LWIR of DSP is dimmed less.
-- **Background.** Photon noise and clutter of the warm Earth matter in LWIR, to DSP.
+- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there. Over its cold
+  top DSP detects more SRBM ({cloudy} %), with less LWIR clutter. Half cover is drawn once in a run.
+- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air SBIRS-GEO reports
+  an SRBM after {swir_delay}. LWIR of DSP is dimmed less.
+- **Background.** Photon noise and clutter of the warm Earth matter in LWIR: without them DSP reports an IRBM after
+  {lwir_delay}.
 - **Ratio gates** delay nothing: their bounds allow for what air does to the ratio of two bands
-  ([detection](../explanation/detection.md#rules-over-bands)). On this path it multiplies MWIR/SWIR by {mwir_over_swir}
-  from sea level.
-- **Confirmation** costs a scan or two of a bright plume. Near the threshold it waits until two of three looks detect.
-- What is left is the plume itself: its brightness grows from ignition on, and the threshold.
+  ([detection](../explanation/detection.md#rules-over-bands)), here a factor of {mwir_over_swir} in MWIR/SWIR.
+- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume, more near the threshold.
 
-## Method
-
-`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the
-{cells} cases (class, sensor, climate, cloud) has {targets} launches with random numbers of their own. Times of first
-reports are distributed as computed exactly from the probabilities of all looks and the confirmation: the largest
+`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the {cells} cases has
+{targets} launches; times are distributed as computed exactly from the probabilities of all looks: the largest
 difference is {worst:.2f} of the bound of Dvoretzky, Kiefer, Wolfowitz and Massart at {confidence:g} for all cases
-together (Bonferroni). Causes: exact distribution.
-
-All cases: [first_detection.csv](first_detection.csv); transmittances:
-[first_detection_air.csv](first_detection_air.csv). Made by
-`python benchmarks/first_detection.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and plot again.
+together. All cases and causes: [first_detection.csv](first_detection.csv); transmittances:
+[first_detection_air.csv](first_detection_air.csv).
 """
 
 
@@ -299,13 +284,12 @@ def between(low: str, high: str) -> str:
 
 
 def headline(found: list[Cell]) -> str:
-    """Return a line for each class and sensor: ranges over the climates by cloud."""
-    lines = [f"| class | sensor | {' | '.join(CLOUDS)} |", "|---" * (2 + len(CLOUDS)) + "|"]
+    """Return a line for each class: ranges over the climates under a clear sky, by sensor."""
+    clear = [cell for cell in found if cell.cloud == "clear sky"]
+    lines = [f"| class | {' | '.join(SENSORS)} |", "|---" * (1 + len(SENSORS)) + "|"]
     for kind in LAUNCHES:
-        for sensor in SENSORS:
-            own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
-            cells_ = [spread([cell for cell in own if cell.cloud == cloud]) for cloud in CLOUDS]
-            lines.append(f"| {kind} | {sensor} | {' | '.join(cells_)} |")
+        own = [[cell for cell in clear if (cell.kind, cell.sensor) == (kind, sensor)] for sensor in SENSORS]
+        lines.append(f"| {kind} | {' | '.join(map(spread, own))} |")
     return "\n".join(lines)
 
 
@@ -318,6 +302,13 @@ def causes_table(found: list[Cell]) -> str:
             every = [spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in ("clear sky", *CAUSES)]
             lines.append(f"| {kind} | {sensor} | {' | '.join(every)} |")
     return "\n".join(lines)
+
+
+def delay(found: list[Cell], kind: str, sensor: str, cause: str) -> str:
+    """Return the times without a cause and by default."""
+    own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
+    without_, default = (spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in (cause, "clear sky"))
+    return f"{without_} instead of {default}"
 
 
 def percent(found: list[Cell], cloud: str) -> str:
@@ -359,7 +350,8 @@ def page(found: list[Cell], rows: list[Air], facts: Mapping[str, str]) -> str:
         headline=headline(found),
         faint=percent(found, "clear sky"),
         cloudy=percent(found, "cloud to 10 km"),
-        causes=causes_table(found),
+        swir_delay=delay(found, "SRBM", "SBIRS-GEO", "no air"),
+        lwir_delay=delay(found, "IRBM", "DSP", "no background"),
         mwir_over_swir=f"{min(ratio):.0f} to {max(ratio):.0f}",
         swir=f"{min(swir):.3f} to {max(swir):.2f}",
         cells=facts["cases"],

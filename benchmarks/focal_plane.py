@@ -57,39 +57,21 @@ differences, filters, thresholds.
 
 {table}
 
-- *within 95 %*: settings whose figure lies in the 95 % interval of the simulation around it;
-- *largest*: the largest deviation, in standard errors of the simulation; of {count} figures one is expected beyond
-  {expected:.1f}.
+*Within 95 %*: settings whose figure lies in the 95 % interval of the simulation around it. *Largest*: deviation, in
+standard errors of the simulation; of {count} figures one is expected beyond {expected:.1f}.
 
 ![Simulated against closed-form P_d and P_fa, and their deviations in standard errors](focal_plane.svg)
 
-## What the detection model simplifies
+**What the detection model simplifies.** The closed forms above are means over the sub-pixel phase of the target and the
+displacement of the two frames, and count the photon noise of the target. `detection: snr` takes the mean phase, the
+root mean square of the noise over frames, and no photon noise of the target. Its P_d is off by {simplified}. With a
+threshold that does not follow the noise of each frame, P_fa is up to {tail:.1f} times Q(T) at {tail_sigma:g} σ; the
+detection model lets it follow. Errors of centroids are within {joined:.1f} % of the formula of the detection model for
+lines of sight, and within {bound:.1f} % of the bound.
 
-The closed forms above are averages over the sub-pixel phase of the target and over the displacement of the two frames,
-and count the photon noise of the target. `detection: snr` takes the mean phase, the root mean square of the noise over
-frames, and no photon noise of the target. Deviation of its P_d, at most {most:.2f}:
-
-{simplified}
-
-With a threshold that does not follow the noise of each frame, a registration error makes false
-alarms more frequent than Q(T): frames with large errors make most of them. The simulation has {fixed} settings of that
-kind; P_fa is up to {tail:.1f} times Q(T) at {tail_sigma:g} σ. The detection model lets the threshold follow.
-
-Errors of centroids are within {joined:.1f} % of the formula that the detection model uses for lines of sight, and
-within {bound:.1f} % of the bound.
-
-## Method
-
-Frames are {pixels} pixels wide, 5 × 5 cells to a pixel, from the Fourier transform of white noise; {places} targets a
-frame at random phases, and as many places without. Standard errors are over frames: the places of a frame share one
-displacement. Clutter is {low:g} to {high:g} times the noise. Filters: `sum` of 1 and 4 pixels, `surround`, `matched`;
-temporal: none, or a difference with registration errors of 0.05 and 0.3 pixels and a drift of 0.4. Thresholds: 1.5 to 3
-σ of the noise of each frame, or of all frames (fixed), or from {cells} reference cells.
-[focal_plane.csv](focal_plane.csv) has all settings. The code that simulates shares nothing with the closed forms;
-places of spots are fitted by maximum likelihood with known brightness.
-
-Made by `python benchmarks/focal_plane.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and plot
-again from the CSV file.
+**Method.** Frames are {pixels} pixels wide, 5 × 5 cells to a pixel, from the Fourier transform of white noise; {places}
+targets a frame at random phases, and as many places without. Clutter is {low:g} to {high:g} times the noise. The code
+that simulates shares nothing with the closed forms. All settings: [focal_plane.csv](focal_plane.csv).
 """
 
 
@@ -317,10 +299,10 @@ def page_of(rows: list[Row]) -> str:
     from scipy.special import ndtri
 
     model = np.abs(np.array(column(threshold, "p_d_model")) - column(threshold, "p_d"))
-    kinds = ("no difference", "difference")
+    kinds = ("without a frame difference", "with one")
     of_kind = np.array([row["difference"] == "yes" for row in threshold])
     parts = [
-        (kind, f"{np.median(model[of_kind == flag]):.3f}", f"{model[of_kind == flag].max():.3f}")
+        f"{np.median(model[of_kind == flag]):.3f} in the median and {model[of_kind == flag].max():.3f} at most {kind}"
         for kind, flag in zip(kinds, (False, True), strict=True)
     ]
     fixed = [row for row in threshold if row["threshold_of"] == "fixed" and row["difference"] == "yes"]
@@ -332,9 +314,7 @@ def page_of(rows: list[Row]) -> str:
         table=markdown_table(("figure", "settings", "within 95 %", "largest"), lines),
         count=count,
         expected=-float(ndtri(0.5 / count)),
-        simplified=markdown_table(("settings", "median", "largest"), parts),
-        most=model.max(),
-        fixed=len(fixed),
+        simplified=", ".join(parts),
         tail=max(tails),
         tail_sigma=float(fixed[int(np.argmax(tails))]["threshold_sigma"]),
         joined=100.0 * np.abs(found / joined - 1.0).max(),
@@ -343,7 +323,6 @@ def page_of(rows: list[Row]) -> str:
         places=len(range(0, PIXELS - 5 + 1, STEP)) ** 2,
         low=min(RATIOS),
         high=max(RATIOS),
-        cells=CELLS,
     )
 
 

@@ -43,17 +43,14 @@ and the 95 % ellipses contain at least 95 % of the truths.
 
 {table}
 
-{runs} runs a case. *NEES* is over its degrees of freedom (6 of the state, 2 of launch and impact), with the 99 %
-interval of the mean over targets: 1 is consistent, above 1 is overconfident. *In ellipse*: share of truths inside the
-95 % ellipse, with its 95 % interval. *Position*, *velocity*: RMSE. *Launch time*: median error.
+*NEES* is over its degrees of freedom, with the 99 % interval of the mean over targets: 1 is consistent, above 1 is
+overconfident. *In ellipse*: share of truths inside the 95 % ellipse, with its 95 % interval. *Position*, *velocity*:
+RMSE. *Launch time*: median error. {runs} runs a case of ten distant SRBMs and IRBMs, two SBIRS-GEO (10 looks a second
+each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after the first detection to burnout,
+launches and impacts by each track's last estimate.
 
-**Scenes** (`benchmarks/imm_consistency.py`). Ten distant SRBMs and IRBMs a run with random ranges and azimuths, two
-SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after
-the first detection to burnout, launches and impacts by each track's last estimate.
-
-**Why conservative.** The boost model allows boosts other than these. Under the cloud deck a target is first detected at
-10 km. With biases, each line of sight counts with noise and bias together: velocities are less certain than need be,
-for a constant bias shifts the position, not the velocity.
+It is conservative because the boost model allows other boosts. With biases, each line of sight counts with noise and
+bias together, although a constant bias shifts the position, not the velocity.
 """
 
 

@@ -37,14 +37,14 @@ RANGES = {"ICBM": 55.0, "IRBM": 22.0, "SRBM": 4.5}
 
 PAGE = """# The page under a raid
 
-How many frames per second does the page of `opir serve` draw with {launches} launches? {tracks} tracks are on the map
-and in the table; service, tracker `{tracker}` and headless Chromium {version} (no graphics processor) share {cores}
-cores with other work: the load average is {load:.0f}. Made by `python benchmarks/page.py --write docs/benchmarks`.
+How many frames per second does the page of `opir serve` draw with {launches} launches?
 
 {table}
 
-Times are those between two frames; the last column is the processor time of the page's main thread for a frame.
-{windows} windows are dropped, and {frames} frames of the stream. The run has {detections} detections by then.
+{tracks} tracks are on the map and in the table; service, tracker `{tracker}` and headless Chromium {version} (no
+graphics processor) share {cores} cores with other work: the load average is {load:.0f}. Times are those between two
+frames; the last column is the processor time of the page's main thread for a frame. {windows} windows are dropped, and
+{frames} frames of the stream. The run has {detections} detections by then.
 """
 
 COUNT = """async ({seconds, isTurning}) => {

@@ -20,7 +20,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from result_files import BLUE, ORANGE, estimate, markdown_table, number, read_csv, svg_plot, write_csv
+from result_files import BLUE, ORANGE, number, read_csv, svg_plot, write_csv
 from scipy.optimize import linear_sum_assignment
 
 import opir_core as opir
@@ -36,6 +36,8 @@ MARK, WITHIN = 0.95, 12.592
 WITHIN_PLACE = 7.815
 FIRST_SEED = 24_000
 KM_PER_DEGREE = 111.2
+#: A spacing at which tracks are as of single launches.
+FAR_KM = 10.0
 #: Ends of the names of a share and of its interval.
 ENDS = ("", "_low95", "_high95")
 
@@ -163,46 +165,26 @@ def rows_of(spacings_km: Sequence[float], runs: int) -> Iterator[dict[str, str]]
 
 def page(rows: Sequence[dict[str, str]]) -> str:
     """Return the page."""
-    head = (
-        "spacing, km",
-        "launches",
-        "with a track, %",
-        "state in 95 %, %",
-        "error, m",
-        "95 % semi-axis, m",
-        "wrong labels, %",
-    )
-    cells = [
-        (
-            row["spacing_km"],
-            row["launches"],
-            estimate(row, "tracked"),
-            estimate(row, "held"),
-            row["median_error_m"] or "–",
-            row["median_semi_axis_m"] or "–",
-            row["wrong_labels"],
-        )
-        for row in rows
-    ]
+    near, far = rows[0], next((row for row in rows if number(row["spacing_km"]) >= FAR_KM), rows[-1])
+    least, most = (extreme((row["held"] for row in rows), key=number) for extreme in (min, max))
     return f"""# Salvos
 
-How far apart must launches be for `imm` to tell them apart, and does it say when it cannot? {LAUNCHES} launches of one
-class within ten seconds, on a hexagonal grid, seen by two SBIRS-GEO at default settings.
+How far apart must launches be for `imm` to separate them, and do its covariances show when it cannot? {LAUNCHES}
+launches of one class within ten seconds, on a hexagonal grid, seen by two SBIRS-GEO at default settings.
 
 ![Share of launches whose track holds the true state, and wrong labels, against spacing](salvos.svg)
 
-{markdown_table(head, cells)}
+From {far["spacing_km"]} km on tracks are as of single launches: median error of position {far["median_error_m"]} m,
+{far["wrong_labels"]} % of the detections on a track of another launch. At {near["spacing_km"]} km these are
+{near["median_error_m"]} m and {near["wrong_labels"]} %; {least} to {most} % of the 95 % ellipsoids still contain the
+state, at every spacing.
 
-When the first launch is at {MARK:.0%} of its burn. A launch has a track if one of the tracks then has most of its
-detections from it. States are those of the tracks assigned to the launches, one to one, by least distance; intervals
-are of 95 % (Wilson). Errors and the largest semi-axes of the ellipsoids of position are medians. A label is wrong if a
-detection of the second half of a burn is on a track of another launch.
+From 37 000 km, 20 µrad of noise is 0.7 km. Closer than some 5 km, detections are assigned to the wrong launch, and
+lines of sight of different targets nearly meet (ghosts). Such tracks are off by a kilometre or more, but
+[their ellipsoids are wide](../explanation/association.md#neighbours), until the targets move apart.
 
-From 37 000 km, 20 µrad of noise is 0.7 km. Closer than some 5 km, detections of one launch are taken for those of
-another, and lines of sight of different targets nearly meet (ghosts). Such tracks are off by a kilometre or more, and
-[say so](../explanation/association.md#neighbours): their ellipsoids are wide, until the targets move apart.
-
-Made by `python benchmarks/salvos.py --write docs/benchmarks`; data: [salvos.csv](salvos.csv).
+At {MARK:.0%} of the first burn, {rows[0]["launches"]} launches a spacing; states are those of the tracks assigned to
+the launches, one to one, by least distance. All figures with intervals: [salvos.csv](salvos.csv).
 """
 
 

@@ -162,7 +162,7 @@ def main() -> None:
         "",
         "How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real time; server and",
         "clients share two cores, with other load; wrk, 32 connections; compared with a bare Litestar under the same",
-        f"server. Medians of {TURNS} repetitions. Made by `python benchmarks/service.py --write docs/benchmarks`.",
+        f"server. Medians of {TURNS} repetitions.",
         "",
     ]
     page = "\n".join([*head, *measured(arguments.seconds, arguments.clients), ""])

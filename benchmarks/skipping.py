@@ -226,15 +226,16 @@ What does each optional part cost a scene that names it, and what one that does 
 
 {table}
 
-*Not named*: calls of functions of the part's own modules, and bytes that they hold at the end, in a process that runs
-`examples/first_light.yaml` with what the part needs beside it. *Named*: the same once the part is named, and how much
-processor time the whole process takes more; a negative time is noise, or a part that makes fewer events. *Events*: what
-naming a part does to the events of the sensors and targets that were there before.
-{shared}
-[skipping.csv](skipping.csv) has all counts. Made by `python benchmarks/skipping.py --write docs/benchmarks`.
+The dearest {count} of {parts} parts: calls of functions of the part's own modules, bytes that they hold at the end, and
+the additional processor time of a process once `examples/first_light.yaml` names the part; all others are within
+{rest_ms} ms. *Events*: those of the sensors and targets that were there before.
+All counts, also of scenes that do not name a part: [skipping.csv](skipping.csv).{shared}
 """
 
-HEAD = ("part", "beside", "not named: calls", "bytes", "named: modules", "calls", "kB held", "time, ms", "events")
+HEAD = ("part", "beside", "calls", "kB held", "time, ms", "events")
+
+#: So many parts are in the table of the page; the CSV file has all.
+SHOWN = 5
 
 
 def write_page(folder: Path) -> None:
@@ -242,27 +243,25 @@ def write_page(folder: Path) -> None:
     rows = read_csv(folder / "skipping.csv")
     called = [row["part"] for row in rows if int(row["calls_without"])]
     shared = [row["part"] for row in rows if int(row["modules_without"])]
+    dearest = sorted(rows, key=lambda row: -int(row["processor_ms"]))
     lines = [
-        tuple(
-            row[name]
-            for name in (
-                *("part", "beside", "calls_without", "bytes_without", "modules", "calls", "kilobytes", "processor_ms"),
-                "events",
-            )
-        )
-        for row in rows
+        tuple(row[name] for name in ("part", "beside", "calls", "kilobytes", "processor_ms", "events"))
+        for row in dearest[:SHOWN]
     ]
     answer = (
         f"Called without being named: {', '.join(called)}."
         if called
         else f"Without being named, none of {len(rows)} parts is called."
     )
-    text = (
-        f"\nThe modules of {', '.join(shared)} are imported by what is beside them, too: they hold their functions.\n"
-        if shared
-        else ""
+    text = f" The modules of {', '.join(shared)} are imported by what is beside them, too." if shared else ""
+    page = PAGE.format(
+        answer=answer,
+        table=markdown_table(HEAD, lines),
+        shared=text,
+        count=len(lines),
+        parts=len(rows),
+        rest_ms=max((abs(int(row["processor_ms"])) for row in dearest[SHOWN:]), default=0),
     )
-    page = PAGE.format(answer=answer, table=markdown_table(HEAD, lines), shared=text)
     (folder / "skipping.md").write_text(page, encoding="utf-8")
 
 

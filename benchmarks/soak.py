@@ -42,23 +42,13 @@ faults.
 
 ![Memory, spool file, waiting events and events read, by minute](soak.svg)
 
-The samples are in [soak.csv](soak.csv).
-
-## Method
-
 Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run when it is full. A launch is requested
 every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
-{kinds}.{machine}
+{kinds}.{machine} Samples: [soak.csv](soak.csv).
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
-warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps, in which the service's histories fill). A process gives
-freed memory back in steps of some 20 MiB, and late: the least is what it holds. Made by `python benchmarks/soak.py
---write docs/benchmarks`.
-
-What grows at first is bounded: the last 10 000 detections, as text (13.6 MiB with tracks, 5.8 MiB without), modules
-that are imported when a track first needs them (3 MiB), and what the page shows of a track (about 20 KiB each, of at
-most `http.maximum_tracks`, here {tracks}). Traced by `tracemalloc`, a service with one spooled file and without a
-tracker held 46.9 MiB at lap 5 and 46.8 MiB at lap 77 of a scene of 60 s, with as many objects.
+warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: histories of
+detections and tracks.
 """
 
 SCENE = """
@@ -289,7 +279,7 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     rss, usual = (quarters([each.rss_mib for each in warm], figure) for figure in (min, np.median))
     counts = [[int(count) for count in COUNTED.findall(line)] for line in found["told"].splitlines()]
     delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
-    held = "at least {:.1f} MiB in the first quarter, {:.1f} in the last; medians {:.1f} and {:.1f}"
+    held = "least of the first quarter {:.1f} MiB, of the last {:.1f}; medians {:.1f} and {:.1f}"
     rows = [
         ("memory constant", held.format(*rss, *usual), rss[1] / rss[0] - 1.0 <= FLAT),
         ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", abs(fds[0] - fds[1]) <= DESCRIPTORS),
@@ -344,7 +334,6 @@ def page(found: dict[str, Any], minutes: float, seed: int, machine: str) -> str:
         machine=f" {machine}" if machine else "",
         warm_up=100 * WARM_UP,
         warm_up_laps=WARM_UP_LAPS,
-        tracks=TRACKS,
         flat=100 * FLAT,
     )
 

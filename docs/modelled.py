@@ -92,8 +92,8 @@ PARTS = (
     Part(
         "Atmospheric transmittance",
         "tabulated",
-        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error: 1.3e-4 at the points of the"
-        " table, 0.003 at 360 places between them ([benchmark](../benchmarks/atmosphere.md))",
+        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error 0.003 at 360 places"
+        " ([benchmark](../benchmarks/atmosphere.md))",
         "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases since 1986",
         "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a transmittance by at"
         " most 0.10",
@@ -102,8 +102,7 @@ PARTS = (
         "Transmittance of limb paths",
         "tabulated",
         "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height of the straight"
-        " path, 2.5 km and above. Error 0.008 at 360 places. Below 2.5 km: optical depth grows along the path as at"
-        " 2.5 km",
+        " path, 2.5 km and above; below, as at 2.5 km. Error 0.008 at 360 places",
         "refraction below 2.5 km, where rays can meet the ground; air below targets that are above 100 km",
         "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100 km",
     ),
@@ -118,8 +117,8 @@ PARTS = (
     Part(
         "Background radiance of the Earth",
         "tabulated",
-        "LOWTRAN7 by night and by day (Sun 0, 30, 60, 80° from the zenith; view at nadir and 61.6°), three kinds of"
-        " cloud, a formula for opaque cloud; linear in the sines of elevation",
+        "LOWTRAN7 by night and by day, three kinds of cloud, a formula for opaque cloud; linear in the sines of"
+        " elevation",
         "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air beyond the limb, 0"
         " here",
         "Not estimated. It changes only the noise: photon noise as √L, clutter as L",
@@ -127,10 +126,8 @@ PARTS = (
     Part(
         "Clutter",
         "notional",
-        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through spatial filter and frame"
-        " difference with registration error and drift, in closed form ([how](focal-plane.md),"
-        " [checked on images](../benchmarks/focal_plane.md)). Others:"
-        " `clutter_residual`, a fixed share of the radiance",
+        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through filters and frame difference"
+        " ([how](focal-plane.md)). Others: `clutter_residual`, a fixed share of the radiance",
         "correlation between the looks at a target; foreshortening towards the limb; non-Gaussian tails; motion of"
         " clouds; structure by place and season",
         "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms of real clutter are"
@@ -140,9 +137,8 @@ PARTS = (
         "Detection",
         "computed",
         "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
-        "without a `focal_plane`: spread of a point source over neighbouring cells, saturation, image motion; always:"
-        " blooming, the phase of a source on its pixel, its own photon noise, static sources that a frame difference"
-        " removes",
+        "without a `focal_plane`: point spread, saturation, image motion; always: blooming, the phase of a source on"
+        " its pixel, its own photon noise",
         "With a `focal_plane`: P_d off by 0.01 in the median of 48 settings, by 0.10 at most"
         " ([images](../benchmarks/focal_plane.md)). Without: source at the corner of four cells, up to three quarters"
         " of the signal",
@@ -150,17 +146,16 @@ PARTS = (
     Part(
         "Type from measured irradiance",
         "computed",
-        "Bayes' rule over simulated launches of every class profile, fires, flares, glints and bolides, through the"
-        " scene's atmosphere and sensors; priors and spreads notional",
+        "Bayes' rule over simulated launches and hot sources, through the scene's atmosphere and sensors; priors and"
+        " spreads notional",
         "correlation between looks at one launch; signatures that a scene sets for its targets",
         "Probabilities of several looks must not be multiplied",
     ),
     Part(
         "Boost and ballistic flight",
         "computed",
-        "notional class profiles (`class_profiles.json`) or gravity turns of notional stages (`stagings.json`,"
-        " [gravity-turn](gravity-turn.md)) on the rotating ellipsoid, then a two-body arc (default), or J2 to J4 and"
-        " drag (`forces`)",
+        "notional class profiles or [gravity turns](gravity-turn.md) of notional stages on the rotating ellipsoid, then"
+        " a two-body arc (default), or J2 to J4 and drag (`forces`)",
         "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
         "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
@@ -205,7 +200,7 @@ MODELLED = """# What is modelled
 *Which part of the simulation is physics, which is a table, and which is made up?* Generated by
 `python docs/generate.py`.
 
-opir simulates generic sensors and generic targets. Every part carries one of three labels:
+Every part of the simulation carries one of three labels:
 
 - **computed**: follows from stated physics;
 - **tabulated**: interpolated in shipped tables of known origin;
@@ -224,22 +219,12 @@ What each part omits, and the size of the error, is on the page [What is left ou
 |---|---|---|
 {parts}
 
-Read more: [from a source to the aperture](radiometry.md), [from irradiance to a detection](detection.md), [from
-measured irradiance to a type](classification.md), [orbits](../reference/orbits.md), [azimuth and
-elevation](../reference/angles.md).
-
 ## Defaults
-
-The sensor models start from these values. Noise-equivalent irradiance (NEI), IFOV (`ifov_urad`) and line-of-sight
-error (one sigma) are notional.
-
-| sensor model | bands, µm | NEI, W/m² | IFOV, µrad | threshold, σ | scan period, ms | line of sight, µrad |
-|---|---|---|---|---|---|---|
-{sensors}
 
 All {count} defaults of components, scenes, outputs and the service, each with its source, are in
 [defaults.csv](defaults.csv) (columns: component, key, default, source). {notional} of them are notional without a
-source; {paper} come from the [paper](paper-errata.md) at least in part. The page of
+source; {paper} come from the [paper](paper-errata.md) at least in part. Noise-equivalent irradiance (NEI), IFOV and
+line-of-sight error of sensors are notional. The page of
 [components](../reference/components.md) has the same defaults with units and ranges, and the values of every preset.
 A default of `none` sets nothing and is not listed.
 """
@@ -249,9 +234,9 @@ LEFT_OUT = """# What is left out
 *How far can I trust a result?* This page lists what each part of the simulation omits and how large the error is.
 Generated by `python docs/generate.py`. The models themselves are on the page [What is modelled](what-is-modelled.md).
 
-Where the error is "not estimated", the table gives its sign if that is known. Do not read absolute ranges, times of
-first detection or false-alarm rates as those of a real system: signatures and sensor noise are notional. Differences
-between two runs that share these values (another sky, orbit, rule or tracker) follow from the physics.
+Where the error is "not estimated", the table gives its sign if that is known. Absolute ranges, times of first detection
+and false-alarm rates are not those of a real system: signatures and sensor noise are notional. Differences between two
+runs that share these values follow from the physics.
 
 | part | left out | error |
 |---|---|---|
@@ -259,17 +244,12 @@ between two runs that share these values (another sky, orbit, rule or tracker) f
 
 How the figures were obtained:
 
-- *Forces.* 300 launches of each class over random ranges (at most 12 000 km) in random directions, propagated from the
-  same burnout state: `kepler` against `j2`, and `j2` against `[j2, drag]` with 5 000 kg/m². J3 and J4 move an impact by
-  at most 0.2 km. Aim points are reached under the forces of the scene, so a scene's impacts do not move.
-- *Refraction.* Ray through spherical shells, refractivity 2.73e-4 at the ground and scale height 8.4 km; for a target
-  at 10 km the shift is a third.
-- *CO₂.* Optical depth scaled by 1.3 at every wavelength; the largest change of exp(−d) is 0.10.
-- *Earthshine.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
+- *Forces.* 300 launches of each class over random ranges (at most 12 000 km), propagated from the same burnout state:
+  `kepler` against `j2`, and `j2` against `[j2, drag]` with 5 000 kg/m². J3 and J4 move an impact by at most 0.2 km. Aim
+  points are reached under the forces of the scene, so a scene's impacts do not move.
+- *Refraction.* Ray through spherical shells, refractivity 2.73e-4 at the ground and scale height 8.4 km.
+- *CO₂.* Optical depth scaled by 1.3. *Earthshine.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
 """
-
-#: The headline settings of a sensor model, as columns.
-SHOWN = ("bands", "nei_w_m2", "ifov_urad", "threshold_sigma", "scan_period_ms", "line_of_sight_sigma_urad")
 
 
 def modelled_pages(host: Host) -> Mapping[str, str]:
@@ -278,23 +258,12 @@ def modelled_pages(host: Host) -> Mapping[str, str]:
     sources = [row[3] for row in rows]
     modelled = MODELLED.format(
         parts=_table((part.subject, part.how, part.model) for part in PARTS),
-        sensors=_table(_sensors(host)),
         count=len(rows),
         notional=sources.count("notional"),
         paper=sum("paper (2026)" in source for source in sources),
     )
     left_out = LEFT_OUT.format(parts=_table((part.subject, part.left_out, part.error) for part in PARTS))
     return {"what-is-modelled.md": modelled, "what-is-left-out.md": left_out, "defaults.csv": _csv(rows)}
-
-
-def _sensors(host: Host) -> Iterator[tuple[str, ...]]:
-    """Yield the headline defaults of each sensor model that scans."""
-    for name in host.names("opir_sensor_models"):
-        offered = host.component("opir_sensor_models", name)
-        if isinstance(offered, Component):
-            text = {row.key: row.default_text for row in field_rows(offered.config)}
-            if text.keys() >= set(SHOWN):
-                yield (f"`{name}`", text["bands"].strip("{}"), *(text[key] for key in SHOWN[1:]))
 
 
 def _defaults(host: Host) -> Iterator[tuple[str, str, str, str]]:

@@ -61,21 +61,25 @@ def _descending(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
         yield Errors(lowest, np.abs(found - own.transmittance[out]))
 
 
-def by_region(way: Way, tables: list[NodeTable]) -> str:
-    """Return as a Markdown table the largest errors of all tables by region and by what is left out."""
-    found = {kind: _joined(error for nodes in tables for error in left_out(way, nodes, kind)) for kind in KINDS}
-    head = "| heights, km | " + " | ".join(f"{kind} omitted" for kind in KINDS) + " |\n|---" + "|---" * len(KINDS) + "|"
-    lines = []
-    for lower, upper in pairwise(EDGES_M):
-        largest = [_largest(found[kind], lower, upper) for kind in KINDS]
-        lines.append(f"| {lower / 1e3:g} to {upper / 1e3:g} | " + " | ".join(largest) + " |")
-    return "\n".join([head, *lines])
+class Region(NamedTuple):
+    """The largest error in a range of heights with points of a kind left out, and the number of values."""
+
+    left_out: str
+    from_km: float
+    to_km: float
+    error: float
+    values: int
+
+
+def regions(way: Way, tables: list[NodeTable]) -> Iterator[Region]:
+    """Yield the largest errors of all tables by what is left out and by region."""
+    for kind in KINDS:
+        found = _joined(error for nodes in tables for error in left_out(way, nodes, kind))
+        for lower_m, upper_m in pairwise(EDGES_M):
+            inside = (found.height_m >= lower_m) & (found.height_m < upper_m)
+            error = float(found.error[inside].max())
+            yield Region(kind, lower_m / 1e3, upper_m / 1e3, error, int(np.count_nonzero(inside)))
 
 
 def _joined(errors: Iterator[Errors]) -> Errors:
     return Errors(*map(np.concatenate, zip(*errors, strict=True)))
-
-
-def _largest(errors: Errors, lower_m: float, upper_m: float) -> str:
-    inside = (errors.height_m >= lower_m) & (errors.height_m < upper_m)
-    return f"{errors.error[inside].max():.4f} of {np.count_nonzero(inside)}"

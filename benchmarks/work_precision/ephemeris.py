@@ -34,19 +34,11 @@ PAGE = """# Ephemerides: accuracy against run time
 *What does a tolerance on the position of targets cost in time and memory?* An ephemeris stores a flight as piecewise
 polynomials that are fitted to a tolerance. {answer}
 
-{table}
-
-- *span*: `boost`, from ignition to burnout; `flight`, on to impact.
-- *largest error*: over a million random points, against the series of the boost and two-body propagation.
-- *in order*, *shuffled*: positions of all targets at 1000 times in one call, sorted by target and time, or in random
-  order; *with velocity*: position and velocity, in order.
-
 ![Build time, memory and evaluation time against tolerance](ephemeris.svg)
 
-{targets} flights of all classes. Times: processor time of one core, medians; in the same run a multiplication of two
-numpy arrays took {multiply_ns} ns per element (0.2 ns on an idle machine). All tolerances:
-[ephemeris.csv](ephemeris.csv). Made by `python benchmarks/work_precision/ephemeris.py --write docs/benchmarks`;
-`--from-csv docs/benchmarks` draws page and plot again.
+*Boost*: from ignition to burnout; *flight*: to impact. Errors are the largest over a million random points of {targets}
+flights of all classes; times those of all targets at 1000 times in one call. Times of shuffled positions, and with
+velocity: [ephemeris.csv](ephemeris.csv).
 """
 
 
@@ -142,12 +134,12 @@ def measured(
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| span | tolerance, m | largest error, m | pieces per target | kB per target | build, µs per target"
-        " | in order, ns per point | shuffled, ns | with velocity, ns |\n|---|---|---|---|---|---|---|---|---|"
+        "| span | tolerance, m | largest error, m | kB per target | build, µs per target | in order, ns per point"
+        " | shuffled, ns |\n|---|---|---|---|---|---|---|"
     )
     lines = [
-        f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.pieces:.1f} | {r.kilobytes:.1f} | {r.build_us:.0f}"
-        f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} | {r.state_ns:.0f} |"
+        f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.kilobytes:.1f} | {r.build_us:.0f}"
+        f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} |"
         for r in rows
         if r.tolerance_m in SHOWN_M
     ]
@@ -217,7 +209,7 @@ def main() -> None:
 def redraw(folder: Path) -> None:
     """Write the page and the plot from the CSV file of a folder."""
     rows, facts = read_csv(folder / "ephemeris.csv", Row)
-    text = PAGE.format(table=table(rows), answer=answer(rows), **facts)
+    text = PAGE.format(answer=answer(rows), **facts)
     (folder / "ephemeris.md").write_text(text, encoding="utf-8")
     write_plot(rows, folder / "ephemeris.svg")
 

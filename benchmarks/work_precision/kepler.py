@@ -50,14 +50,20 @@ def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> d
 def table(rows: list[list[str]]) -> str:
     """Return rows as a Markdown table, the first its head."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])
+
+
+def spread(nanoseconds: list[float]) -> str:
+    """Return the range of times over the classes that a library can propagate."""
+    known = [value for value in nanoseconds if not np.isnan(value)]
+    return f"{min(known):.0f} to {max(known):.0f}" if known else "–"
 
 
 def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) -> str:
     """Return the page."""
     libraries = installed_libraries(chosen)
     names = [kind.__name__.replace("_", " ") for kind in CLASSES]
-    speed, error = [["ns per state", *names]], [["largest error, m", *names]]
+    error = [["largest error, m", *names]]
     times, errors, floors = {}, {}, []
     for kind in CLASSES:
         times[kind] = nanoseconds(libraries, kind(np.random.default_rng(1), states), repeat)
@@ -66,13 +72,11 @@ def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) ->
         floors.append(f"{floor.max():.0e}")
         errors[kind] = {name: worst_error(library, few, ends) for name, library in libraries.items()}
     error.append(["*floor: rounding of the inputs*", *floors])
-    for name in libraries:
-        speed.append([name, *("–" if np.isnan(times[kind][name]) else f"{times[kind][name]:.0f}" for kind in CLASSES)])
-        error.append([name, *(errors[kind][name] for kind in CLASSES)])
+    error += [[name, *(errors[kind][name] for kind in CLASSES)] for name in libraries]
     for library in libraries.values():
         library.close()
     return PAGE_TEXT.format(
-        speed=table(speed),
+        speed="; ".join(f"{name} {spread([times[kind][name] for kind in CLASSES])}" for name in libraries),
         error=table(error),
         states=states,
         checked=checked,
@@ -84,23 +88,17 @@ def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) ->
 PAGE_TEXT = """# Two-body propagation: speed and error
 
 *How fast and how exact is two-body propagation?* opir returns a result for every class of arc, with errors near the
-floor.
+floor: the error from rounding the inputs to doubles.
 
-The largest error of {checked} states against mpmath with 50 digits, one state per call. The floor is the error from
-rounding the inputs to doubles: no method can guarantee less.
+Largest error of {checked} states against mpmath with 50 digits, one state per call:
 
 {error}
 
-{states} states, each with its own duration, in one call (a loop for libraries without such a call). Median processor
-time of {repeat} interleaved runs, one thread each; {machine}. "–": the library raised an error.
+Nanoseconds per state, over the classes: {speed}. Median processor time of {repeat} interleaved runs of {states} states
+in one call (a loop for libraries without such a call), one thread; {machine}. "–": the library raised an error.
 
-{speed}
-
-Classes: *ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free flights from
-100–300 km, anywhere between burnout and descent; *near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1|
-from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10, each up to a day forward or backward.
-
-Made by `python benchmarks/work_precision/kepler.py --write docs/benchmarks` with the installed libraries.
+*Ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free flights from 100–300 km;
+*near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1| from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10.
 """
 
 

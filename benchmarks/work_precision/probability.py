@@ -59,34 +59,19 @@ PAGE = """# Interpolated probability of detection: error and run time
 
 {headline}
 
-- *atmosphere and Earth*: `lowtran`, `midlat_summer`, and the background `earth`; *calibrated*: `calibrate: paper`.
-- *points*: looks at which the probability is evaluated; all others are interpolated.
-- *changed*: looks that detect with interpolation and not without it, or the reverse, with the same random numbers.
-- *every look*: `exact: true`, which evaluates all {exact_looks} looks.
-
-Errors are differences of P_d from those of `exact: true` at {sample} random looks, for every {every}th launch of
-[the raid](../../examples/raid_100.yaml), seen by all three constellations. A look with `detection: constant` took
-{constant_ns} ns. The times per look of all other chains include the sensors' noise-only false alarms, as many as with
-hundred launches.
+*Changed*: looks that detect with interpolation and not without it, or the reverse. *Every look*: `exact: true`, which
+evaluates all {exact_looks} looks. *Atmosphere and Earth*: `lowtran`, `midlat_summer`, background `earth`; *calibrated*:
+`calibrate: paper`.
 
 ![Largest error of P_d against time per look, by chain and tolerance](probability.svg)
 
-## The whole run, beside `detection: constant`
+Errors are differences of P_d from `exact: true` at {sample} random looks, for every {every}th launch of
+[the raid](../../examples/raid_100.yaml), seen by all three constellations. A look with `detection: constant` takes
+{constant_ns} ns.
 
-All hundred launches, {looks} looks, at the default tolerance:
-
-{ratios}
-
-*engine*: from a compiled plan to columns of events, medians of {columns}. *`simulate`*: from the scene to the run with
-its summary, medians of {runs}. *`opir run`*: the whole process, from the scene file to a file of JSON lines, medians
-of {repeat}. Without calibration a run reports one sixth more events than with `constant`, and noise-only false alarms.
-
-The goal is a ratio of at most 1.5. {verdict}
-
-All times are processor time of one core. All tolerances: [probability.csv](probability.csv); run times:
-[probability_chains.csv](probability_chains.csv). Made by
-`python benchmarks/work_precision/probability.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and
-plot again.
+The goal is at most 1.5 times the run time of `detection: constant`. {verdict} They are over all hundred launches,
+{looks} looks, with medians of {columns}, {runs} and {repeat} runs. All data: [probability.csv](probability.csv),
+[probability_chains.csv](probability_chains.csv).
 """
 
 
@@ -255,13 +240,13 @@ def process_s(scene: dict[str, Any]) -> float:
 def headline(rows: list[Row]) -> str:
     """Return a line for each chain at the default tolerance."""
     lines = [
-        "| chain | points | largest error | mean error | detections | changed | ns per look | every look, ns |",
-        "|---" * 8 + "|",
+        "| chain | largest error | detections | changed | ns per look | every look, ns |",
+        "|---" * 6 + "|",
     ]
     for row in rows:
         if row.tolerance == _DEFAULT:
             exact_ns = next(r.nanoseconds for r in rows if r.chain == row.chain and not r.tolerance)
-            cells = f"{row.points} | {row.most:.1e} | {row.mean:.1e} | {row.detections} | {row.changed}"
+            cells = f"{row.most:.1e} | {row.detections} | {row.changed}"
             lines.append(f"| {row.chain} | {cells} | {row.nanoseconds:.0f} | {exact_ns:.0f} |")
     return "\n".join(lines)
 
@@ -333,7 +318,6 @@ def redraw(folder: Path) -> None:
     found, _ = read_csv(folder / "probability_chains.csv", Chain)
     text = PAGE.format(
         headline=headline(rows),
-        ratios=chains_table(found),
         verdict=verdict(found),
         exact_looks=next(row.points for row in rows if not row.tolerance),
         **facts,

@@ -18,12 +18,24 @@ service has a bearer token, all paths except `/`, `/page/…`, `/health/…` and
 
 def reference_page() -> str:
     """Return the page as Markdown."""
-    whole = document()
-    routes = [line for path, item in whole["paths"].items() for line in _route(path, item)]
-    return "\n".join([_HEAD, *routes, *_settings()]) + "\n"
+    paths = document()["paths"]
+    shared = _shared([operation["responses"] for item in paths.values() for operation in item.values()])
+    listed = "; ".join(f"**{status}** {meaning}" for status, meaning in shared.items())
+    everywhere = f"Every request may be answered with these: {listed}."
+    routes = [line for path, item in paths.items() for line in _route(path, item, shared)]
+    return "\n".join([_HEAD, "", everywhere, *routes, *_settings()]) + "\n"
 
 
-def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
+def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
+    """Return the statuses, with their meaning, that all operations have."""
+    return {
+        status: response["description"]
+        for status, response in responses[0].items()
+        if all(other.get(status, {}).get("description") == response["description"] for other in responses)
+    }
+
+
+def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[str]:
     for method, operation in item.items():
         yield from ("", f"## {method.upper()} {path}", "", f"{operation['summary']}.")
         if "description" in operation:
@@ -33,9 +45,10 @@ def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
             yield from ("", "| parameter | in | meaning |", "|---|---|---|")
         for parameter in parameters:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
-        yield from ("", "| status | meaning |", "|---|---|")
-        for status, response in operation["responses"].items():
-            yield f"| {status} | {response['description']} |"
+        said = {*shared.items(), ("200", operation["summary"])}
+        answers = [(status, each["description"]) for status, each in operation["responses"].items()]
+        own = "; ".join(f"**{status}** {meaning}" for status, meaning in answers if (status, meaning) not in said)
+        yield from ("", f"Answers: {own}.") if own else ()
 
 
 def _words(parameter: dict[str, Any]) -> str:

@@ -85,7 +85,7 @@ def test_the_page_s_event_is_what_the_encoder_makes() -> None:
         (section(PAGE, "## Fields", "## Directions"), SCHEMA),
         (section(PAGE, "## Points", "An impact point also has"), SCHEMA["$defs"]["point"]),
         (section(PAGE, "## Points", "The ellipses are centred"), SCHEMA["$defs"]["impact"]),
-        (section(PAGE, "The ellipses are centred", "## Measured light"), SCHEMA["$defs"]["ellipse"]),
+        (section(PAGE, "The ellipses are centred", "## Identifiers"), SCHEMA["$defs"]["ellipse"]),
         (section(EXTENSIONS, "## Track state", "## Measured irradiance"), SCHEMA["$defs"]["state"]),
     ],
     ids=["event", "point", "impact", "ellipse", "state"],
