@@ -17,15 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from atmosphere_left_out import Model, Way, by_region, left_out
-from opir_photons.radiometry.configs import CLIMATES
-from opir_photons.radiometry.long_paths import CLIMBS
-from opir_photons.radiometry.lowtran import (
 from atmosphere_left_out import Model, Region, Way, left_out, regions
-from results_csv import read_csv, write_csv
-from timing import median_s
-
-from opir_core.interfaces.radiometric_models import Paths
 from opir_photons.radiometry.configs import CLIMATES
 from opir_photons.radiometry.long_paths import CLIMBS
 from opir_photons.radiometry.lowtran import (
@@ -36,7 +28,8 @@ from opir_photons.radiometry.lowtran import (
     node_tables,
     shell_air_mass,
 )
-from timing import median_s, multiply_ns
+from results_csv import read_csv, write_csv
+from timing import median_s
 
 from opir_core.interfaces.radiometric_models import Paths
 
