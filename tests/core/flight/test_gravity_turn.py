@@ -119,15 +119,18 @@ def test_every_class_has_stagings_without_fault_for_all_of_its_ranges():
     assert [each.fault() for each in stagings().values()] == [""] * len(stagings())
 
 
-def drawn_aims(names, seed, most_loft=0.0):
-    """Return the flights of stagings to aims anywhere in their ranges, at any place, bearing and loft, and the aims."""
+def drawn_aims(names, seed):
+    """Return flights to aims anywhere in the ranges of their stagings, at any place and bearing, and the aims.
+
+    Every other flight has a loft, of up to a half.
+    """
     random, n = np.random.default_rng(seed), len(names)
     share = random.uniform(0.0, 1.0, n)
     limits = [(stagings()[name].minimum_range_m, stagings()[name].maximum_range_m) for name in names]
     range_m = [low + part * (high - low) for (low, high), part in zip(limits, share, strict=True)]
     lat, lon = np.degrees(np.arcsin(random.uniform(-0.9, 0.9, n))), random.uniform(-180.0, 180.0, n)
-    bearing, loft = random.uniform(0.0, 360.0, n), random.uniform(-most_loft, most_loft, n)
-    return flown(names, lat, lon, bearing, range_m, loft)
+    bearing, loft = random.uniform(0.0, 360.0, n), random.uniform(-0.5, 0.5, n)
+    return flown(names, lat, lon, bearing, range_m, loft * (np.arange(n) % 2))
 
 
 def assert_they_come_down_at_their_aims(flights, aims):
@@ -141,14 +144,15 @@ def assert_they_come_down_at_their_aims(flights, aims):
 
 @pytest.mark.slow
 def test_flights_come_down_within_ten_metres_of_their_aims():
-    assert_they_come_down_at_their_aims(*drawn_aims([name for name in stagings() for _ in range(6)], 5))
+    """All presets in one batch, one flight each; the next test has many of each."""
+    assert_they_come_down_at_their_aims(*drawn_aims(list(stagings()), 5))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("most_loft", [0.0, 0.5])
 @pytest.mark.parametrize("name", stagings())
-def test_flights_of_every_preset_come_down_within_ten_metres_of_many_aims(name, most_loft):
-    assert_they_come_down_at_their_aims(*drawn_aims([name] * 60, 17, most_loft))
+def test_flights_of_every_preset_come_down_within_ten_metres_of_many_aims(name):
+    """With 60 flights of each preset, half of them lofted, a fault in one of twenty is found at 95 %."""
+    assert_they_come_down_at_their_aims(*drawn_aims([name] * 60, 17))
 
 
 @pytest.mark.slow
