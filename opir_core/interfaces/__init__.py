@@ -1,1 +1,1 @@
-"""Interfaces between parts: protocols, contexts, and records of columns."""
+"""Interfaces between parts: contracts, contexts, and records of columns."""
