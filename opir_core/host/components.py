@@ -54,9 +54,8 @@ class NoConfig:
 class Component:
     """A component that a scene can choose.
 
-    `build(config, context)` returns the working part; `opir_core.interfaces.protocols` defines the context and the part
-    of each kind. `presets` are named sets of configuration values: a block with `preset: NAME` starts from them instead
-    of the defaults.
+    `build(config, context)` returns the working part, of the contract that each kind names. `presets` are named sets of
+    configuration values: a block with `preset: NAME` starts from them instead of the defaults.
     """
 
     #: The hook that yields components of this kind.

@@ -1,4 +1,4 @@
-"""The protocols of components: arrays in, arrays out.
+"""The contracts of components: arrays in, arrays out.
 
 A component's `build` returns one of these. The result of a row must not depend on the other rows of a call: the engine
 may pass any slice of a run, and the bytes of the events must be the same.

@@ -5,7 +5,7 @@ A run is an `opir_core.Run`; a metric or an exporter changes nothing of it.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from attrs import frozen
 
@@ -30,7 +30,6 @@ class ExecutorContext:
     workers: int | None = None
 
 
-@runtime_checkable
 class Metric(Protocol):
     """Figures of a run, one number each; a study averages them over the runs of each design."""
 
@@ -45,7 +44,6 @@ class Metric(Protocol):
         """
 
 
-@runtime_checkable
 class Executor(Protocol):
     """Runs a function over many tasks, in one process or in many."""
 
@@ -60,7 +58,6 @@ class Executor(Protocol):
         """End the workers; allowed several times."""
 
 
-@runtime_checkable
 class Exporter(Protocol):
     """Writes a run in a format of other programs."""
 

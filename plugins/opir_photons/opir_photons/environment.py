@@ -206,15 +206,11 @@ class RadiometricEnvironment:
         if self.targets.burns_s.shape[1] > 1:
             times_s.append(self.targets.burns_s.reshape(len(self.group), -1))
         for signatures, rows in zip(self.signatures, everyone, strict=True):
-            place, levels_m, since_s = (
-                self.place[rows],
-                signatures.altitude_breakpoints_m,
-                signatures.time_breakpoints_s,
-            )
+            levels_m, since_s = signatures.altitude_breakpoints_m, signatures.time_breakpoints_s
             if levels_m is not None:
-                times_s.append(self._of_all(rows, heights.take(rows).times_s(levels_m[place])))
+                times_s.append(self._of_all(rows, heights.take(rows).times_s(levels_m[self.place[rows]])))
             if since_s is not None:
-                times_s.append(self._of_all(rows, self.targets.ignition_s[rows, None] + since_s[place]))
+                times_s.append(self._of_all(rows, self.targets.ignition_s[rows, None] + since_s[self.place[rows]]))
         for number, trajectories in enumerate(self.targets.trajectories):
             own_s = trajectories.course_breakpoints_s
             if own_s is not None:
