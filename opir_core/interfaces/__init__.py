@@ -1,9 +1,5 @@
-<<<<<<< HEAD
 """What components and engine owe one another: columns, records, contexts, contracts."""
 
 from opir_core.doors import door
 
 __getattr__, __dir__, __all__ = door(__spec__)
-=======
-"""Interfaces between parts: contracts, contexts, and records of columns."""
->>>>>>> h/sinks
