@@ -220,7 +220,7 @@ def tests_of(file: str, imports: dict[str, set[str]]) -> tuple[list[str], list[s
 def mirror(file: str) -> Path | None:
     """Return the folder of tests that mirrors a module's folder, or the nearest one above it."""
     parts = Path(file).parts[:-1]
-    if parts == ("opir_core", "testing", "contracts"):
+    if parts == ("plugins", "opir_testing", "opir_testing", "contracts"):
         return ROOT / "tests" / "contracts"
     top = ("core",) if parts[0] == "opir_core" else ("plugins", parts[1].removeprefix("opir_"))
     inner = parts[1:] if parts[0] == "opir_core" else parts[3:]

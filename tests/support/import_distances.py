@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 
@@ -14,7 +15,7 @@ def source_files(root: Path) -> list[str]:
 def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
     """Return, for every file, those of the files that it imports or names in a string, as entry points do."""
     modules = {module_of(file): file for file in files}
-    return {file: _named(root / file, module, modules) - {file} for module, file in modules.items()}
+    return {file: _named(root, file, module, modules) - {file} for module, file in modules.items()}
 
 
 def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
@@ -33,14 +34,22 @@ def module_of(file: str) -> str:
     return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
 
 
-def _named(path: Path, module: str, modules: dict[str, str]) -> set[str]:
-    names = set[str]()
+def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[str]:
+    names, path = set[str](), root / file
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names |= {f"{node.module}.{name.name}" for name in node.names} | {node.module or ""}
+            homes = _homes((root / modules.get(node.module or "", "")).with_suffix(".pyi"))
+            names |= {homes.get(name.name, f"{node.module}.{name.name}") for name in node.names} | {node.module or ""}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             names |= {node.value, f"{node.value}.plugin", f"{package}.{node.value}", f"opir_core.{node.value}"}
     return {modules[name] for name in names if name in modules}
+
+
+@cache
+def _homes(stub: Path) -> dict[str, str]:
+    """Return the modules of the names that the stub of a package hands on; none where there is no stub."""
+    nodes = ast.parse(stub.read_text(encoding="utf-8")).body if stub.is_file() else []
+    return {name.name: str(node.module) for node in nodes if isinstance(node, ast.ImportFrom) for name in node.names}
