@@ -27,7 +27,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.tracker import imm_tracker
 
 import opir_core as opir
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import Plan, compile_plan
