@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.scoring.bound import DetectedLooks
 
 

@@ -28,7 +28,7 @@ from opir_trackers.imm.tracker import imm_tracker
 from work_precision.results_csv import write_csv
 
 import opir_core as opir
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import Plan, compile_plan

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 from opir_trackers.imm.report import earth_fixed
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.triangulation import triangulated
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated, emission_s, tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.interfaces.records import Detections, Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².

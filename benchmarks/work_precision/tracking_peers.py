@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from tracking_problems import CHANCE, CLUTTER, KEPLER, PRIOR_M, PRIOR_M_S, SENSORS_M, SIGMA_RAD, Problem
 
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.geometry import ecef_to_eci
 

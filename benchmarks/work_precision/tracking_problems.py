@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight, earth_rotated
 
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, LinesOfSight, earth_rotated, tangent_axes
+from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler

@@ -12,9 +12,9 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
+from opir_trackers.lines_of_sight import AngleMeasurements
 
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 

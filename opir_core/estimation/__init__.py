@@ -1,4 +1,4 @@
-"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models, lines of sight."""
+"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models, tangent axes."""
 
 from opir_core.doors import door
 

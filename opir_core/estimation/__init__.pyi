@@ -1,19 +1,11 @@
+from opir_core.estimation.directions import (
+    FEW_ROWS as FEW_ROWS,
+    dot as dot,
+    matvec as matvec,
+    tangent_axes as tangent_axes,
+)
 from opir_core.estimation.ellipses import (
     containment_ellipse as containment_ellipse,
-)
-from opir_core.estimation.lines_of_sight import (
-    AngleMeasurements as AngleMeasurements,
-    LinesOfSight as LinesOfSight,
-    TangentPlanes as TangentPlanes,
-    both_earth_rotated as both_earth_rotated,
-    dot as dot,
-    earth_rotated as earth_rotated,
-    emission_s as emission_s,
-    matvec as matvec,
-    no_lines_of_sight as no_lines_of_sight,
-    no_measurements as no_measurements,
-    rotate_slightly as rotate_slightly,
-    tangent_axes as tangent_axes,
 )
 from opir_core.estimation.motion import (
     BOOST as BOOST,

@@ -17,7 +17,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation.lines_of_sight import FEW_ROWS, dot
+from opir_core.estimation.directions import FEW_ROWS, dot
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity
 

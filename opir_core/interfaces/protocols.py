@@ -62,7 +62,17 @@ class Radiometer:
 
 
 class Orbit(Protocol):
-    """The orbit of a satellite."""
+    """The orbit of a satellite.
+
+    >>> class Parked:
+    ...     is_stationary = True
+    ...
+    ...     def position_ecef_m(self, time_s):
+    ...         return np.tile([4.2164e7, 0.0, 0.0], (len(time_s), 1))
+    >>> orbit: Orbit = Parked()
+    >>> orbit.position_ecef_m(np.zeros(2)).shape
+    (2, 3)
+    """
 
     @property
     def is_stationary(self) -> bool:
@@ -73,7 +83,17 @@ class Orbit(Protocol):
 
 
 class ScanPattern(Protocol):
-    """The scan of a sensor: times of looks within its period."""
+    """The scan of a sensor: times of looks within its period.
+
+    >>> class Together:
+    ...     period_ns = 5_000_000_000
+    ...
+    ...     def phase_ns(self, sensor_ecef_m, target_ecef_m, uniform):
+    ...         return np.full(len(target_ecef_m), int(uniform * self.period_ns))
+    >>> scan: ScanPattern = Together()
+    >>> scan.phase_ns(np.zeros(3), np.zeros((2, 3)), 0.5)
+    array([2500000000, 2500000000])
+    """
 
     @property
     def period_ns(self) -> int:
@@ -210,6 +230,18 @@ class RandomDraws(Protocol):
     """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
 
     The numbers of a row depend on the seed, the two ids, the purpose and the scan alone.
+
+    >>> class Halves:  # to call a model without a run
+    ...     def uniforms(self, purpose, words=1):
+    ...         return np.full((1, words), 0.5)
+    ...
+    ...     normals = pair_uniforms = uniforms
+    ...
+    ...     def take(self, rows):
+    ...         return self
+    >>> rng: RandomDraws = Halves()
+    >>> rng.uniforms("bands", words=2)
+    array([[0.5, 0.5]])
     """
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
@@ -269,7 +301,7 @@ class DetectionProbability(Contract):
     ...     def probability(self, exposures):
     ...         return np.ones(len(exposures))
     ...
-    ...     def measure(self, exposures, dice):
+    ...     def measure(self, exposures, rng):
     ...         return Measured(bands=np.ones(len(exposures), dtype=np.uint8), snr=np.full(len(exposures), np.nan))
     >>> Sure().probability(range(2))
     array([1., 1.])
@@ -345,9 +377,9 @@ class Classifier(Contract):
     """Measurements to the reported target type; with `log_posterior`, also to type probabilities that tracks revise.
 
     >>> class Undecided(Classifier):
-    ...     def reported_type(self, sightings, dice):
+    ...     def reported_type(self, sightings, rng):
     ...         return np.zeros(len(sightings), dtype=np.uint8)
-    >>> Undecided().reported_type(range(2), dice=None)
+    >>> Undecided().reported_type(range(2), rng=None)
     array([0, 0], dtype=uint8)
     """
 

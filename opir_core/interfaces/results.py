@@ -31,7 +31,16 @@ class ExecutorContext:
 
 
 class Metric(Protocol):
-    """Figures of a run, one number each; a study averages them over the runs of each design."""
+    """Figures of a run, one number each; a study averages them over the runs of each design.
+
+    >>> class Length(Metric):
+    ...     units = {"length": "s"}
+    ...
+    ...     def values(self, run):
+    ...         return {"length": run.plan.scene.duration_s}
+    >>> isinstance(Length(), Metric)
+    True
+    """
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -45,7 +54,17 @@ class Metric(Protocol):
 
 
 class Executor(Protocol):
-    """Runs a function over many tasks, in one process or in many."""
+    """Runs a function over many tasks, in one process or in many.
+
+    >>> class InOrder(Executor):
+    ...     def results(self, function, tasks):
+    ...         yield from enumerate(map(function, tasks))
+    ...
+    ...     def close(self):
+    ...         pass
+    >>> list(InOrder().results(abs, [-1, -2]))
+    [(0, 1), (1, 2)]
+    """
 
     def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, in any order, as they end.
@@ -59,7 +78,17 @@ class Executor(Protocol):
 
 
 class Exporter(Protocol):
-    """Writes a run in a format of other programs."""
+    """Writes a run in a format of other programs.
+
+    >>> class Count(Exporter):
+    ...     suffix = ".txt"
+    ...
+    ...     def write(self, run, path):
+    ...         path.write_text(str(len(run.detections)))
+    ...         return [path]
+    >>> Count().suffix
+    '.txt'
+    """
 
     @property
     def suffix(self) -> str:

@@ -6,6 +6,9 @@ from opir_core.live.changes import (
 from opir_core.live.loops import (
     limit_pauses as limit_pauses,
 )
+from opir_core.live.progress import (
+    Progress as Progress,
+)
 from opir_core.live.running import (
     LiveRun as LiveRun,
     LiveSettings as LiveSettings,
@@ -14,9 +17,4 @@ from opir_core.live.running import (
 from opir_core.live.status import (
     LATE_EDGES_S as LATE_EDGES_S,
     LiveStatus as LiveStatus,
-)
-from opir_core.live.watchdog import (
-    Notifier as Notifier,
-    Progress as Progress,
-    Watchdog as Watchdog,
 )

@@ -26,8 +26,8 @@ from opir_core.live.changes import (
     wait_until,
 )
 from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPosition, launch_in_lap, past_error
+from opir_core.live.progress import Progress, RunningCall, progress_of
 from opir_core.live.status import Counts, LiveStatus
-from opir_core.live.watchdog import Progress, RunningCall, progress_of
 from opir_core.output.delivery import counter_of, opened_sink
 from opir_core.output.sink_thread import WITHOUT_SPOOL, SinkThread
 from opir_core.planning.plan import Plan, compile_plan

@@ -30,12 +30,6 @@ from opir_core.scoring.impacts import (
     impact_scores as impact_scores,
     phase_scores as phase_scores,
 )
-from opir_core.scoring.latency import (
-    cumulative_probability as cumulative_probability,
-    latency_cdf as latency_cdf,
-    latency_mean as latency_mean,
-    latency_quantile as latency_quantile,
-)
 from opir_core.scoring.scorecards import (
     GEOMETRIES as GEOMETRIES,
     USUAL_SETTINGS as USUAL_SETTINGS,

@@ -12,7 +12,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation.directions import tangent_axes
 from opir_core.estimation.motion import BOOST, Motion, taylor_weights
 from opir_core.estimation.square_root import covariance, time_update, triangular
 from opir_core.flight.forces import Forces

@@ -13,7 +13,7 @@ from scipy.stats import chi2, kstest, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import matvec, tangent_axes
+from opir_core.estimation.directions import matvec, tangent_axes
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.lines_of_sight import AngleMeasurements
 
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import Forces, ZonalField
 

@@ -17,7 +17,7 @@ from typing import Any
 from opir_core.cli import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
 from opir_core.host import warn
-from opir_core.live import LiveRun, LiveSettings, LiveStatus, Notifier, Watchdog, limit_pauses
+from opir_core.live import LiveRun, LiveSettings, LiveStatus, limit_pauses
 from opir_core.plugin import Host
 from opir_core.simulation import plan_warnings
 from opir_http.gate import Gate
@@ -27,6 +27,7 @@ from opir_http.routes import application
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.settings import LOOPBACK, HttpSettings
+from opir_http.watchdog import Notifier, Watchdog
 
 #: Environment variable of the bearer token, if no file is given.
 TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"

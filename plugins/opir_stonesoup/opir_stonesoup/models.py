@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
+from opir_trackers import earth_rotated
 from stonesoup.base import Property
 from stonesoup.models.base import GaussianModel, TimeVariantModel
 from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
@@ -17,7 +18,7 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import BOOST, Motion, earth_rotated
+from opir_core.estimation import BOOST, Motion
 from opir_core.flight import ForceModel, Forces, forces_of
 
 #: Size of the state of each motion.

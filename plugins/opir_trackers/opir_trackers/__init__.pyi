@@ -1,6 +1,13 @@
 from opir_trackers.initiation import (
     TrackCandidates as TrackCandidates,
 )
+from opir_trackers.lines_of_sight import (
+    AngleMeasurements as AngleMeasurements,
+    LinesOfSight as LinesOfSight,
+    TangentPlanes as TangentPlanes,
+    earth_rotated as earth_rotated,
+    emission_s as emission_s,
+)
 from opir_trackers.track_priors import (
     FIRST_FORCE_M_S2 as FIRST_FORCE_M_S2,
     prior_axes as prior_axes,

@@ -6,9 +6,9 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation import AngleMeasurements, LinesOfSight
 from opir_trackers.assignment import cheapest_assignment, components, distinct, ranks, unambiguous
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
+from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
 
 _UNIT = np.eye(2)
 

@@ -11,19 +11,17 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation import (
+from opir_core.estimation import dot, matvec, tangent_axes
+from opir_core.interfaces import Columns
+from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.lines_of_sight import (
     AngleMeasurements,
     LinesOfSight,
     both_earth_rotated,
-    dot,
     earth_rotated,
     emission_s,
-    matvec,
     rotate_slightly,
-    tangent_axes,
 )
-from opir_core.interfaces import Columns
-from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.triangulation import FAR_M
 
 #: Bits of each of the three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.

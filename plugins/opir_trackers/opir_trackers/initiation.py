@@ -16,11 +16,12 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation import LinesOfSight, dot
+from opir_core.estimation import dot
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks
 from opir_trackers.configs import GATE_SIGMAS
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.triangulation import (
     FAR_M,
     FIRST_HEIGHT_M,

@@ -14,8 +14,8 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.estimation import LinesOfSight, earth_rotated
 from opir_core.plugin import TARGET_TYPES, Detections, Sensor
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
 #: Detection probability of a sensor that states none for a type.
 _UNSTATED = 0.5

@@ -4,7 +4,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion, earth_rotated
+from opir_core.estimation import COAST, Motion
 from opir_core.flight import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
@@ -15,6 +15,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
+from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².

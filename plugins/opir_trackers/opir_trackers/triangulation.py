@@ -10,9 +10,9 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.estimation import LinesOfSight
 from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid, local_axes
 from opir_core.interfaces import Columns
+from opir_trackers.lines_of_sight import LinesOfSight
 
 #: Range of sensors at geostationary height, about, m.
 FAR_M = 3.6e7

@@ -1,11 +1,69 @@
-"""The examples in the docstrings of hooks run as they are written."""
+"""Each hook and each base class of a contract shows an example in its docstring, which runs as it is written."""
 
 import doctest
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any, Protocol
 
-from opir_core.host import hookspecs
+import numpy as np
+import pytest
+
+from opir_core.host import components, hookspecs
+from opir_core.host.components import Component
+from opir_core.interfaces.contract import Contract
+
+HOOKS = [
+    hook
+    for holder in (hookspecs.CatalogueHooks, hookspecs.ExtensionHooks)
+    for name, hook in vars(holder).items()
+    if name.startswith("opir_")
+]
 
 
-def test_examples_of_hooks_run() -> None:
-    done = doctest.testmod(hookspecs)
-    assert done.attempted >= 8
-    assert done.failed == 0
+def bases() -> Iterator[Any]:
+    """Yield the base classes and protocols of what components build."""
+    for name in ("outputs", "protocols", "radiometric_models", "results"):
+        module = import_module(f"opir_core.interfaces.{name}")
+        own = [each for each in vars(module).values() if getattr(each, "__module__", "") == module.__name__]
+        yield from (each for each in own if isinstance(each, type) and {Contract, Protocol} & {*each.__bases__})
+
+
+def fault_of(shown: Any) -> str:
+    """Return what is wrong with the example of a hook or a class, or ""."""
+    names = {"np": np, **vars(sys.modules[shown.__module__])}
+    (example,) = doctest.DocTestFinder(recurse=False).find(shown, shown.__name__, globs=names)
+    if not example.examples:
+        return "no example"
+    told: list[str] = []
+    failed = doctest.DocTestRunner(verbose=False).run(example, out=told.append).failed
+    return "".join(told) if failed else ""
+
+
+def test_all_hooks_and_base_classes_are_looked_at() -> None:
+    assert len(HOOKS) == len(components.CATALOGUE) + 1
+    assert {"Sink", "Transport", "Encoder", "Orbit", "Sensor", "Tracker", "Metric"} - {
+        each.__name__ for each in bases()
+    } == {"Sensor"}, "a record needs no example"
+
+
+@pytest.mark.parametrize("shown", [*HOOKS, *bases(), Component], ids=lambda shown: shown.__name__)
+def test_examples_run(shown: Any) -> None:
+    assert not fault_of(shown)
+
+
+class Bare(Contract):
+    """A contract without an example."""
+
+
+class Wrong(Contract):
+    """A contract with an example that does not hold.
+
+    >>> 1 + 1
+    3
+    """
+
+
+@pytest.mark.parametrize(("shown", "fault"), [(Bare, "no example"), (Wrong, "Expected:\n    3")])
+def test_a_missing_or_wrong_example_is_found(shown: Any, fault: str) -> None:
+    assert fault in fault_of(shown)

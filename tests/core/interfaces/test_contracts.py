@@ -1,8 +1,6 @@
 """Base classes of contracts: their examples run, and parts of other classes have the defaults of what they lack."""
 
-import doctest
 import pickle
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -31,18 +29,6 @@ SCENE = {
         }
     ],
 }
-
-
-@pytest.mark.parametrize("module", ["outputs", "protocols", "radiometric_models"])
-def test_examples_of_contracts_run(module: str) -> None:
-    found = import_module(f"opir_core.interfaces.{module}")
-    contracts = [each for each in vars(found).values() if getattr(each, "__abstractmethods__", None)]
-    contracts = [each for each in contracts if each.__module__ == found.__name__]
-    assert contracts
-    for contract in contracts:
-        (example,) = doctest.DocTestFinder(recurse=False).find(contract, contract.__name__, globs=vars(found).copy())
-        assert example.examples, f"{contract.__name__} has no example"
-        assert doctest.DocTestRunner().run(example).failed == 0
 
 
 class Bare:

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 from opir_trackers.initiation import deviance, split_clusters
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.triangulation import Fixes
 
 import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.simulation.run import run_of_plan
 
 AIMS = {"ICBM": (9.0, 167.7), "IRBM": (20.0, -150.0), "SRBM": (34.0, -124.0)}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import candidates, gated
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
-from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated
 from opir_core.estimation.motion import BOOST
 
 COUNT, END_S, GATE = 60, 5000.0, 4.5

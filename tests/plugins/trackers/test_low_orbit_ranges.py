@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.triangulation import geostationary_directions, points_near_ground
 
 import opir_core as opir
-from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.records import Tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import run_of_plan

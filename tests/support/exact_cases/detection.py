@@ -10,9 +10,8 @@ import opir_photons.detection as detection
 import opir_core.scoring as scoring
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
-from opir_core.estimation import square_root
+from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.ellipses import containment_ellipse, sigmas
-from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.geometry.sphere import great_circle_m
 from opir_core.geometry.vectors import angle_between_rad
 
@@ -391,7 +390,7 @@ CASES = (
         share=0.5,
     ),
     Case(
-        "estimation.lines_of_sight.tangent_axes",
+        "estimation.tangent_axes",
         lambda r, n: (draws.directions(r, n) + 0.0,),
         lambda d: tangent_axes(d).reshape(-1, 9),
         directed,

@@ -1,9 +1,3 @@
-from opir_core.scoring import (
-    cumulative_probability as cumulative_probability,
-    latency_cdf as latency_cdf,
-    latency_mean as latency_mean,
-    latency_quantile as latency_quantile,
-)
 from opir_photons.detection.band_rules import (
     RatioGates as RatioGates,
 )
@@ -15,6 +9,12 @@ from opir_photons.detection.cfar import (
 )
 from opir_photons.detection.correlated_looks import (
     effective_looks as effective_looks,
+)
+from opir_photons.detection.latency import (
+    cumulative_probability as cumulative_probability,
+    latency_cdf as latency_cdf,
+    latency_mean as latency_mean,
+    latency_quantile as latency_quantile,
 )
 from opir_photons.detection.threshold import (
     false_alarm_probability as false_alarm_probability,

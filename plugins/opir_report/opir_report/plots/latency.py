@@ -4,12 +4,12 @@ import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from opir_photons.detection import latency_cdf
 
 from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.planning import look_times_s
-from opir_core.scoring import latency_cdf
 from opir_report.canvas import without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, series_hue

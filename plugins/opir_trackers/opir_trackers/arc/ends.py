@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import LinesOfSight, emission_s, matvec
+from opir_core.estimation import matvec
 from opir_core.flight import kepler_impact, propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, intersection_with_ellipsoid, local_axes
 from opir_core.plugin import TARGET_TYPES
 from opir_trackers.arc.fit import STEPS, ArcFits, solved
 from opir_trackers.launch_points import LaunchPoints
+from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 
 #: Mean burn time of a boost of each of `TARGET_TYPES`, s. Notional.

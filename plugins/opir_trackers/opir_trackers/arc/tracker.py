@@ -7,7 +7,6 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import LinesOfSight, no_lines_of_sight
 from opir_core.geometry import great_circle_m
 from opir_core.interfaces import IMPACT_METHODS
 from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
@@ -20,6 +19,7 @@ from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.forecast.prior_boosts import class_codes
 from opir_trackers.gating import candidates, gated
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 
 #: Least number of detections of an arc.

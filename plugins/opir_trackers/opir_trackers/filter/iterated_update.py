@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import AngleMeasurements, TangentPlanes, matvec, square_root, taylor_positions, taylor_weights
+from opir_core.estimation import matvec, square_root, taylor_positions, taylor_weights
 from opir_trackers.filter.dynamics import Dynamics
+from opir_trackers.lines_of_sight import AngleMeasurements, TangentPlanes
 
 #: Iteration stops once no measurement would change by more than this many standard deviations.
 _SETTLED_SIGMAS = 1e-2

@@ -15,13 +15,14 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import BOOST, COAST, AngleMeasurements, square_root
+from opir_core.estimation import BOOST, COAST, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian, NewStage, carried
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
+from opir_trackers.lines_of_sight import AngleMeasurements
 
 __all__ = ("ImmFilter", "ModeEstimates")
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray, ObjectArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation import earth_rotated
 from opir_core.estimation.square_root import inverse_root
 from opir_core.flight import Forces
 from opir_core.geometry import AzimuthalEquidistant, ecef_to_geodetic, great_circle_m, unit_vectors
@@ -24,6 +23,7 @@ from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
 from opir_trackers.forecast.prior_boosts import STAGES, class_codes, longest_gap_s, prior_boosts
 from opir_trackers.forecast.regions import regions
+from opir_trackers.lines_of_sight import earth_rotated
 
 #: Particles of a track.
 PARTICLES = 256

@@ -7,7 +7,6 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import LinesOfSight
 from opir_trackers.association import (
     Association,
     AssociationModel,
@@ -31,6 +30,7 @@ from opir_trackers.imm.measurement_weights import (
     suspect_tracks,
 )
 from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import FAR_M
 

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import AngleMeasurements, LinesOfSight, dot, matvec, no_measurements, tangent_axes
+from opir_core.estimation import dot, matvec, tangent_axes
 from opir_trackers.assignment import distinct, unambiguous
 from opir_trackers.association import AssociationModel, hard_measurements, scan_groups, scan_numbers
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
@@ -21,6 +21,7 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs
 from opir_trackers.imm.associate_and_update import AssociationResult
 from opir_trackers.imm.measurement_weights import LEAST_WEIGHT, AmbiguousMeasurements, predicted_directions
+from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight, no_measurements
 
 _NONE = np.empty(0, dtype=np.int64)
 

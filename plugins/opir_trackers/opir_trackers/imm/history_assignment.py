@@ -15,13 +15,14 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import AngleMeasurements, dot, matvec, square_root
+from opir_core.estimation import dot, matvec, square_root
 from opir_trackers.assignment import cheapest_assignment, distinct, marginals, ranks, unambiguous
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.histories import Histories, rows_of, updated_with_likelihood, with_biases
 from opir_trackers.imm.measurement_weights import AmbiguousMeasurements, predicted_directions
+from opir_trackers.lines_of_sight import AngleMeasurements
 
 #: Iterations of the reweighting.
 _TURNS = 3

@@ -20,12 +20,13 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import AngleMeasurements, dot, matvec
+from opir_core.estimation import dot, matvec
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import marginals, ranks
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs
+from opir_trackers.lines_of_sight import AngleMeasurements
 
 #: Lines with a lower association probability, considering only rivals for the line, are not a track's.
 _LEAST_SHARE = 5e-3

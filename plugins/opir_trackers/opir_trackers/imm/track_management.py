@@ -11,12 +11,13 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation import LinesOfSight, dot
+from opir_core.estimation import dot
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
 from opir_core.plugin import Sensor
 from opir_trackers.association import scan_numbers
 from opir_trackers.imm.measurement_weights import FRACTIONS
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.triangulation import LOWEST_M
 
 #: Tracks within this distance, m, or within their covariances, are compared as possible duplicates.

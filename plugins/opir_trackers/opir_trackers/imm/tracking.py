@@ -11,7 +11,6 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import LinesOfSight, no_lines_of_sight, no_measurements
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import Detections, TrackerContext, Tracks
 from opir_trackers import initiation
@@ -37,6 +36,7 @@ from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.imm.report import tracks_of, type_evidence, type_log_likelihoods, type_posterior
 from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
+from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight, no_measurements
 from opir_trackers.sensors import Biases
 from opir_trackers.track_priors import filter_of, prior_estimates
 from opir_trackers.triangulation import FAR_M

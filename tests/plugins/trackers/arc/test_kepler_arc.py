@@ -8,11 +8,11 @@ from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, traj
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.forecast.prior_boosts import class_codes
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.flight import propagate_kepler
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci, ecef_to_geodetic, eci_to_ecef, geodetic_to_ecef

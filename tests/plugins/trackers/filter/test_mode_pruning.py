@@ -5,9 +5,9 @@ from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
+from opir_trackers.lines_of_sight import AngleMeasurements, no_measurements
 
-from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import AngleMeasurements, no_measurements, tangent_axes
+from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of

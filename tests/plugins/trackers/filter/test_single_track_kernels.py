@@ -8,15 +8,15 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 from opir_trackers.gating import candidates, gated
-
-from opir_core.estimation.lines_of_sight import (
+from opir_trackers.lines_of_sight import (
     AngleMeasurements,
     LinesOfSight,
     both_earth_rotated,
     earth_rotated,
     rotate_slightly,
-    tangent_axes,
 )
+
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of

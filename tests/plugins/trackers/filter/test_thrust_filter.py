@@ -9,10 +9,11 @@ from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
+from opir_trackers.lines_of_sight import AngleMeasurements
 from opir_trackers.track_priors import stage_of
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci

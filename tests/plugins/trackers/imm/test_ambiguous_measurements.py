@@ -8,8 +8,9 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.histories import Histories, reweighted, updated_with_likelihood
 from opir_trackers.imm.history_assignment import swap_log_likelihoods
 from opir_trackers.imm.measurement_weights import AmbiguousMeasurements
+from opir_trackers.lines_of_sight import AngleMeasurements
 
-from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 from opir_trackers.imm.track_management import SharedDetections, duplicates, sighting_memory_s
-
-from opir_core.estimation.lines_of_sight import no_lines_of_sight
+from opir_trackers.lines_of_sight import no_lines_of_sight
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])

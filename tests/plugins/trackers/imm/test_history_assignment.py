@@ -9,8 +9,9 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.histories import JERK_NOISE_M_S3, Histories, mean_measurements, smooth_boost_s, with_biases
 from opir_trackers.imm.history_assignment import assigned_histories
+from opir_trackers.lines_of_sight import AngleMeasurements
 
-from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.reading import scene_from_mapping

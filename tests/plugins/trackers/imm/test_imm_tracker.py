@@ -12,7 +12,7 @@ from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
 from opir_trackers.imm.tracking import needed_scans
 
-from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler

@@ -1,12 +1,7 @@
-"""The watchdog of a live run: which calls do not return, what follows for its health, and who is notified.
-
-A run is unready if no cycle has ended for `unready_after_s`, or a sink has been in one call for as long; it is stuck
-after `dead_after_s`. Both are measured while the call lasts.
-"""
+"""The watchdog of a live run: who is notified that it runs, or is stuck."""
 
 import os
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -14,47 +9,10 @@ from typing import Protocol
 
 from attrs import field, frozen
 
-from opir_core.host.error_messages import place_of_frame
+from opir_core.live import Progress
 
 #: Longest interval, s, between two checks of a run.
 CHECK_S = 0.5
-
-
-@frozen
-class Progress:
-    """The progress of a run: age of the last finished cycle, s, and why it is not ready (`delays`) or `stuck`."""
-
-    cycle_age_s: float = 0.0
-    delays: tuple[str, ...] = ()
-    stuck: tuple[str, ...] = ()
-
-
-@frozen
-class RunningCall:
-    """A call that has not returned: what does not happen meanwhile, its duration, s, and its thread."""
-
-    what: str
-    duration_s: float
-    thread: int | None
-
-    def __str__(self) -> str:
-        """Return the call as one line, with the line of code that its thread executes."""
-        place = place_of_thread(self.thread)
-        return f"{self.what} for {self.duration_s:.1f} s{f': in {place}' if place else ''}"
-
-
-def progress_of(calls: list[RunningCall], cycle_age_s: float, unready_after_s: float, dead_after_s: float) -> Progress:
-    """Return the progress that follows from the calls that have not returned."""
-    slow = [call for call in calls if call.duration_s > unready_after_s]
-    delays = {call: str(call) for call in slow}
-    stuck = tuple(text for call, text in delays.items() if call.duration_s > dead_after_s)
-    return Progress(cycle_age_s, tuple(delays.values()), stuck)
-
-
-def place_of_thread(thread: int | None) -> str:
-    """Return the line that a thread executes, preferably the plugin's; "" if the thread has ended."""
-    frame = sys._current_frames().get(thread) if thread is not None else None
-    return "" if frame is None else place_of_frame(frame)
 
 
 @frozen

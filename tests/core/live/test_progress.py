@@ -1,8 +1,5 @@
 """A live run is watched: calls that hang or end their thread are noticed meanwhile, finished cycles are reported."""
 
-import socket
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +12,6 @@ from waiting import until
 
 from opir_core.host.host import Host
 from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.watchdog import Notifier, Progress, Watchdog
 from opir_core.reading import scene_from_mapping
 
 QUICK = LiveSettings(speed=50.0, cycle_ns=10_000_000, unready_after_s=0.2, dead_after_s=0.6)
@@ -109,55 +105,3 @@ def test_who_asks_for_a_change_that_fails_gets_an_answer(monkeypatch: pytest.Mon
         with pytest.raises(Exception, match="the run has failed: SystemExit"):
             run.configure(run.settings_mapping() | {"confidence": "always"})
         until(lambda: run.state == "failed")
-
-
-class Pretended:
-    """A run with a given progress."""
-
-    state = "running"
-
-    def __init__(self) -> None:
-        self.now = Progress()
-
-    def progress(self) -> Progress:
-        return self.now
-
-
-@pytest.mark.parametrize("kind", ["path", "abstract"])
-def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) -> None:
-    name = str(tmp_path / "notify") if kind == "path" else f"@opir-test-{time.monotonic_ns()}"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
-        listening.bind(name if kind == "path" else f"\0{name[1:]}")
-        listening.settimeout(10.0)
-        run, reasons = Pretended(), list[str]()
-        notifier = Notifier.of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "100000"})
-        watchdog = Watchdog(run, reasons.append, notifier)
-        watchdog.start()
-        assert listening.recv(99) == b"READY=1"
-        assert {listening.recv(99) for _ in range(3)} == {b"WATCHDOG=1"}
-        run.now = Progress(9.0, ("slow",), ("stuck here",))
-        until(lambda: reasons)
-        told = [listening.recv(99)]
-        while told[-1] == b"WATCHDOG=1":
-            told.append(listening.recv(99))
-        assert told[-1] == b"STATUS=stuck here"
-        watchdog.stop()
-        assert listening.recv(99) == b"STOPPING=1"
-        assert reasons == ["stuck here"]
-
-
-def test_a_service_manager_that_is_away_or_means_another_process_is_ignored(tmp_path: Path) -> None:
-    Notifier.of({}).send("READY=1")
-    Notifier.of({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).send("READY=1")
-    assert Notifier.of({"WATCHDOG_USEC": "100000", "WATCHDOG_PID": "1"}).within_s is None
-    assert Notifier.of({"WATCHDOG_USEC": "soon"}).within_s is None
-
-
-def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
-    run, reasons = Pretended(), list[str]()
-    run.now = Progress(9.0, ("slow",))
-    watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02))
-    watchdog.start()
-    threading.Event().wait(0.2)
-    watchdog.stop()
-    assert reasons == []
