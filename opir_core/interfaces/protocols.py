@@ -160,6 +160,7 @@ class Sensor:
 class Trajectories(Contract):
     """The trajectories of all targets of one model; by default of one burn each, up to burnout.
 
+    >>> import numpy as np
     >>> class Pad(Trajectories):
     ...     type_code = np.zeros(1, dtype=np.uint8)
     ...     ignition_s, burnout_s = np.array([5.0]), np.array([65.0])

@@ -16,11 +16,11 @@ from opir_photons.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtra
 from repository import DATA
 from scipy.interpolate import Akima1DInterpolator
 
-import opir_core
+import opir_photons
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 
-TABLE = Path(opir_core.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
+TABLE = Path(opir_photons.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
 WEIGHTINGS = {"flat": "tau_flat", "blackbody-1500K": "tau_bb1500"}
 
 

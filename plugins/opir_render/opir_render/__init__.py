@@ -2,9 +2,12 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin import NoConfig, Renderer, RendererContext, RendererModel, hookimpl
+from opir_core.plugin import NoConfig, RendererModel, hookimpl
+
+if TYPE_CHECKING:
+    from opir_core.plugin import Renderer, RendererContext
 
 
 @hookimpl
@@ -15,7 +18,7 @@ def opir_renderers() -> Iterable[RendererModel]:
     )
 
 
-def renderer(_config: NoConfig, context: RendererContext) -> Renderer:
+def renderer(_config: NoConfig, context: "RendererContext") -> "Renderer":
     """Return the compiled renderer; raises ImportError where it was installed without a C compiler."""
     try:
         from opir_render.compiled import render
@@ -26,7 +29,7 @@ def renderer(_config: NoConfig, context: RendererContext) -> Renderer:
 
 
 def _rendered(
-    render: Callable[[int, list[Any]], bytes | None], reference: Renderer, count: int, columns: Sequence[Any]
+    render: Callable[[int, list[Any]], bytes | None], reference: "Renderer", count: int, columns: Sequence[Any]
 ) -> bytes:
     """Return `count` lines, each joined from its columns; by the reference where the compiled module returns None."""
     plain = [column if isinstance(column, bytes) else column.plain() for column in columns]
