@@ -9,9 +9,8 @@ from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.configs import AimConfig, LaunchConfig
+from opir_core.builtin.configs import LaunchConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
@@ -110,11 +109,6 @@ def classes_of(
     return classes
 
 
-def boost_of(path: BoostPath) -> Ephemeris:
-    """Return the ephemeris of boosts."""
-    return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M)
-
-
 def ignitions_s(configs: Sequence[LaunchSettings]) -> FloatArray:
     """Return the scene times of ignition, (n,)."""
     return np.array([config.launch.time_s for config in configs], dtype=np.float64)
@@ -140,13 +134,13 @@ def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
     )
 
 
-def geodetic_columns(places: Iterable[LaunchConfig | AimConfig]) -> Geodetic:
+def geodetic_columns(places: Iterable[PlaceConfig]) -> Geodetic:
     """Return the columns of places in radians and metres."""
     rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
     return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
-def plain_place(config: LaunchConfig | AimConfig) -> dict[str, float]:
+def plain_place(config: PlaceConfig) -> dict[str, float]:
     """Return a place as plain values."""
     return {"lat_deg": config.lat_deg, "lon_deg": config.lon_deg, "height_m": config.height_m}
 

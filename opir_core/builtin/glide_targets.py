@@ -9,7 +9,6 @@ from attrs import define
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
-    boost_of,
     classes_of,
     forces_of_targets,
     geodetic_columns,
@@ -21,7 +20,7 @@ from opir_core.builtin.class_flights import (
 )
 from opir_core.builtin.configs import GlideConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import surface_range_m
+from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
@@ -89,7 +88,7 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
         turns_s=turns_s,
-        boost=boost_of(flight.path),
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
         coast=glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),

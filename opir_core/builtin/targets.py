@@ -8,7 +8,6 @@ from attrs import define
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
-    boost_of,
     classes_of,
     forces_of_targets,
     geodetic_columns,
@@ -20,7 +19,7 @@ from opir_core.builtin.class_flights import (
 )
 from opir_core.builtin.configs import BallisticConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import Aim, aim, coast_ephemeris, surface_range_m
+from opir_core.flight.aiming import Aim, aim, boost_ephemeris, coast_ephemeris, surface_range_m
 from opir_core.flight.boost import boost_profile
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
@@ -86,7 +85,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
         burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
         turns_s=flight.path.breakpoints_s(),
-        boost=boost_of(flight.path),
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
         coast=coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),
