@@ -252,6 +252,10 @@ class GravityTurnConfig:
     ballistic_coefficient_kg_m2: float | None = _drag("in free flight")
 
 
+#: The settings of a target that flies as its class does.
+ClassConfig = BallisticConfig | InsertionConfig | GlideConfig | GravityTurnConfig
+
+
 @frozen(kw_only=True)
 class TableConfig:
     """What a scene may set of a target of the model `table`."""

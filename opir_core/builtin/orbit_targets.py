@@ -81,10 +81,7 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         raise SceneError(problems)
     final_s = flight.burnout_s + np.array([config.followed_s for config in configs])
     state = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    tolerances: Mapping[str, Any] = {
-        "forces": forces_of_targets(configs, context),
-        "tolerance_m": EPHEMERIS_TOLERANCE_M,
-    }
+    accuracy: Mapping[str, Any] = {"forces": forces_of_targets(configs, context), "tolerance_m": EPHEMERIS_TOLERANCE_M}
     return OrbitTargets(
         classes=classes,
         profiles=profiles,
@@ -94,7 +91,7 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         final_s=final_s,
         turns_s=flight.path.breakpoints_s(),
         boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **tolerances) if context.free_flight else None,
+        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **accuracy) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),
     )
