@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.configs import AimConfig, LaunchConfig
+from opir_core.builtin.configs import BallisticConfig, ClassConfig, GlideConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
@@ -19,30 +18,12 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
+    from opir_core.flight.aiming import Aim
     from opir_core.flight.forces import ForceModel
+    from opir_core.flight.glide import GlideFlight
 
 #: How far the interpolated positions may be from the profile's, m.
 EPHEMERIS_TOLERANCE_M = 0.01
-
-
-class LaunchSettings(Protocol):
-    """The settings that targets of all classes have."""
-
-    @property
-    def type(self) -> str:
-        """The target class."""
-
-    @property
-    def launch(self) -> LaunchConfig:
-        """Launch point and time."""
-
-
-class DragSettings(Protocol):
-    """The settings of targets with a ballistic coefficient of their own, kg/m², or None."""
-
-    @property
-    def ballistic_coefficient_kg_m2(self) -> float | None:
-        """The ballistic coefficient in free flight."""
 
 
 @define(eq=False, kw_only=True)
@@ -92,8 +73,45 @@ class ClassFlights(Trajectories):
         return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
 
 
+@define(eq=False, kw_only=True)
+class AimedFlights(ClassFlights):
+    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim point."""
+
+    flight: "Aim | GlideFlight"
+    configs: tuple[BallisticConfig | GlideConfig, ...]
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target: what was asked for, burnout, what follows it, and impact.
+
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        """
+        flight = self.flight
+        burnout = plain_states(flight.burnout_position_ecef_m, flight.burnout_velocity_ecef_m_s)
+        impact = plain_places(flight.impact_ecef_m)
+        return [
+            {
+                "id": self.ids[row],
+                "type": config.type,
+                "profile": self.profiles[row].name,
+                "launch": plain_place(config.launch),
+                "aim": plain_place(config.aim),
+                "ignition_s": float(self.ignition_s[row]),
+                "burnout_s": float(self.burnout_s[row]),
+                "burnout": burnout[row],
+                **later,
+                "impact": {**impact[row], "time_s": float(flight.impact_s[row])},
+                "miss_m": float(flight.miss_m[row]),
+            }
+            for row, (config, later) in enumerate(zip(self.configs, self.on_the_way(), strict=True))
+        ]
+
+    def on_the_way(self) -> Sequence[Mapping[str, Any]]:
+        """Return what the truth says of each target between burnout and impact."""
+        return [{}] * len(self.ids)
+
+
 def classes_of(
-    configs: Sequence[LaunchSettings], context: TargetContext, model: str, own: str = ""
+    configs: Sequence[ClassConfig], context: TargetContext, model: str, own: str = ""
 ) -> tuple[TargetClass, ...]:
     """Return the classes of targets; raises `SceneError` for those that another model flies after burnout.
 
@@ -110,17 +128,12 @@ def classes_of(
     return classes
 
 
-def boost_of(path: BoostPath) -> Ephemeris:
-    """Return the ephemeris of boosts."""
-    return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M)
-
-
-def ignitions_s(configs: Sequence[LaunchSettings]) -> FloatArray:
+def ignitions_s(configs: Sequence[ClassConfig]) -> FloatArray:
     """Return the scene times of ignition, (n,)."""
     return np.array([config.launch.time_s for config in configs], dtype=np.float64)
 
 
-def forces_of_targets(configs: Sequence[DragSettings], context: TargetContext) -> "ForceModel":
+def forces_of_targets(configs: Sequence[ClassConfig], context: TargetContext) -> "ForceModel":
     """Return the scene's forces, with the ballistic coefficients that targets bring."""
     forces = context.forces
     if isinstance(forces, str) or forces.drag is None:
@@ -140,13 +153,13 @@ def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
     )
 
 
-def geodetic_columns(places: Iterable[LaunchConfig | AimConfig]) -> Geodetic:
+def geodetic_columns(places: Iterable[PlaceConfig]) -> Geodetic:
     """Return the columns of places in radians and metres."""
     rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
     return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
-def plain_place(config: LaunchConfig | AimConfig) -> dict[str, float]:
+def plain_place(config: PlaceConfig) -> dict[str, float]:
     """Return a place as plain values."""
     return {"lat_deg": config.lat_deg, "lon_deg": config.lon_deg, "height_m": config.height_m}
 

@@ -93,29 +93,38 @@ class WeightedConfig:
             raise ValueError(f"the weights band, count and geometry sum to {total:.10g}, not to 1")
 
 
+def _drag(where: str) -> Any:
+    """Return the field of a target's ballistic coefficient, used `where` it flies freely."""
+    meaning = f"m/(C_d A) {where} with drag; default: the scene's"
+    return number(default=None, unit="kg/m²", minimum=1.0, maximum=1e6, help=meaning)
+
+
+def _scene_time(meaning: str, default: float | None = None) -> Any:
+    """Return the field of a time of the scene, s."""
+    return number(default=default, unit="s", minimum=0.0, maximum=31_557_600.0, help=meaning)
+
+
 @frozen(kw_only=True)
-class LaunchConfig:
+class PlaceConfig:
+    """A place on the Earth."""
+
+    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
+    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
+    height_m: float = number(
+        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
+    )
+
+
+@frozen(kw_only=True)
+class LaunchConfig(PlaceConfig):
     """Where and when a target lifts off."""
 
-    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
-    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
-    height_m: float = number(
-        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
-    )
-    time_s: float = number(
-        default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="ignition time, in scene time"
-    )
+    time_s: float = _scene_time("ignition time, in scene time", default=0.0)
 
 
 @frozen(kw_only=True)
-class AimConfig:
+class AimConfig(PlaceConfig):
     """Where a target is to come down."""
-
-    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
-    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
-    height_m: float = number(
-        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
-    )
 
 
 @frozen(kw_only=True)
@@ -131,13 +140,7 @@ class BallisticConfig:
     burn_time_s: float | None = number(
         default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; default: the profile's"
     )
-    ballistic_coefficient_kg_m2: float | None = number(
-        default=None,
-        unit="kg/m²",
-        minimum=1.0,
-        maximum=1e6,
-        help="m/(C_d A) in free flight with drag; default: the scene's",
-    )
+    ballistic_coefficient_kg_m2: float | None = _drag("in free flight")
 
 
 @frozen(kw_only=True)
@@ -167,13 +170,7 @@ class InsertionConfig:
         source="a revolution of a low orbit takes about 5400 s",
         help="time after burnout in which sensors that follow bodies observe the target",
     )
-    ballistic_coefficient_kg_m2: float | None = number(
-        default=None,
-        unit="kg/m²",
-        minimum=1.0,
-        maximum=1e6,
-        help="m/(C_d A) in orbit with drag; default: the scene's",
-    )
+    ballistic_coefficient_kg_m2: float | None = _drag("in orbit")
 
 
 @frozen(kw_only=True)
@@ -183,13 +180,7 @@ class GlideConfig:
     type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     launch: LaunchConfig = nested(help="launch point and time")
     aim: AimConfig = nested(help="aim point")
-    ballistic_coefficient_kg_m2: float | None = number(
-        default=None,
-        unit="kg/m²",
-        minimum=1.0,
-        maximum=1e6,
-        help="m/(C_d A) after the glide with drag; default: the scene's",
-    )
+    ballistic_coefficient_kg_m2: float | None = _drag("after the glide")
 
 
 @frozen(kw_only=True)
@@ -258,13 +249,11 @@ class GravityTurnConfig:
         maximum=1e12,
         help="m/(C_d A) during the boost; default: the preset's",
     )
-    ballistic_coefficient_kg_m2: float | None = number(
-        default=None,
-        unit="kg/m²",
-        minimum=1.0,
-        maximum=1e6,
-        help="m/(C_d A) in free flight with drag; default: the scene's",
-    )
+    ballistic_coefficient_kg_m2: float | None = _drag("in free flight")
+
+
+#: The settings of a target that flies as its class does.
+ClassConfig = BallisticConfig | InsertionConfig | GlideConfig | GravityTurnConfig
 
 
 @frozen(kw_only=True)
@@ -277,28 +266,10 @@ class TableConfig:
         " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's time, else 0), or a"
         " CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"
     )
-    start_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=0.0,
-        maximum=31_557_600.0,
-        help="scene time of time 0 of a CSV file; default 0",
-    )
+    start_s: float | None = _scene_time("scene time of time 0 of a CSV file; default 0")
     object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID, for an OEM with several objects")
-    ignition_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=0.0,
-        maximum=31_557_600.0,
-        help="scene time of the first ignition; default: from the file",
-    )
-    burnout_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=0.0,
-        maximum=31_557_600.0,
-        help="scene time at which the last burn ends; default: from the file",
-    )
+    ignition_s: float | None = _scene_time("scene time of the first ignition; default: from the file")
+    burnout_s: float | None = _scene_time("scene time at which the last burn ends; default: from the file")
 
 
 @frozen

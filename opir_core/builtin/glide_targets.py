@@ -4,62 +4,37 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import define
 
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
-    ClassFlights,
-    boost_of,
+    AimedFlights,
     classes_of,
     forces_of_targets,
     geodetic_columns,
     ignitions_s,
     other_ranges,
-    plain_place,
-    plain_places,
     plain_states,
 )
 from opir_core.builtin.configs import GlideConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import surface_range_m
+from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import EquilibriumGlide, TargetClass
 
 
-@define(eq=False, kw_only=True)
-class GlideTargets(ClassFlights):
-    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim point."""
+class GlideTargets(AimedFlights):
+    """Targets that glide after burnout."""
 
     flight: GlideFlight
-    configs: tuple[GlideConfig, ...]
 
-    def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout, the end of the glide, and impact.
-
-        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
-        """
+    def on_the_way(self) -> Sequence[Mapping[str, Any]]:
+        """Return the end of each target's glide."""
         flight = self.flight
-        burnout = plain_states(flight.burnout_position_ecef_m, flight.burnout_velocity_ecef_m_s)
         release = plain_states(flight.release_position_ecef_m, flight.release_velocity_ecef_m_s)
-        impact = plain_places(flight.impact_ecef_m)
-        return [
-            {
-                "id": self.ids[row],
-                "type": config.type,
-                "profile": self.profiles[row].name,
-                "launch": plain_place(config.launch),
-                "aim": plain_place(config.aim),
-                "ignition_s": float(self.ignition_s[row]),
-                "burnout_s": float(self.burnout_s[row]),
-                "burnout": burnout[row],
-                "glide_end": {**release[row], "time_s": float(flight.release_s[row])},
-                "impact": {**impact[row], "time_s": float(flight.impact_s[row])},
-                "miss_m": float(flight.miss_m[row]),
-            }
-            for row, config in enumerate(self.configs)
-        ]
+        times = flight.release_s.tolist()
+        return [{"glide_end": {**state, "time_s": time_s}} for state, time_s in zip(release, times, strict=True)]
 
 
 def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Trajectories:
@@ -89,7 +64,7 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
         turns_s=turns_s,
-        boost=boost_of(flight.path),
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
         coast=glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),

@@ -9,7 +9,6 @@ from attrs import define
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
-    boost_of,
     classes_of,
     forces_of_targets,
     geodetic_columns,
@@ -20,6 +19,7 @@ from opir_core.builtin.class_flights import (
 from opir_core.builtin.configs import InsertionConfig
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.errors import Problem, SceneError
+from opir_core.flight.aiming import boost_ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.orbit_insertion import Insertion, insertion
 from opir_core.interfaces.contexts import TargetContext
@@ -81,10 +81,7 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         raise SceneError(problems)
     final_s = flight.burnout_s + np.array([config.followed_s for config in configs])
     state = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    tolerances: Mapping[str, Any] = {
-        "forces": forces_of_targets(configs, context),
-        "tolerance_m": EPHEMERIS_TOLERANCE_M,
-    }
+    accuracy: Mapping[str, Any] = {"forces": forces_of_targets(configs, context), "tolerance_m": EPHEMERIS_TOLERANCE_M}
     return OrbitTargets(
         classes=classes,
         profiles=profiles,
@@ -93,8 +90,8 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         burnout_s=flight.burnout_s,
         final_s=final_s,
         turns_s=flight.path.breakpoints_s(),
-        boost=boost_of(flight.path),
-        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **tolerances) if context.free_flight else None,
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
+        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **accuracy) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),
     )

@@ -1,62 +1,23 @@
 """The target model `ballistic`: boost on a generic class profile, then free flight to the aim point."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-from attrs import define
 
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
-    ClassFlights,
-    boost_of,
+    AimedFlights,
     classes_of,
     forces_of_targets,
     geodetic_columns,
     ignitions_s,
     other_ranges,
-    plain_place,
-    plain_places,
-    plain_states,
 )
 from opir_core.builtin.configs import BallisticConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import Aim, aim, coast_ephemeris, surface_range_m
+from opir_core.flight.aiming import aim, boost_ephemeris, coast_ephemeris, surface_range_m
 from opir_core.flight.boost import boost_profile
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import Ballistic, BoostProfile, TargetClass
-
-
-@define(eq=False, kw_only=True)
-class BallisticTargets(ClassFlights):
-    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim point."""
-
-    flight: Aim
-    configs: tuple[BallisticConfig, ...]
-
-    def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout and impact.
-
-        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
-        """
-        flight = self.flight
-        burnout = plain_states(flight.burnout_position_ecef_m, flight.burnout_velocity_ecef_m_s)
-        impact = plain_places(flight.impact_ecef_m)
-        return [
-            {
-                "id": self.ids[row],
-                "type": config.type,
-                "profile": self.profiles[row].name,
-                "launch": plain_place(config.launch),
-                "aim": plain_place(config.aim),
-                "ignition_s": float(self.ignition_s[row]),
-                "burnout_s": float(self.burnout_s[row]),
-                "burnout": burnout[row],
-                "impact": {**impact[row], "time_s": float(flight.impact_s[row])},
-                "miss_m": float(flight.miss_m[row]),
-            }
-            for row, config in enumerate(self.configs)
-        ]
 
 
 def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext) -> Trajectories:
@@ -78,7 +39,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     problems = _problems(unknown, flight.complaints, classes, profiles, context.paths)
     if problems:
         raise SceneError(problems)
-    return BallisticTargets(
+    return AimedFlights(
         classes=classes,
         profiles=profiles,
         ids=context.ids,
@@ -86,7 +47,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
         burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
         turns_s=flight.path.breakpoints_s(),
-        boost=boost_of(flight.path),
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
         coast=coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
         flight=flight,
         configs=tuple(configs),

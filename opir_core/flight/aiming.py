@@ -26,7 +26,7 @@ from opir_core.geometry import (
     geodesic_inverse,
     geodetic_to_ecef,
 )
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import components, dot, length
 from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
@@ -124,11 +124,11 @@ def _guess_in_rotation(
     up, radius_m = _direction(position)
     ahead, _ = _direction(_level(aim, up))
     level_m_s = length(*components(_level(inertial, up)))
-    gamma = np.arctan2(_dot(inertial, up), level_m_s)
-    psi = np.arctan2(_dot(aim, ahead), _dot(aim, up))
+    gamma = np.arctan2(dot(inertial, up), level_m_s)
+    psi = np.arctan2(dot(aim, ahead), dot(aim, up))
     speed = hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
     wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (inertial - relative)
-    turn = np.arctan2(_dot(np.cross(wanted, relative), up), _dot(_level(wanted, up), relative))
+    turn = np.arctan2(dot(np.cross(wanted, relative), up), dot(_level(wanted, up), relative))
     return azimuth_rad + turn, length(*components(wanted))
 
 
@@ -151,12 +151,7 @@ def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _level(vectors: FloatArray, up: FloatArray) -> FloatArray:
     """Return the components of vectors perpendicular to unit vectors."""
-    return vectors - _dot(vectors, up)[:, None] * up
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    (ax, ay, az), (bx, by, bz) = components(a), components(b)
-    return ax * bx + ay * by + az * bz
+    return vectors - dot(vectors, up)[:, None] * up
 
 
 #: The mean radius of the Earth, m (IUGG: (2 a + b)/3 of WGS 84).

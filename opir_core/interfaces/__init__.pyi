@@ -1,6 +1,5 @@
 from opir_core.interfaces.columns import (
     Columns as Columns,
-    as_slice_if_consecutive as as_slice_if_consecutive,
     names_of as names_of,
 )
 from opir_core.interfaces.contexts import (

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar, get_type_hints
 import numpy as np
 from attrs import fields
 
-from opir_core.arrays import NUMBER_TYPES, IntArray
+from opir_core.arrays import NUMBER_TYPES
 from opir_core.errors import number_of
 
 _Filled = TypeVar("_Filled", bound="Columns")
@@ -142,9 +142,3 @@ class Filling(Generic[_Filled]):
 
     def _blank(self, column: Any) -> Any:
         return None if column is None else np.empty((self._rows, *column.shape[1:]), column.dtype)
-
-
-def as_slice_if_consecutive(rows: IntArray) -> "slice | IntArray":
-    """Return increasing row numbers, as a slice where they are consecutive, to avoid copies."""
-    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows

@@ -46,8 +46,7 @@ class Contract(ABC):  # noqa: B024 - its subclasses have the abstract methods
                 f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without {', '.join(missing)};"
                 f" derive its class from opir_core.plugin.{cls.__name__}, which tells what is required"
             )
-        adopted: Self = part if isinstance(part, cls) else _adopter(cls)(part)
-        return adopted
+        return part if isinstance(part, cls) else _adopter(cls)(part)
 
 
 def has_own(base: type, part: Any, name: str) -> bool:

@@ -123,8 +123,6 @@ from opir_core.sensors.scanning_sensor import (
 )
 from opir_core.sensors.sensor_components import (
     geostationary_fleet as geostationary_fleet,
-    one_track_fleet as one_track_fleet,
     scanning_model as scanning_model,
     scanning_sensor as scanning_sensor,
-    walker_fleet as walker_fleet,
 )

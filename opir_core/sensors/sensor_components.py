@@ -43,38 +43,3 @@ def geostationary_fleet(model: str, summary: str, slots_deg: Iterable[float]) ->
     """Return the constellation with the name of its sensor model: satellites MODEL-1, ... in slots, deg east."""
     satellites = [{"id": f"{model}-{number}", "orbital_slot_deg": slot} for number, slot in enumerate(slots_deg, 1)]
     return Constellation(name=model, summary=summary, model=model, satellites=satellites)
-
-
-def walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Constellation:
-    """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a Walker pattern.
-
-    `pattern` holds the settings of `orbit: walker` that the satellites share; the first ascending node is at 0 deg.
-    """
-    satellites = [
-        {
-            "id": f"{model}-{number:02d}",
-            "orbit": {"walker": {**pattern, "satellite": number, "lon_asc_node_deg": 0.0}},
-        }
-        for number in range(1, pattern["total"] + 1)
-    ]
-    return Constellation(name=model, summary=summary, model=model, satellites=satellites)
-
-
-def one_track_fleet(
-    model: str, summary: str, kind: str, apogee_lon_deg: float, *, period_s: float, count: int
-) -> Constellation:
-    """Return the constellation MODEL-KIND: satellites that pass the apogee of one ground track one after another.
-
-    `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread over the period.
-    """
-    name = f"{model}-{kind.upper()}"
-    satellites = [
-        {
-            "id": f"{name}-{number + 1}",
-            "orbit": {
-                kind: {"apogee_lon_deg": apogee_lon_deg, "apogee_time_s": round(number * period_s / count, 1)},
-            },
-        }
-        for number in range(count)
-    ]
-    return Constellation(name=name, summary=summary, model=model, satellites=satellites)

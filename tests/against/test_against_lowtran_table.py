@@ -8,6 +8,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import opir_photons
 import pytest
 from attrs import evolve
 from opir_photons.radiometry.configs import CLIMATES, LowtranConfig
@@ -16,7 +17,6 @@ from opir_photons.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtra
 from repository import DATA
 from scipy.interpolate import Akima1DInterpolator
 
-import opir_photons
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 

@@ -52,8 +52,7 @@ class Looked:
         """Return the texts (n,) of the lines."""
         if self.row is None:
             return list(self.texts)
-        texts: list[bytes] = np.array(self.texts, dtype=object).take(self.row).tolist()
-        return texts
+        return np.array(self.texts, dtype=object).take(self.row).tolist()
 
 
 class Decimal:
@@ -163,8 +162,7 @@ def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes
     text = np.empty((count, ends[-1]), dtype=np.uint8)
     for column, end in zip(columns, ends, strict=True):
         text[:, end - column.shape[-1] : end] = column
-    pieces: list[bytes] = text.view(f"S{ends[-1]}").ravel().tolist()
-    return pieces
+    return text.view(f"S{ends[-1]}").ravel().tolist()
 
 
 def chosen_renderer(host: Host) -> tuple[str, Renderer]:
@@ -187,5 +185,4 @@ def chosen_renderer(host: Host) -> tuple[str, Renderer]:
 
 
 def _built(component: RendererModel) -> Renderer:
-    render: Renderer = component.build(component.config(), RendererContext(reference=reference))
-    return render
+    return component.build(component.config(), RendererContext(reference=reference))

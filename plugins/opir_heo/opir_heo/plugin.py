@@ -8,7 +8,6 @@ from opir_core.plugin import (
     SensorModel,
     cited,
     hookimpl,
-    one_track_fleet,
     scanning_model,
     with_defaults,
 )
@@ -55,10 +54,30 @@ def opir_sensor_models() -> Iterable[SensorModel]:
     yield scanning_model("HEO", "step-stare scanner of two bands in a highly elliptical orbit", HeoConfig)
 
 
+def _one_track_fleet(
+    model: str, summary: str, kind: str, apogee_lon_deg: float, *, period_s: float, count: int
+) -> Constellation:
+    """Return the constellation MODEL-KIND: satellites that pass the apogee of one ground track one after another.
+
+    `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread over the period.
+    """
+    name = f"{model}-{kind.upper()}"
+    satellites = [
+        {
+            "id": f"{name}-{number + 1}",
+            "orbit": {
+                kind: {"apogee_lon_deg": apogee_lon_deg, "apogee_time_s": round(number * period_s / count, 1)},
+            },
+        }
+        for number in range(count)
+    ]
+    return Constellation(name=name, summary=summary, model=model, satellites=satellites)
+
+
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `HEO-MOLNIYA` and `HEO-TUNDRA`."""
     summary = "three HEO satellites that take turns about the apogee of one Molniya-class ground track; notional"
-    yield one_track_fleet("HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3)
+    yield _one_track_fleet("HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3)
     summary = "two HEO satellites that take turns about the apogee of one Tundra-class ground track; notional"
-    yield one_track_fleet("HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2)
+    yield _one_track_fleet("HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2)

@@ -1,6 +1,7 @@
 """The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker patterns of them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from opir_core.plugin import (
     Constellation,
@@ -11,7 +12,6 @@ from opir_core.plugin import (
     hookimpl,
     named,
     scanning_model,
-    walker_fleet,
     with_defaults,
 )
 
@@ -116,10 +116,25 @@ def opir_sensor_models() -> Iterable[SensorModel]:
     yield scanning_model("LEO-MEDIUM", summary, MediumConfig)
 
 
+def _walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Constellation:
+    """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a Walker pattern.
+
+    `pattern` holds the settings of `orbit: walker` that the satellites share; the first ascending node is at 0 deg.
+    """
+    satellites = [
+        {
+            "id": f"{model}-{number:02d}",
+            "orbit": {"walker": {**pattern, "satellite": number, "lon_asc_node_deg": 0.0}},
+        }
+        for number in range(1, pattern["total"] + 1)
+    ]
+    return Constellation(name=model, summary=summary, model=model, satellites=satellites)
+
+
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `LEO-WIDE` and `LEO-MEDIUM`."""
     summary = "24 LEO-WIDE satellites in a notional Walker pattern 60 deg: 24/6/1 at 1200 km"
-    yield walker_fleet("LEO-WIDE", summary, NOTIONAL_WIDE_PATTERN)
+    yield _walker_fleet("LEO-WIDE", summary, NOTIONAL_WIDE_PATTERN)
     summary = "12 LEO-MEDIUM satellites in a notional Walker pattern 60 deg: 12/3/1 at 1200 km"
-    yield walker_fleet("LEO-MEDIUM", summary, NOTIONAL_MEDIUM_PATTERN)
+    yield _walker_fleet("LEO-MEDIUM", summary, NOTIONAL_MEDIUM_PATTERN)

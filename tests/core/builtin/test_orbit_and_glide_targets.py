@@ -3,9 +3,9 @@
 import json
 
 import numpy as np
-import pytest
 import opir_photons.detection.plugin as snr
 import opir_photons.radiometry.plugin as light
+import pytest
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 

@@ -10,7 +10,6 @@ from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import components, length
-from opir_core.interfaces import as_slice_if_consecutive
 from opir_core.planning import blocks
 from opir_core.plugin import (
     Band,
@@ -44,6 +43,7 @@ from opir_photons.detection.receivers import (
 from opir_photons.detection.rejection_sampling import accepted_draws
 from opir_photons.detection.scan_correlation import scan_correlation
 from opir_photons.environment import RadiometricEnvironment, heights_m, make_environment
+from opir_photons.row_slices import as_slice_if_consecutive
 
 
 @frozen(eq=False)

@@ -17,11 +17,12 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces import Structure, as_slice_if_consecutive
+from opir_core.interfaces import Structure
 from opir_core.plugin import Background, BackgroundContext, Band, Transmittance, Views
 from opir_photons.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
 from opir_photons.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 from opir_photons.radiometry.sea_surface import SeaGlint
+from opir_photons.row_slices import as_slice_if_consecutive
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_background_radiance.csv"
 _OPAQUE = "ANALYTIC_opaque_cloud_top"

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.interfaces import as_slice_if_consecutive
 from opir_core.plugin import AtmosphereContext, Band, Paths, Transmittance
 from opir_photons.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
@@ -34,6 +33,7 @@ from opir_photons.radiometry.long_paths import (
     sky_columns,
 )
 from opir_photons.radiometry.planck import band_radiance
+from opir_photons.row_slices import as_slice_if_consecutive
 
 #: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to the top.
 GRID_SHAPE = (125, 401)
