@@ -1,0 +1,5 @@
+from opir_export.tabular.run_tables import (
+    tables as tables,
+    to_pandas as to_pandas,
+    to_polars as to_polars,
+)

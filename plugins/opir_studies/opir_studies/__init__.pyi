@@ -1,0 +1,20 @@
+from opir_studies.executors import (
+    LostTasksError as LostTasksError,
+)
+from opir_studies.result import (
+    StudyResult as StudyResult,
+    load_study as load_study,
+)
+from opir_studies.study import (
+    Study as Study,
+    read_study as read_study,
+)
+from opir_studies.sweeping import (
+    StudyError as StudyError,
+    StudyProgress as StudyProgress,
+    sweep as sweep,
+)
+from opir_studies.tuning import (
+    Tuned as Tuned,
+    tune as tune,
+)
