@@ -11,6 +11,7 @@ from attrs import fields, has
 from opir_photons.radiometry.source_configs import SourceConfig
 from repository import ROOT
 
+from opir_core.builtin.configs import PlaceConfig
 from opir_core.host.components import CATALOGUE, Component
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
@@ -25,7 +26,7 @@ LABELS = {"computed", "tabulated", "notional"}
 PHOTONS = ("classification", "detection", "radiometry")
 PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies", "dask")
 #: What others are made of: no scene names them.
-BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
+BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
 
 def settable() -> dict[str, type]:

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from opir_photons.detection import plugin as detection
+from opir_photons.radiometry import plugin as radiometry
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 
@@ -17,7 +19,7 @@ from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.scorecards import scorecard
 from opir_core.simulation.run import run_of_plan
 
-HOST = Host.of(trackers)
+HOST = Host.of(trackers, detection, radiometry)
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -80.6, "time_s": 5.0}
 SLV = {"id": "SLV-1", "type": "SLV", "launch": LAUNCH, "azimuth_deg": 90.0}
 HGV = {"id": "HGV-1", "type": "HGV", "launch": LAUNCH, "aim": {"lat_deg": 40.0, "lon_deg": -30.0}}
