@@ -1,8 +1,10 @@
 """Conformance tests of event encoders and sinks."""
 
+import hashlib
 import json
 import os
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -12,8 +14,19 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields_dict
 
-from opir_core import Plan, plan_windows
-from opir_core.output import SCHEMA_VERSION, TRACKS_VERSION, event_counter, only_encodable, opened_sink, schema
+from opir_core import ModelError, Plan, SceneError, SinkError, plan_windows
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.output import (
+    SCHEMA_VERSION,
+    TRACKS_VERSION,
+    OutputFiles,
+    RunOutcome,
+    deliver,
+    event_counter,
+    only_encodable,
+    opened_sink,
+    schema,
+)
 from opir_core.plugin import Component, Delivery, Encoder, EncoderContext, EventEncoder, Sink, SinkModel, Tracks, Window
 from opir_core.random_streams import uuid_text
 from opir_core.scene import Choice
@@ -28,6 +41,18 @@ from opir_testing.contracts.contract import (
 )
 from opir_testing.doubles import stub_estimates, stub_regions, stub_window
 from opir_testing.json_schema import schema_errors
+
+
+#: The scene time of a cycle of the live run, ns, and the time in which it ends, s; pauses between two looks at it, s.
+_CYCLE_NS = 5_000_000_000
+_LIVE_S = 20.0
+_POLL_S = 0.01
+
+_OPENING = (
+    "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that context.stage(path) returns: a"
+    " file that exists and is empty, to be filled in place."
+)
+_RESUMING = "If context.resumes, append to the output; or raise SinkError in build if it can have no spool."
 
 
 def edge_case_windows() -> Mapping[str, Window]:
@@ -91,7 +116,12 @@ class EncoderContract(OutputContract):
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
         context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
-        return Encoder.adopt(cls.component().build(cls.config(), context))
+        return cls.built(Encoder, cls.config(), context)
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built encoder."""
+        return cls.encoder()
 
     def test_media_type_and_schema_version_are_stated(self) -> None:
         """The encoder states a media type and a schema version."""
@@ -176,13 +206,36 @@ class SinkContract(OutputContract):
         needs_path = "path" in fields_dict(cls.component().config) and "path" not in cls.settings
         return {**cls.settings, **({"path": "events.out"} if needs_path else {})}
 
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built sink, closed."""
+        with cls().opened() as sink:
+            sink.close()
+        return sink
+
     @contextmanager
     def opened(self) -> Iterator[Sink]:
-        """Yield the built sink, in an empty folder."""
+        """Yield the built sink, in an empty folder, with files as a batch run places them: empty, to be renamed."""
         with _empty_folder():
-            yield opened_sink(
-                self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"), is_checked=False
-            )
+            files = OutputFiles()
+            try:
+                yield self.opened_with(files)
+            finally:
+                files.abandon()
+
+    def opened_with(self, files: OutputFiles) -> Sink:
+        """Return the built sink, with its files placed as those of a batch run."""
+        choice = Choice(SinkModel.hook, self.name, self.config(), "outputs[0]")
+        try:
+            return opened_sink(self.plan(), choice, files.stage, is_checked=False)
+        except ModelError as error:
+            raise ConformanceError(str(error).partition("; ")[0], _OPENING) from error
+
+    @classmethod
+    def run_plan(cls, duration_s: float = 90.0, **settings: Any) -> Plan:
+        """Return the plan of the test scene with the sink as its output; `settings` are added to its block."""
+        outputs = [{cls.name: {**cls.block(), **settings}}]
+        return planned(bench_scene(outputs=outputs, duration_s=duration_s), cls.host())
 
     def test_every_event_is_accounted_for(self) -> None:
         """Delivered, spooled, dropped and withheld events add up to the events written."""
@@ -230,6 +283,49 @@ class SinkContract(OutputContract):
                 sink.write(window)
             _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
 
+    def test_a_batch_run_succeeds_and_succeeds_again(self) -> None:
+        """`opir run` writes all events into staged files, which exist and are empty, and replaces them the next time."""
+        with _empty_folder():
+            for run in ("the first run", "a second run in the same folder"):
+                _require_run(deliver(self.run_plan(), manifest_path=Path("manifest.json")), run)
+
+    def test_a_live_run_succeeds(self) -> None:
+        """A live run writes windows, most of them empty, and closes the sink, from a thread that has not opened it."""
+        with _empty_folder():
+            plan = self.run_plan()
+            run = LiveRun(plan.scene, plan.host, LiveSettings(speed=None, cycle_ns=_CYCLE_NS))
+            run.start()
+            limit_s = time.monotonic() + _LIVE_S
+            while run.state == "running" and time.monotonic() < limit_s:
+                time.sleep(_POLL_S)
+            status = run.stop(_LIVE_S)
+        (sink,) = status.sinks
+        require(
+            status.state == "stopped" and sink.state == "closed" and not sink.unbalanced,
+            f"the run is {status.state}, the sink {sink.state} ({sink.error or status.error or 'events are missing'})",
+            "Open, write and close from any thread, and return within seconds.",
+        )
+
+    def test_a_run_with_a_spool_continues_its_output(self) -> None:
+        """With a spool, a second run keeps what the first one has delivered; a sink that cannot says so at once."""
+        with _empty_folder():
+            spool = {"path": "events.spool"}
+            try:
+                outcome = deliver(self.run_plan(spool=spool))
+            except ModelError as error:
+                raise ConformanceError(str(error).partition("; ")[0], _RESUMING) from error
+            except (SceneError, SinkError):
+                return
+            _require_run(outcome, "a run with a spool")
+            before = _sizes()
+            _require_run(deliver(self.run_plan(45.0, spool=spool)), "a second run with the same spool")
+            shorter = [name for name, size in before.items() if _sizes().get(name, 0) < size and "spool" not in name]
+            require(
+                not shorter,
+                f"a second run with the same spool makes {', '.join(shorter)} shorter: delivered events are lost",
+                _RESUMING,
+            )
+
     def test_truth_is_read_back(self) -> None:
         """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
         opened, read = self.component().open_truth, self.component().read_truth
@@ -257,6 +353,32 @@ def _require_accounts(delivery: Delivery, events: int) -> None:
         f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped, {counts[3]} withheld",
         "Count events in write; close waits for pending events and returns the Delivery of all.",
     )
+
+
+def _require_run(outcome: RunOutcome, run: str) -> None:
+    """Require that a batch run has delivered all events, and that its files are what the manifest says."""
+    report = outcome.report.sinks[0]
+    require(
+        report.error is None,
+        f"{run} fails: {report.error}",
+        _OPENING,
+    )
+    _require_accounts(
+        Delivery(report.delivered, report.spooled, report.dropped, report.withheld, report.recovered),
+        outcome.report.events,
+    )
+    for file in outcome.manifest["written_files"]:
+        content = Path(file["name"]).read_bytes()
+        require(
+            len(content) == file["bytes"] and hashlib.sha256(content).hexdigest() == file["sha256"],
+            f"after {run} {file['name']} has {len(content)} bytes, and the staged file has {file['bytes']}",
+            "Fill the staged file and close it in close; do not replace it by another file.",
+        )
+
+
+def _sizes() -> Mapping[str, int]:
+    """Return the sizes of the files in this folder, bytes."""
+    return {str(path): path.stat().st_size for path in Path.cwd().rglob("*") if path.is_file()}
 
 
 def _part(window: Window, rows: slice) -> Window:
