@@ -42,15 +42,14 @@ from opir_testing.contracts.contract import (
 from opir_testing.doubles import stub_estimates, stub_regions, stub_window
 from opir_testing.json_schema import schema_errors
 
-
 #: The scene time of a cycle of the live run, ns, and the time in which it ends, s; pauses between two looks at it, s.
 _CYCLE_NS = 5_000_000_000
 _LIVE_S = 20.0
 _POLL_S = 0.01
 
 _OPENING = (
-    "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that context.stage(path) returns: a"
-    " file that exists and is empty, to be filled in place."
+    "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that context.stage(path) returns:"
+    " a file that exists and is empty, to be filled in place."
 )
 _RESUMING = "If context.resumes, append to the output; or raise SinkError in build if it can have no spool."
 
@@ -284,7 +283,7 @@ class SinkContract(OutputContract):
             _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
 
     def test_a_batch_run_succeeds_and_succeeds_again(self) -> None:
-        """`opir run` writes all events into staged files, which exist and are empty, and replaces them the next time."""
+        """A run like that of `opir run` writes all events to staged files: empty ones, put in place at the end; so twice."""
         with _empty_folder():
             for run in ("the first run", "a second run in the same folder"):
                 _require_run(deliver(self.run_plan(), manifest_path=Path("manifest.json")), run)
