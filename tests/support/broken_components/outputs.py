@@ -220,6 +220,7 @@ class MakesItsFileAnew(CountFile):
 @file_mutant("replaces-its-file", "test_a_batch_run_succeeds_and_succeeds_again")
 class ReplacesItsFile(CountFile):
     def close(self) -> Delivery:
+        self.file.close()
         self.place.with_suffix(".new").write_text("x" * self.taken)
         self.place.with_suffix(".new").replace(self.place)
         return Counts.close(self)
@@ -238,8 +239,8 @@ class OfOneThread(CountFile):
         super().write(window)
 
 
-@file_mutant("starts-over", "test_a_run_with_a_spool_continues_its_output")
-class StartsOver(CountFile):
+@file_mutant("overwrites", "test_a_run_with_a_spool_continues_its_output")
+class Overwrites(CountFile):
     def mode(self, context: SinkContext) -> str:
         return "w"
 

@@ -25,7 +25,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_atmosphere_models": ("radiometry", "AtmosphereContract"),
     "opir_background_models": ("radiometry", "BackgroundContract"),
     "opir_event_encoders": ("outputs", "EncoderContract"),
-    "opir_sinks": ("outputs", "SinkContract"),
+    "opir_sinks": ("sinks", "SinkContract"),
     "opir_renderers": ("renderers", "RendererContract"),
     "opir_metrics": ("results", "MetricContract"),
     "opir_executors": ("results", "ExecutorContract"),
