@@ -55,3 +55,6 @@ from opir_core.output.tracks_file import (
     TracksFile as TracksFile,
     read_tracks as read_tracks,
 )
+from opir_core.output.transaction import (
+    OutputFiles as OutputFiles,
+)

@@ -12,7 +12,6 @@ from opir_testing.contracts.detection import (
 )
 from opir_testing.contracts.outputs import (
     EncoderContract as EncoderContract,
-    SinkContract as SinkContract,
 )
 from opir_testing.contracts.radiometry import (
     AtmosphereContract as AtmosphereContract,
@@ -35,6 +34,9 @@ from opir_testing.contracts.scenes import (
 from opir_testing.contracts.sensors import (
     ConstellationContract as ConstellationContract,
     SensorContract as SensorContract,
+)
+from opir_testing.contracts.sinks import (
+    SinkContract as SinkContract,
 )
 from opir_testing.contracts.target_classes import (
     TargetClassContract as TargetClassContract,

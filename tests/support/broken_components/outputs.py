@@ -1,18 +1,21 @@
 """Broken encoders and sinks."""
 
 import json
+import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from attrs import frozen
 
-from broken_components.offers import mutant
+from broken_components.offers import SOUND, mutant
 from opir_core.interfaces.outputs import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.plugin import EventEncoder, SinkModel
+from opir_core.plugin import Batch, EventEncoder, SinkContext, SinkModel, Transport, text
 from opir_core.random_streams.detection_ids import uuid_text
 
 
@@ -160,3 +163,119 @@ sink_mutant(
     open_truth=ShortTruth,
     read_truth=lambda path: json.loads(path.read_text()),
 )(Counts)
+
+
+@frozen(kw_only=True)
+class FileConfig:
+    """Settings of sinks that write a file."""
+
+    path: str = text(default="counts.txt", help="the file")
+
+
+@frozen(kw_only=True)
+class EncodedConfig:
+    """Settings of sinks that send messages."""
+
+    encoder: str = text(default="forge", help="the event encoder")
+
+
+class CountFile(Counts):
+    """Writes a letter for each detection into a file."""
+
+    def __init__(self, config: FileConfig, context: SinkContext) -> None:
+        super().__init__()
+        self.thread = threading.get_ident()
+        self.place = Path(config.path) if context.resumes else context.stage(config.path)
+        self.file = self.place.open(self.mode(context), encoding="utf-8")
+
+    def mode(self, context: SinkContext) -> str:
+        return "a" if context.resumes else "w"
+
+    def write(self, window: Window) -> None:
+        super().write(window)
+        self.file.write("x" * len(window.detections))
+
+    def close(self) -> Delivery:
+        self.file.close()
+        return super().close()
+
+
+def file_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer a sink with a file."""
+    return mutant(SinkModel, name, caught_by, FileConfig)
+
+
+SOUND.add((SinkModel.hook, "sound-file"))
+file_mutant("sound-file", "")(CountFile)
+
+
+@file_mutant("makes-its-file-anew", "test_a_batch_run_succeeds_and_succeeds_again")
+class MakesItsFileAnew(CountFile):
+    """Refuses a file that exists, as a database does that finds an empty one."""
+
+    def mode(self, context: SinkContext) -> str:
+        return "a" if context.resumes else "x"
+
+
+@file_mutant("replaces-its-file", "test_a_batch_run_succeeds_and_succeeds_again")
+class ReplacesItsFile(CountFile):
+    def close(self) -> Delivery:
+        self.file.close()
+        self.place.with_suffix(".new").write_text("x" * self.taken)
+        self.place.with_suffix(".new").replace(self.place)
+        return Counts.close(self)
+
+    def write(self, window: Window) -> None:
+        Counts.write(self, window)
+
+
+@file_mutant("of-one-thread", "test_a_live_run_succeeds")
+class OfOneThread(CountFile):
+    """Works in the thread alone that has opened it, as a connection of sqlite3."""
+
+    def write(self, window: Window) -> None:
+        if threading.get_ident() != self.thread:
+            raise RuntimeError("this connection belongs to another thread")
+        super().write(window)
+
+
+@file_mutant("overwrites", "test_a_run_with_a_spool_continues_its_output")
+class Overwrites(CountFile):
+    def mode(self, context: SinkContext) -> str:
+        return "w"
+
+
+class Letters(Transport):
+    """Keeps what it sends."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+
+    def send(self, batch: Batch) -> "Future[None]":
+        self.sent += batch.messages()
+        acknowledged: Future[None] = Future()
+        acknowledged.set_result(None)
+        return acknowledged
+
+    def close(self, wait_s: float) -> None:
+        return
+
+
+SOUND.add((SinkModel.hook, "sound-transport"))
+sink_mutant("sound-transport", "", config=EncodedConfig)(Letters)
+
+
+@mutant(SinkModel, "knows-no-spool", "test_a_run_with_a_spool_continues_its_output", EncodedConfig)
+def knows_no_spool(_config: EncodedConfig, context: SinkContext) -> Letters:
+    return {False: Letters}[context.resumes]()
+
+
+@sink_mutant("built-of-none", "test_build_returns_a_complete_part")
+def nothing() -> None:
+    return None
+
+
+@sink_mutant("without-close", "test_build_returns_a_complete_part")
+class WithoutClose:
+    def write(self, window: Window) -> None:
+        return

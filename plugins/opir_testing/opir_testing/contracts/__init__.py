@@ -25,7 +25,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_atmosphere_models": ("radiometry", "AtmosphereContract"),
     "opir_background_models": ("radiometry", "BackgroundContract"),
     "opir_event_encoders": ("outputs", "EncoderContract"),
-    "opir_sinks": ("outputs", "SinkContract"),
+    "opir_sinks": ("sinks", "SinkContract"),
     "opir_renderers": ("renderers", "RendererContract"),
     "opir_metrics": ("results", "MetricContract"),
     "opir_executors": ("results", "ExecutorContract"),
@@ -43,6 +43,9 @@ def contract_of(hook: str) -> type[Contract]:
 PASSED, FAILED, EXPECTED_FAILURE, UNEXPECTED_PASS = "passed", "failed", "xfailed", "xpassed"
 
 _SETTINGS = "The settings of the check are valid."
+
+#: The first test: without a part there is nothing to test.
+_BUILDS = "test_build_returns_a_complete_part"
 
 #: States with which a component does not conform.
 BAD = (FAILED, UNEXPECTED_PASS)
@@ -79,7 +82,7 @@ def contract_for(
 
 
 def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]:
-    """Yield the result of each conformance test; only one if the settings are invalid."""
+    """Yield the result of each conformance test; only the first if settings or part are invalid."""
     try:
         contract.config()
     except ConformanceError as error:
@@ -88,7 +91,10 @@ def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]
         )
         return
     for test in test_names(contract):
-        yield _result(contract, test)
+        result = _result(contract, test)
+        yield result
+        if test == _BUILDS and result.state == FAILED:  # each test that follows would fail by this alone
+            return
 
 
 def _result(contract: type[Contract], test: str) -> ConformanceResult:

@@ -33,6 +33,11 @@ class ConfidenceContract(SceneContract):
         return super().scene(**{**chosen, **changes})
 
     @classmethod
+    def part(cls) -> Any:
+        """Return the built model."""
+        return cls.plan().confidence
+
+    @classmethod
     @cache
     def inputs(cls) -> ClassifierInputs:
         """Return inputs with all combinations of bands, counts and SNR."""
@@ -77,6 +82,11 @@ class ClassifierContract(SceneContract):
         """Return the test scene with the classifier."""
         detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
         return super().scene(**{"detection": detection, **changes})
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built classifier."""
+        return cls.plan().classifier
 
     @classmethod
     @cache

@@ -13,6 +13,7 @@ import numpy as np
 from attrs import fields
 
 from opir_core.arrays import FloatArray
+from opir_core.errors import ModelError, kind_of
 from opir_core.interfaces import has_own
 from opir_core.plugin import Component, Host
 from opir_core.reading import InvalidNode, Node, class_reader, node_of_data
@@ -79,6 +80,16 @@ class Contract:
         return cls.settings
 
     @classmethod
+    def built(cls, base: type, config: Any, *context: Any) -> Any:
+        """Return what the component builds, as a part of a class; raises `ConformanceError` if a member is missing."""
+        return complete_part(base, cls.component().build(config, *context))
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return what the component builds."""
+        raise undefined(cls, "part()", "what the component builds")
+
+    @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the test scene with the component; `changes` replace keys."""
         raise undefined(cls, "scene(**changes)", "the test scene with the component, as a dict")
@@ -94,6 +105,10 @@ class Contract:
         """Return the run of a scene."""
         return bench_run(scene, cls.host(), **options)
 
+    def test_build_returns_a_complete_part(self) -> None:
+        """`build` returns an object with all that its kind requires."""
+        self.part()
+
 
 def undefined(contract: type[Contract], method: str, returned: str) -> NotImplementedError:
     """Return the error of a contract that lacks a method: which class must define what, returning what."""
@@ -101,6 +116,27 @@ def undefined(contract: type[Contract], method: str, returned: str) -> NotImplem
         f"{contract.__name__} must define {method}, which returns {returned}."
         " The contract of each kind of component defines it: inherit that of your kind from opir_testing."
     )
+
+
+def complete_part(base: Any, part: Any) -> Any:
+    """Return a built part as one of a class; raises `ConformanceError` if it is None or lacks a member."""
+    change = f"Return it from build; opir_core.plugin.{base.__name__} tells what is required."
+    require(part is not None, "build returned None", change)
+    if hasattr(base, "adopt"):
+        try:
+            return base.adopt(part)
+        except ModelError as error:
+            raise ConformanceError(str(error).partition(";")[0], change) from error
+    members = [name for name in vars(base) if not name.startswith("_")] if is_protocol(base) else []
+    missing = [name for name in members if not hasattr(part, name)]
+    require(not missing, f"build made {kind_of(part)} without {', '.join(missing)}", change)
+    require(members or isinstance(part, base), f"build made {kind_of(part)}, no {base.__name__}", change)
+    return part
+
+
+def is_protocol(base: type) -> bool:
+    """Return whether a class is a protocol, whose parts need not derive from it."""
+    return bool(getattr(base, "_is_protocol", False))
 
 
 def read_config(component: Any, settings: Mapping[str, Any]) -> Any:

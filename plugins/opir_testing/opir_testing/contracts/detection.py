@@ -90,6 +90,11 @@ class DetectionContract(SceneContract):
         """Return the built model."""
         return cls.plan().detection
 
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built model."""
+        return cls.model()
+
     def test_probabilities_lie_in_the_unit_interval(self) -> None:
         """Each look has a probability in [0, 1]."""
         exposed = self.looks().exposures

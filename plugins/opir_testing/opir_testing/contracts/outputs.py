@@ -1,28 +1,27 @@
-"""Conformance tests of event encoders and sinks."""
+"""Conformance tests of event encoders, and what they share with those of sinks."""
 
 import json
-import os
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from attrs import evolve, fields_dict
+from attrs import evolve
 
 from opir_core import Plan, plan_windows
-from opir_core.output import SCHEMA_VERSION, TRACKS_VERSION, event_counter, only_encodable, opened_sink, schema
-from opir_core.plugin import Component, Delivery, Encoder, EncoderContext, EventEncoder, Sink, SinkModel, Tracks, Window
-from opir_core.random_streams import uuid_text
-from opir_core.scene import Choice
-from opir_testing.bench import bench_scene, encoder_of, planned
+from opir_core.output import (
+    SCHEMA_VERSION,
+    TRACKS_VERSION,
+    event_counter,
+    only_encodable,
+    schema,
+)
+from opir_core.plugin import Component, Encoder, EncoderContext, EventEncoder, Tracks, Window
+from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
     ConformanceError,
     Contract,
     require,
-    require_complete_abilities,
     require_no_outside_inputs,
     require_pickling,
 )
@@ -91,7 +90,12 @@ class EncoderContract(OutputContract):
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
         context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
-        return Encoder.adopt(cls.component().build(cls.config(), context))
+        return cls.built(Encoder, cls.config(), context)
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built encoder."""
+        return cls.encoder()
 
     def test_media_type_and_schema_version_are_stated(self) -> None:
         """The encoder states a media type and a schema version."""
@@ -165,100 +169,6 @@ class EncoderContract(OutputContract):
         require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
 
 
-class SinkContract(OutputContract):
-    """Conformance tests of a sink, in an empty folder; a setting `path` gets a file there."""
-
-    kind: ClassVar[type[Component]] = SinkModel
-
-    @classmethod
-    def block(cls) -> Mapping[str, Any]:
-        """Return the settings, with a file if the sink needs one."""
-        needs_path = "path" in fields_dict(cls.component().config) and "path" not in cls.settings
-        return {**cls.settings, **({"path": "events.out"} if needs_path else {})}
-
-    @contextmanager
-    def opened(self) -> Iterator[Sink]:
-        """Yield the built sink, in an empty folder."""
-        with _empty_folder():
-            yield opened_sink(
-                self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"), is_checked=False
-            )
-
-    def test_every_event_is_accounted_for(self) -> None:
-        """Delivered, spooled, dropped and withheld events add up to the events written."""
-        with self.opened() as sink:
-            for window in self.windows():
-                sink.write(window)
-            events = sum(len(window.detections) for window in self.windows())
-            so_far = sink.delivery_so_far()
-            if so_far is not None:
-                _require_accounts(so_far, events)
-            _require_accounts(sink.close(), events)
-
-    def test_optional_abilities_are_complete(self) -> None:
-        """An optional ability is implemented completely or not at all."""
-        with self.opened() as sink:
-            require_complete_abilities(Sink, sink, [("waits", "outlives_the_process")])
-            sink.close()
-
-    def test_a_sink_without_windows_delivers_nothing(self) -> None:
-        """A sink closed without windows has delivered nothing."""
-        with self.opened() as sink:
-            _require_accounts(sink.close(), 0)
-
-    def test_windows_without_events_are_accepted(self) -> None:
-        """Windows without events are accepted."""
-        with self.opened() as sink:
-            for count in (0, 3, 0):
-                sink.write(stub_window(count))
-            _require_accounts(sink.close(), 3)
-
-    def test_windows_are_not_modified(self) -> None:
-        """A sink does not change its windows: other sinks get the same ones."""
-        before = [encoder_of(self.plan()).encode(window) for window in self.windows()]
-        with self.opened() as sink:
-            for window in self.windows():
-                sink.write(window)
-            sink.close()
-        after = [encoder_of(self.plan()).encode(window) for window in self.windows()]
-        require(before == after, "a window changes when it is written", "Copy columns before changing them.")
-
-    def test_edge_case_windows_are_accepted(self) -> None:
-        """Detections over the pole, at the antimeridian, with and without estimates are accepted."""
-        with self.opened() as sink:
-            for window in edge_case_windows().values():
-                sink.write(window)
-            _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
-
-    def test_truth_is_read_back(self) -> None:
-        """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
-        opened, read = self.component().open_truth, self.component().read_truth
-        require((opened is None) == (read is None), "it only writes or only reads truth", "Set both or neither.")
-        if opened is None:
-            return
-        records = [{"record": "target", "target_id": id_} for id_ in self.plan().targets.ids]
-        with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
-            path = Path(folder) / "events.truth"
-            with opened(path, path, self.plan().targets.ids, records) as file:
-                for window in self.windows():
-                    file.write(window)
-            rows = list(read(path))
-        ids = [text for window in self.windows() for text in uuid_text(window.detections.detection_id)]
-        require(rows[: len(records)] == records, "the records of targets are lost", "Keep the records as they are.")
-        same = [row.get("detection_id") for row in rows[len(records) :]] == ids
-        require(same, "the detections read are not those written", "Write a row for each detection, in their order.")
-
-
-def _require_accounts(delivery: Delivery, events: int) -> None:
-    require(isinstance(delivery, Delivery), f"close returns {delivery!r}", "Return a Delivery.")
-    counts = (delivery.delivered, delivery.spooled, delivery.dropped, delivery.withheld)
-    require(
-        min(counts) >= 0 and sum(counts) == events + delivery.recovered,
-        f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped, {counts[3]} withheld",
-        "Count events in write; close waits for pending events and returns the Delivery of all.",
-    )
-
-
 def _part(window: Window, rows: slice) -> Window:
     return evolve(window, detections=window.detections.take(rows), truth=window.truth.take(rows), tracks=Tracks.empty())
 
@@ -277,14 +187,3 @@ def _json_of(line: bytes, name: str) -> Any:
         raise ConformanceError(
             f"{name}: a line is not JSON: {error}", "Write null for what is unknown, never NaN."
         ) from error
-
-
-@contextmanager
-def _empty_folder() -> Iterator[None]:
-    here = os.getcwd()  # noqa: PTH109
-    with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
-        os.chdir(folder)
-        try:
-            yield
-        finally:
-            os.chdir(here)

@@ -79,6 +79,11 @@ class EmitterContract(RadiometricContract):
         """Return the built signatures."""
         raise undefined(cls, "signatures()", "the built signatures or sources")
 
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built signatures."""
+        return cls.signatures()
+
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return radiant intensities of some rows: each emitter at many times, heights and aspect angles."""
         row = np.arange(_ROWS)
@@ -135,7 +140,7 @@ class SignatureContract(EmitterContract):
             profiles=("",) * count,
             burn_time_s=np.full(count, _BURN_S),
         )
-        return Signatures.adopt(cls.component().build([cls.config()] * count, context))
+        return cls.built(Signatures, [cls.config()] * count, context)
 
 
 class SourceContract(EmitterContract):
@@ -155,7 +160,12 @@ class SourceContract(EmitterContract):
             duration_s=_DURATION_S,
             seed=_SEED,
         )
-        return Sources.adopt(cls.component().build(cls.config(), context))
+        return cls.built(Sources, cls.config(), context)
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built sources."""
+        return cls.sources()
 
     @classmethod
     def signatures(cls) -> Signatures:
@@ -205,6 +215,11 @@ class EnvironmentContract(RadiometricContract):
         """Return the built model."""
         raise undefined(cls, "model()", "the built model")
 
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built model."""
+        return cls.model()
+
     def test_rows_are_independent(self) -> None:
         """The values of a row do not depend on the other rows of the call."""
         for band in range(len(self.bands)):
@@ -229,7 +244,7 @@ class AtmosphereContract(EnvironmentContract):
     def model(cls) -> Transmittance:
         """Return the built model."""
         context = AtmosphereContext(bands=tuple(cls.bands), path="atmosphere", seed=_SEED)
-        return Transmittance.adopt(cls.component().build(cls.config(), context))
+        return cls.built(Transmittance, cls.config(), context)
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
@@ -280,7 +295,7 @@ class BackgroundContract(EnvironmentContract):
         context = BackgroundContext(
             bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
         )
-        return Background.adopt(cls.component().build(cls.config(), context))
+        return cls.built(Background, cls.config(), context)
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the radiances and clutter of some views."""

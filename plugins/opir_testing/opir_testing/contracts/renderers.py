@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.errors import kind_of
 from opir_core.output import Column, Decimal, Ids, Looked, Times, reference
 from opir_core.plugin import Component, Renderer, RendererContext, RendererModel
 from opir_testing.contracts.contract import Contract, require, require_documented, require_pickling
@@ -23,7 +24,13 @@ class RendererContract(Contract):
     def renderer(cls) -> Renderer:
         """Return the built renderer."""
         made: Renderer = cls.component().build(cls.config(), RendererContext(reference=reference))
+        require(callable(made), f"build returned {kind_of(made)}", "Return a function of a number and of columns.")
         return made
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built renderer."""
+        return cls.renderer()
 
     def require_reference(self, lines: Mapping[str, Sequence[Column]], count: int = _ROWS) -> None:
         """Require the bytes of the reference for the columns of lines, by description."""

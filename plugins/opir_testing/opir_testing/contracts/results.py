@@ -29,6 +29,7 @@ from opir_core.plugin import (
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
     Contract,
+    complete_part,
     require,
     require_documented,
     require_no_outside_inputs,
@@ -79,7 +80,12 @@ class MetricContract(ResultContract):
     @cache
     def metric(cls) -> Metric:
         """Return the built metric."""
-        return cls.component().build(cls.config(), MetricContext())
+        return cls.built(Metric, cls.config(), MetricContext())
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built metric."""
+        return cls.metric()
 
     def test_figures_have_names_and_units(self) -> None:
         """There is at least one figure; names are identifiers, units are text."""
@@ -131,7 +137,12 @@ class ExporterContract(ResultContract):
     @cache
     def exporter(cls) -> Exporter:
         """Return the built exporter."""
-        return cls.component().build(cls.config(), ExporterContext())
+        return cls.built(Exporter, cls.config(), ExporterContext())
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built exporter."""
+        return cls.exporter()
 
     def written(self, run: Run) -> Mapping[str, bytes]:
         """Return the content of the files of a run by their paths in the folder."""
@@ -182,6 +193,11 @@ class RunViewContract(ResultContract):
         """Return the view of a run."""
         return self.component().build(run)
 
+    @classmethod
+    def part(cls) -> Any:
+        """Return the view of a run."""
+        return complete_part(object, cls().view(cls.runs()["without tracks"]))
+
     def test_build_takes_the_run(self) -> None:
         """`build` takes one argument, the run, and no settings."""
         build, config = self.component().build, self.component().config
@@ -220,7 +236,12 @@ class ExecutorContract(Contract):
     @classmethod
     def executor(cls) -> Executor:
         """Return a newly built executor of two workers."""
-        return cls.component().build(cls.config(), ExecutorContext(workers=2))
+        return cls.built(Executor, cls.config(), ExecutorContext(workers=2))
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built executor."""
+        return cls.executor()
 
     def results(self, function: Any, tasks: list[Any]) -> dict[int, Any]:
         """Return the results of tasks by index; each index may come once."""

@@ -58,7 +58,12 @@ class SensorContract(SceneContract):
     @cache
     def sensor(cls) -> Sensor:
         """Return the built sensor."""
-        return cls.component().build(cls.config(), SensorContext(id=SUBJECT, epoch_us=_EPOCH_US))
+        return cls.built(Sensor, cls.config(), SensorContext(id=SUBJECT, epoch_us=_EPOCH_US))
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the built sensor."""
+        return cls.sensor()
 
     def test_fields_are_valid(self) -> None:
         """Bands, angles, errors and probabilities are valid."""

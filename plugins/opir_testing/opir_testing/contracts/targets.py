@@ -64,13 +64,18 @@ class TargetContract(SceneContract):
             target_class=partial(cls.host().component, TargetClass),
         )
         configs = [read_config(cls.component(), block) for block in settings]
-        return Trajectories.adopt(cls.component().build(configs, context))
+        return cls.built(Trajectories, configs, context)
 
     @classmethod
     @cache
     def targets(cls) -> Trajectories:
         """Return the trajectories of the scene's targets."""
         return cls.made(cls.blocks())
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return the trajectories of the scene's targets."""
+        return cls.targets()
 
     def test_types_and_times_are_valid(self) -> None:
         """Each target has a known type, and a burnout after its ignition."""

@@ -131,7 +131,12 @@ class TrackerContract(SceneContract):
     @classmethod
     def tracker(cls) -> Tracker:
         """Return a new tracker."""
-        return Tracker.adopt(cls.component().build(cls.config(), cls.context()))
+        return cls.built(Tracker, cls.config(), cls.context())
+
+    @classmethod
+    def part(cls) -> Any:
+        """Return a new tracker."""
+        return cls.tracker()
 
     @classmethod
     @cache
