@@ -9,13 +9,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core import Plan, plan_windows
-from opir_core.output import (
-    SCHEMA_VERSION,
-    TRACKS_VERSION,
-    event_counter,
-    only_encodable,
-    schema,
-)
+from opir_core.output import SCHEMA_VERSION, TRACKS_VERSION, event_counter, only_encodable, schema
 from opir_core.plugin import Component, Encoder, EncoderContext, EventEncoder, Tracks, Window
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
