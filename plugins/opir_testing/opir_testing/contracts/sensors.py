@@ -47,6 +47,8 @@ _LEAST_RADIUS_M = 6.4e6
 #: Launches below the sensor, and the time between two, s: a day, in steps that no usual orbit repeats.
 _LAUNCHES = 23
 _LAUNCH_STEP_S = 3757.0
+#: The least share of the half angle of the Earth's disk that the default cone covers.
+_LEAST_SHARE = 0.8
 _DAY_S = np.linspace(0.0, 86_400.0, 289)
 
 
@@ -59,7 +61,8 @@ class SensorContract(SceneContract):
     def block(cls) -> Mapping[str, Any]:
         """Return the settings, with a slot if the sensor needs one."""
         given = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
-        needs_slot = "orbital_slot_deg" in fields_dict(cls.component().config) and not given
+        known = fields_dict(cls.component().config)
+        needs_slot = "orbital_slot_deg" in known and not given and not ("orbit" in known and known["orbit"].default)
         return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_slot else {})}
 
     @classmethod
@@ -128,12 +131,12 @@ class SensorContract(SceneContract):
         require(
             len(looks.row),
             f"it has no look at any of {_LAUNCHES} launches below it in a day",
-            "Give it a cone and an elevation that reach the ground, for instance field_of_regard_half_angle_deg = 60 for"
-            " a low orbit and minimum_elevation_deg = -90, or another orbit.",
+            "Widen field_of_regard_half_angle_deg (60 and more for a low orbit), lower minimum_elevation_deg, or scan"
+            " more often.",
         )
 
     def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
-        """The default cone, made for a geostationary orbit, covers the Earth's disk in the sensor's orbit too."""
+        """The default cone, made for a geostationary orbit, is kept where it covers most of the Earth's disk."""
         name = "field_of_regard_half_angle_deg"
         given, default = (fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig))
         if given is None or default is None or name in self.block() or info_of(given) != info_of(default):
@@ -141,7 +144,7 @@ class SensorContract(SceneContract):
         radius_m = np.sqrt(np.sum(self.sensor().orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
         disk_deg = math.degrees(math.asin(min(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0)))
         require(
-            disk_deg <= default.default,
+            default.default >= _LEAST_SHARE * disk_deg,
             f"{name} is the default of geostationary sensors, {default.default:g} deg; in this orbit the Earth's disk"
             f" has a half angle of {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
             f"Set it: with_defaults({name}=cited({disk_deg:.1f}, ...)), or with the source of a narrower one.",
