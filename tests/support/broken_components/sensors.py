@@ -4,13 +4,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, fields_dict, frozen
 
-from broken_components.offers import mutant
+from broken_components.offers import SOUND, mutant
 from opir_core.arrays import FloatArray
 from opir_core.builtin.scanner import ScannerConfig
 from opir_core.interfaces.protocols import Band
-from opir_core.plugin import SensorModel, scanning_sensor
+from opir_core.orbits.configs import CircularConfig, OrbitConfig
+from opir_core.plugin import SensorModel, scanning_sensor, with_defaults
+from opir_core.sensors import AlignedScan
 
 
 def sensor_mutant(name: str, caught_by: str, config: type = ScannerConfig) -> Callable[[Any], Any]:
@@ -143,3 +145,39 @@ class MuteConfig(ScannerConfig):
 @sensor_mutant("mute-setting", "test_every_setting_is_documented", MuteConfig)
 def _mute_setting(sensor: Any) -> Any:
     return sensor
+
+
+LOW_ORBIT = {"altitude_km": 1200.0, "inclination_deg": 87.0, "raan_deg": 10.0, "arg_latitude_deg": 0.0}
+
+
+def low_orbit(settings: Any, context: Any) -> Any:
+    """Build a sensor in a low orbit, with all else as in the settings."""
+    orbit = OrbitConfig(circular=CircularConfig(**LOW_ORBIT))
+    return scanning_sensor(evolve(settings, orbital_slot_deg=None, orbit=orbit), context, type="MUTANT")
+
+
+mutant(SensorModel, "cone-of-geo", "test_the_default_field_of_regard_fits_the_orbit", ScannerConfig)(low_orbit)
+
+
+GIVEN = {
+    name: fields_dict(ScannerConfig)[name].default for name in ("bands", "scan_period_ms", "detection_probability")
+}
+
+
+@with_defaults(field_of_regard_half_angle_deg=60.0, **GIVEN)
+class LowConfig(ScannerConfig):
+    """A cone for a low orbit."""
+
+
+SOUND.add((SensorModel.hook, "sound-low-orbit"))
+mutant(SensorModel, "sound-low-orbit", "", LowConfig)(low_orbit)
+
+
+@sensor_mutant("looks-once-a-day", "test_a_launch_below_it_is_seen")
+def _looks_once_a_day(sensor: Any) -> Any:
+    return evolve(sensor, scan=AlignedScan(86_400_000_000_000))
+
+
+@mutant(SensorModel, "forgets-to-return", "test_build_returns_a_complete_part", ScannerConfig)
+def _forgets_to_return(settings: Any, context: Any) -> None:
+    scanning_sensor(settings, context, type="MUTANT")

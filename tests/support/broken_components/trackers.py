@@ -1,5 +1,7 @@
 """Broken trackers."""
 
+import math
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -13,12 +15,13 @@ from opir_core.plugin import TrackerModel
 
 
 class OneTrack:
-    """One track a sensor, at a fixed place: lawful, if of little use."""
+    """One track a sensor, where its last line of sight meets a sphere: lawful, if of little use."""
 
     def __init__(self, cadence_s: float | None = 5.0) -> None:
         self.cadence_s = cadence_s
         self.seen: set[int] = set()
         self.count = 0
+        self.places: dict[int, tuple[float, ...]] = {}
 
     def associate(self, detections: Detections) -> Any:
         known = np.array(sorted(self.seen), dtype=np.int64)
@@ -27,14 +30,27 @@ class OneTrack:
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         self.seen |= set(detections.sensor.tolist())
         self.count += len(detections)
+        rows = zip(
+            detections.time_ns.tolist(),
+            detections.sensor.tolist(),
+            detections.sensor_ecef_m.tolist(),
+            detections.line_of_sight_ecef.tolist(),
+            strict=True,
+        )
+        for _, sensor, here, ray in sorted(rows):
+            self.places[sensor] = met(here, ray)
         return self.tracks(tick_s, np.array(sorted(self.seen), dtype=np.int64))
+
+    def state_of(self, track: int) -> list[float]:
+        x, y, z = self.places.get(track, (6.5e6, 0.0, 0.0))
+        return [x, y + self.count, z, 0.0, 0.0, 0.0]
 
     def tracks(self, tick_s: float, number: Any) -> Tracks:
         count = len(number)
         return Tracks(
             tick_s=np.full(count, tick_s),
             track=number,
-            state=np.tile([6.5e6, float(self.count), 0.0, 0.0, 0.0, 0.0], (count, 1)),
+            state=np.array([self.state_of(each) for each in number.tolist()]).reshape(count, 6),
             state_covariance=np.tile(np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e2]), (count, 1, 1)),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
@@ -42,6 +58,14 @@ class OneTrack:
             impact_covariance=np.full((count, 3, 3), np.nan),
             type_probability=np.full((count, 4), 0.25),
         )
+
+
+def met(here: list[float], ray: list[float]) -> tuple[float, ...]:
+    """Return where a line of sight meets a sphere of 6 500 km, m, or comes nearest to the Earth's centre."""
+    along = -sum(map(operator.mul, here, ray))
+    depth = along * along - sum(map(operator.mul, here, here)) + 6.5e6**2
+    along -= math.sqrt(max(depth, 0.0))
+    return tuple(place + along * part for place, part in zip(here, ray, strict=True))
 
 
 def tracker_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
@@ -246,3 +270,24 @@ class Meddles(OneTrack):
 class StartsOver(OneTrack):
     def set_sensors(self, _sensors: Any) -> None:
         self.count = 0
+
+
+@tracker_mutant("in-km", "test_positions_are_above_the_ground_and_near_the_lines_of_sight")
+class InKm(OneTrack):
+    def state_of(self, track: int) -> list[float]:
+        return [value / 1000.0 for value in super().state_of(track)]
+
+
+@tracker_mutant("other-axes", "test_positions_are_above_the_ground_and_near_the_lines_of_sight")
+class OtherAxes(OneTrack):
+    def state_of(self, track: int) -> list[float]:
+        x, y, z, *velocity = super().state_of(track)
+        return [y, x, z, *velocity]
+
+
+@tracker_mutant("without-step", "test_build_returns_a_complete_part")
+class WithoutStep:
+    cadence_s = 1.0
+
+    def associate(self, detections: Detections) -> Any:
+        return np.full(len(detections), -1)

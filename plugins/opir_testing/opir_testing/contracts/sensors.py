@@ -10,10 +10,21 @@ import numpy as np
 from attrs import fields_dict
 
 from opir_core.arrays import FloatArray
-from opir_core.plugin import TARGET_TYPES, Component, Constellation, Sensor, SensorContext, SensorModel, TargetClass
-from opir_core.scene import MAXIMUM_BANDS
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.plugin import (
+    TARGET_TYPES,
+    Component,
+    Constellation,
+    ScanningSensorConfig,
+    Sensor,
+    SensorContext,
+    SensorModel,
+    TargetClass,
+)
+from opir_core.scene import MAXIMUM_BANDS, info_of
 from opir_core.sensors import confusion_complaint, is_probability
-from opir_testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
+from opir_testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, LookTable, bench_scene, launch, planned
 from opir_testing.contracts.contract import (
     ConformanceError,
     count_excess,
@@ -33,6 +44,12 @@ _SPEED_LIMIT_M_S = 1.2e4
 #: The limit for which the core's visibility is exact (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.4e6
+#: Launches below the sensor, and the time between two, s: a day, in steps that no usual orbit repeats.
+_LAUNCHES = 23
+_LAUNCH_STEP_S = 3757.0
+#: The least share of the half angle of the Earth's disk that the default cone covers.
+_LEAST_SHARE = 0.8
+_DAY_S = np.linspace(0.0, 86_400.0, 289)
 
 
 class SensorContract(SceneContract):
@@ -44,7 +61,8 @@ class SensorContract(SceneContract):
     def block(cls) -> Mapping[str, Any]:
         """Return the settings, with a slot if the sensor needs one."""
         given = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
-        needs_slot = "orbital_slot_deg" in fields_dict(cls.component().config) and not given
+        known = fields_dict(cls.component().config)
+        needs_slot = "orbital_slot_deg" in known and not given and not ("orbit" in known and known["orbit"].default)
         return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_slot else {})}
 
     @classmethod
@@ -99,6 +117,38 @@ class SensorContract(SceneContract):
             raise ConformanceError(
                 f"settings are not plain values: {error}", "Give Sensor settings=attrs.asdict(config)."
             ) from error
+
+    def test_a_launch_below_it_is_seen(self) -> None:
+        """Within a day the sensor looks at some launch that is below it at ignition."""
+        places = self.places(np.arange(_LAUNCHES) * _LAUNCH_STEP_S)
+        targets = [
+            launch(f"BELOW-{number}", "ICBM", place, _aim(place), number * _LAUNCH_STEP_S)
+            for number, place in enumerate(places)
+        ]
+        scene = self.scene(targets=targets, duration_s=_LAUNCHES * _LAUNCH_STEP_S)
+        scene["sensors"] = scene["sensors"][:1]
+        looks = LookTable.of(planned(scene, self.host()))
+        require(
+            len(looks.row),
+            f"it has no look at any of {_LAUNCHES} launches below it in a day",
+            "Widen field_of_regard_half_angle_deg (60 and more for a low orbit), lower minimum_elevation_deg, or scan"
+            " more often.",
+        )
+
+    def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
+        """The default cone, made for a geostationary orbit, is kept where it covers most of the Earth's disk."""
+        name = "field_of_regard_half_angle_deg"
+        given, default = (fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig))
+        if given is None or default is None or name in self.block() or info_of(given) != info_of(default):
+            return
+        radius_m = np.sqrt(np.sum(self.sensor().orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
+        disk_deg = math.degrees(math.asin(min(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0)))
+        require(
+            default.default >= _LEAST_SHARE * disk_deg,
+            f"{name} is the default of geostationary sensors, {default.default:g} deg; in this orbit the Earth's disk"
+            f" has a half angle of {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
+            f"Set it: with_defaults({name}=cited({disk_deg:.1f}, ...)), or with the source of a narrower one.",
+        )
 
     def test_looks_are_whole_periods_apart(self) -> None:
         """Looks at one target are whole periods apart."""
@@ -219,8 +269,19 @@ class SensorContract(SceneContract):
         require_same_copy(self.sensor(), lambda sensor: sensor.orbit.position_ecef_m(time_s))
         require_same_copy(self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5))
 
+    def places(self, time_s: FloatArray) -> list[tuple[float, float]]:
+        """Return latitude and longitude, deg, of the points below the sensor at some times (n,)."""
+        below = ecef_to_geodetic(self.sensor().orbit.position_ecef_m(time_s))
+        return list(zip(*np.degrees([below.latitude_rad, below.longitude_rad]).tolist(), strict=True))
+
     def _here(self) -> FloatArray:
         return self.sensor().orbit.position_ecef_m(np.zeros(1))[0]
+
+
+def _aim(place: tuple[float, float]) -> tuple[float, float]:
+    """Return latitude and longitude, deg, of a point about 6 000 km away, towards the equator."""
+    latitude, longitude = place
+    return latitude - math.copysign(54.0, latitude), longitude
 
 
 class ConstellationContract(SensorContract):

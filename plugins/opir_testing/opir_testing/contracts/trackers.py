@@ -108,6 +108,10 @@ def require_covariance(what: str, covariance: FloatArray) -> None:
 
 
 _NS = 1_000_000_000
+#: Below the ground, m from the Earth's centre: the polar radius, less the error of a poor estimate.
+_LEAST_RADIUS_M = 6.0e6
+#: Largest typical distance of positions from the lines of sight, m; a target of the scene moves less in its 90 s.
+_NEAR_M = 200e3
 #: The limit of the growth of work over that of detections or ticks when both double; quadratic work would be 2.
 _GROWTH_LIMIT = 1.5
 
@@ -165,6 +169,12 @@ class TrackerContract(SceneContract):
             track = tracker.associate(batch)
             yield Tick(tick_ns / _NS, batch, track, tracker.step(tick_ns / _NS, batch))
 
+    @classmethod
+    @cache
+    def results(cls) -> tuple[Tick, ...]:
+        """Return the results of a new tracker for the detections of the scene."""
+        return tuple(cls.ticks(cls.tracker()))
+
     def test_targets_in_any_order_give_the_same_events(self) -> None:
         """The order of targets does not change which detections share a track."""
         scene, ours = self.scene(), self.run()
@@ -194,7 +204,7 @@ class TrackerContract(SceneContract):
             confidence=rng.uniform(size=len(detections)),
             detection_id=rng.integers(0, 2**63, (len(detections), 2)).astype(np.uint64),
         )
-        for tick, other in zip(self.ticks(self.tracker()), self.ticks(self.tracker(), scrambled), strict=True):
+        for tick, other in zip(self.results(), self.ticks(self.tracker(), scrambled), strict=True):
             require(
                 np.array_equal(tick.track, other.track) and _equal(tick.tracks, other.tracks),
                 f"at {tick.time_s} s results change with counts, confidences and ids",
@@ -213,7 +223,7 @@ class TrackerContract(SceneContract):
     def test_associations_are_to_existing_tracks(self) -> None:
         """A detection is associated with a track of the last tick, or with none (-1)."""
         known = np.empty(0, dtype=np.int64)
-        for tick in self.ticks(self.tracker()):
+        for tick in self.results():
             require(
                 tick.track.dtype == np.int64 and tick.track.shape == (len(tick.detections),),
                 f"associate returns {tick.track.dtype} {tick.track.shape} for {len(tick.detections)} detections",
@@ -261,7 +271,7 @@ class TrackerContract(SceneContract):
 
     def test_tracks_of_a_tick_are_sorted(self) -> None:
         """A tick has one row per track, sorted by number, with the time of the tick."""
-        for tick in self.ticks(self.tracker()):
+        for tick in self.results():
             number = tick.tracks.track
             require(
                 np.all(np.diff(number) > 0) and np.all(number >= 0) and np.all(tick.tracks.tick_s == tick.time_s),
@@ -271,7 +281,7 @@ class TrackerContract(SceneContract):
 
     def test_shapes_and_positions_are_valid(self) -> None:
         """Estimates have the stated shapes; latitudes, longitudes and probabilities are valid or nan."""
-        for tick in self.ticks(self.tracker()):
+        for tick in self.results():
             for condition, holds in validity(tick.tracks).items():
                 require(
                     holds,
@@ -279,9 +289,33 @@ class TrackerContract(SceneContract):
                     "Return nan for unknown values, angles in radians, longitudes in [-pi, pi], times in scene time.",
                 )
 
+    def test_positions_are_above_the_ground_and_near_the_lines_of_sight(self) -> None:
+        """Known positions lie between the ground and the highest sensor, most within 200 km of a measured ray."""
+        change = "Return positions in ECEF, in metres, or nan while they are unknown."
+        observed, distances_m = self.observed(), list[float]()
+        highest_m = float(_length(observed.sensor_ecef_m).max(initial=0.0))
+        for tick in self.results():
+            known_m = tick.tracks.state[np.isfinite(tick.tracks.state[:, :3]).all(axis=1), :3]
+            radius_m = _length(known_m)
+            outside = radius_m[(radius_m < _LEAST_RADIUS_M) | (radius_m > highest_m)]
+            require(
+                len(outside) == 0,
+                f"at {tick.time_s} s a position is {outside[:1].sum():.0f} m from the Earth's centre; the ground is at"
+                f" 6.4e6 m, the highest sensor of the scene at {highest_m:.4g} m",
+                change,
+            )
+            rays = observed.take(observed.time_ns <= round(tick.time_s * _NS))
+            distances_m += [_nearest_ray_m(place_m, rays) for place_m in known_m]
+        typical_m = float(np.median(distances_m)) if distances_m else 0.0
+        require(
+            typical_m <= _NEAR_M,
+            f"half of the positions are over {typical_m / 1000.0:.0f} km from all lines of sight measured before",
+            change,
+        )
+
     def test_impact_regions_are_nested_and_closed(self) -> None:
         """Impact regions have rising probabilities and areas, and closed rings of latitude and longitude."""
-        for tick in self.ticks(self.tracker()):
+        for tick in self.results():
             fault = next(region_faults(tick.tracks), None)
             require(
                 fault is None,
@@ -291,7 +325,7 @@ class TrackerContract(SceneContract):
 
     def test_covariances_are_symmetric_and_positive_definite(self) -> None:
         """Each covariance is symmetric and positive definite, or all nan."""
-        for tick in self.ticks(self.tracker()):
+        for tick in self.results():
             for name in ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance"):
                 require_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
 
@@ -344,6 +378,17 @@ def _batches(tracker: Tracker, detections: Detections, end_ns: int) -> Iterator[
     cuts = np.searchsorted(detections.time_ns, edges)
     for number, edge in enumerate(edges[1:]):
         yield edge, detections.take(slice(cuts[number], cuts[number + 1])).freeze()
+
+
+def _nearest_ray_m(place_m: FloatArray, rays: Detections) -> float:
+    """Return the distance of a position (3,) from the nearest of the lines of sight, m."""
+    offset_m, ray = place_m - rays.sensor_ecef_m, rays.line_of_sight_ecef
+    along_m = np.maximum(np.sum(offset_m * ray, axis=1), 0.0)
+    return float(_length(offset_m - along_m[:, None] * ray).min(initial=np.inf))
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt(np.sum(vectors**2, axis=-1))
 
 
 def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
