@@ -54,7 +54,7 @@ class NoConfig:
 class Component:
     """A component that a scene can choose.
 
-    `build(config, context)` returns the working part; `opir_core.interfaces.protocols` defines the context and the part
+    `build(config, context)` returns the working part; `opir_core.plugin` has the context and the base class of the part
     of each kind. `presets` are named sets of configuration values: a block with `preset: NAME` starts from them instead
     of the defaults.
     """
