@@ -31,7 +31,7 @@ Rings = list[FloatArray]
 
 
 def region_texts(column: NDArray[np.object_]) -> list[bytes]:
-    """Return tuples of regions (n,) as JSON arrays: containment, area, GeoJSON geometry; equal ones are encoded once."""
+    """Return tuples of regions (n,) as JSON arrays of containment, area and GeoJSON geometry; equal ones once."""
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:
