@@ -54,9 +54,19 @@ class NoConfig:
 class Component:
     """A component that a scene can choose.
 
-    `build(config, context)` returns the working part; `opir_core.plugin` has the context and the base class of the part
-    of each kind. `presets` are named sets of configuration values: a block with `preset: NAME` starts from them instead
-    of the defaults.
+    `build(config, context)` returns the working part, of the contract that each kind names. `presets` are named sets of
+    configuration values: a block with `preset: NAME` starts from them instead of the defaults.
+
+    >>> @frozen
+    ... class MistConfig:
+    ...     height_m: float = 50.0
+    >>> def mist(config, context):
+    ...     return f"a mist of {config.height_m:g} m"
+    >>> model = AtmosphereModel(
+    ...     name="mist", summary="ground fog", config=MistConfig, build=mist, presets={"high": {"height_m": 200.0}}
+    ... )
+    >>> model.build(model.config(**model.presets["high"]), None)
+    'a mist of 200 m'
     """
 
     #: The hook that yields components of this kind.
