@@ -26,7 +26,7 @@ from scipy.optimize import linear_sum_assignment
 import opir_core as opir
 from opir_core.scoring import RunEvidence, evidence_of_run, ownership
 from opir_core.scoring.containments import proportion
-from opir_core.scoring.evidence import true_states
+from opir_core.scoring.evidence import true_states_ecef
 
 LAUNCHES = 10
 SPACINGS_KM = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
@@ -118,7 +118,7 @@ def states_at_mark(evidence: RunEvidence) -> tuple[np.ndarray, np.ndarray, np.nd
     tick_s = tracks.tick_s[np.argmin(np.abs(tracks.tick_s - mark_s))]
     now = tracks.take(np.flatnonzero(tracks.tick_s == tick_s))
     numbers = np.arange(LAUNCHES, dtype=np.int32)
-    truth = true_states(evidence.plan, numbers, np.full(LAUNCHES, tick_s))
+    truth = true_states_ecef(evidence.plan, numbers, np.full(LAUNCHES, tick_s))
     distance_m = np.linalg.norm(truth[:, None, :3] - now.state[None, :, :3], axis=2)
     held, error_m, semi_axis_m = np.zeros(LAUNCHES, bool), *np.full((2, LAUNCHES), np.nan)
     for launch, row in zip(*linear_sum_assignment(distance_m), strict=True):

@@ -30,7 +30,7 @@ from opir_core.geometry import eci_to_ecef
 from opir_core.scoring.bound import DetectedLooks
 from opir_core.scoring.containments import containment, proportion
 from opir_core.scoring.errors import bias_turns
-from opir_core.scoring.evidence import true_states
+from opir_core.scoring.evidence import true_states_ecef
 
 BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")
@@ -270,7 +270,7 @@ def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
     count, size = len(plan.targets.ids), len(time_s)
     target, when = np.repeat(np.arange(count, dtype=np.int32), size), np.tile(time_s, count)
     last = plan.targets.end_s[target] - 1e-3
-    found = true_states(plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target]))
+    found = true_states_ecef(plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target]))
     late = np.flatnonzero(when > last)
     if len(late):
         since = when[late] - last[late]

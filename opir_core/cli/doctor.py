@@ -23,7 +23,7 @@ from attrs import asdict, frozen
 from opir_core._version import __version__
 from opir_core.cli.terminal import table
 from opir_core.errors import OpirError, reason_of
-from opir_core.host.error_messages import PACKAGES
+from opir_core.host.error_messages import PACKAGES, Search, contested
 from opir_core.host.host import Host
 from opir_core.output.sink_thread import WITHOUT_SPOOL
 from opir_core.reading import load_scene
@@ -95,8 +95,9 @@ def _version(name: str) -> str:
 
 
 def plugins() -> Iterator[Finding]:
-    """Yield the plugins that are ready, each that failed, and the packages of this project that are not installed."""
-    rows = Host.discover().catalogue()
+    """Yield the plugins that are ready, those that failed, names with several owners, and packages not installed."""
+    host = Host.discover()
+    rows = host.catalogue()
     ready = sorted({row.distribution for row in rows if row.state == "ready" and row.distribution != "opir-core"})
     yield Finding("plugins", OK, ", ".join(ready) or "none beside opir-core")
     for row in rows:
@@ -105,6 +106,9 @@ def plugins() -> Iterator[Finding]:
             yield Finding("plugins", FAIL, f"{row.distribution} {row.version} (plugin {row.plugin}): {reason}")
         elif row.state != "ready":
             yield Finding("plugins", WARN, f"{row.plugin}: {row.state} (OPIR_PLUGINS leaves it out, or it is missing)")
+    for (hook, name), owners in sorted(host.registry.claims().items()):
+        if len(owners) > 1:
+            yield Finding("plugins", WARN, " ".join(contested(Search(hook, name), owners).split()))
     missing = sorted(set(PACKAGES) - {row.distribution for row in rows})
     if missing:
         yield Finding("plugins", OK, f"not installed: {', '.join(missing)}")

@@ -40,7 +40,10 @@ from opir_core.flight.lambert_solver import (
     lambert as lambert,
 )
 from opir_core.flight.propagation import (
+    ImpactReason as ImpactReason,
+    ImpactStates as ImpactStates,
     impact as impact,
+    impact_states_eci as impact_states_eci,
     propagate as propagate,
 )
 from opir_core.flight.tables.oem_table import (

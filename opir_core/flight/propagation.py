@@ -71,7 +71,7 @@ class ImpactReason(IntEnum):
 
 
 class ImpactStates(NamedTuple):
-    """Times to impact (...), s, states there (..., 3), m and m/s, and an `ImpactReason` (...) each."""
+    """Times to impact (...), s, states there in ECI (..., 3), m and m/s, and an `ImpactReason` (...) each."""
 
     duration_s: FloatArray
     position_m: FloatArray
@@ -88,15 +88,15 @@ def impact(
     within_s: ArrayLike = WITHIN_S,
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the times to impact (...), s, and the points of impact (..., 3), m, as `impact_states` does."""
+    """Return times to impact (...), s, and points of impact (..., 3), m, in ECI, as `impact_states_eci` does."""
     forces = forces_of(forces)
     if forces.is_kepler:
         return _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
-    states = impact_states(position_m, velocity_m_s, height_m, forces, within_s=within_s, tolerance_m=tolerance_m)
+    states = impact_states_eci(position_m, velocity_m_s, height_m, forces, within_s=within_s, tolerance_m=tolerance_m)
     return states.duration_s, states.position_m
 
 
-def impact_states(
+def impact_states_eci(
     position_m: ArrayLike,
     velocity_m_s: ArrayLike,
     height_m: ArrayLike = 0.0,
@@ -107,10 +107,12 @@ def impact_states(
 ) -> ImpactStates:
     """Return times and states of the first descents of arcs through the height `height_m` above the WGS 84 ellipsoid.
 
-    States are inertial, in the axes of ECEF at the epoch; so is the impact point, which the rotation of the Earth moves
-    in ECEF. Leading axes broadcast. A start on or below the surface must first rise through it. The step that crosses
-    the height is shortened until it ends within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m. `tolerance_m` is
-    as in `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally larger below.
+    States are inertial, in the axes of ECEF at the start, and so is the point of impact:
+    `opir_core.geometry.eci_to_ecef` of it and its `duration_s` is the place on the ground, hundreds of kilometres
+    further west. Leading axes broadcast. A start on or below the surface must first rise through it. The step that
+    crosses the height is shortened until it ends within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m.
+    `tolerance_m` is as in `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally
+    larger below.
 
     `nan`, with its `reason`, without a descent within `within_s`, and where `propagate` returns none.
     """

@@ -45,7 +45,7 @@ def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
 
     From 1970 to 2099 its direction is good to 0.001 degrees and its distance to 1.1e-4 of itself, against the theory of
     the Earth's motion in ERFA. Julian dates are UTC; dynamical time is taken 69.184 s ahead of it, as since 2017.
-    Sources: longitude `opir_core.geometry.sun_series`, distance Vallado, Fundamentals of Astrodynamics and
+    Sources: longitude as in opir_core/geometry/sun_series.py, distance Vallado, Fundamentals of Astrodynamics and
     Applications, algorithm 29.
     """
     centuries = _dynamical_centuries(floats(julian_date) - J2000_JULIAN_DATE, 0.0)
@@ -57,7 +57,7 @@ def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
 
     With the nutation of the Earth's axis; from 1970 to 2099 good to 0.001 degrees, beside the 0.004 degrees by which
-    the Earth's rotation may differ where UTC stands in for UT1 (`opir_core.geometry.frames`).
+    the Earth's rotation may differ where UTC stands in for UT1 (`gmst_rad`).
     """
     day, second = day_and_second(epoch, time_s)
     centuries = _dynamical_centuries(day + (UNIX_JULIAN_DATE - J2000_JULIAN_DATE), second)

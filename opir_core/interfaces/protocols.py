@@ -131,9 +131,9 @@ class Sensor:
     satellite; 0 for no limit.
 
     `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
-    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run
-    (`opir_core.planning.sensor_states`). A sensor that `follows_bodies` observes targets after burnout, up to impact.
-    The report of a scan follows its looks by the sum of the latencies of `reporting`; without stages, at once.
+    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run. A sensor that
+    `follows_bodies` observes targets after burnout, up to impact. The report of a scan follows its looks by the sum of
+    the latencies of `reporting`; without stages, at once.
     """
 
     id: str

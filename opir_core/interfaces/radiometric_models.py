@@ -128,8 +128,8 @@ class Sources(Contract):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
-    `opir_core.scene.scene.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may
-    begin before the scene does.
+    `opir_core.plugin.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin
+    before the scene does.
 
     >>> class NoFires(Sources):
     ...     ids = ()

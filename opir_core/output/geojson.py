@@ -31,7 +31,7 @@ Rings = list[FloatArray]
 
 
 def region_texts(column: NDArray[np.object_]) -> list[bytes]:
-    """Return a column (n,) of tuples of regions as JSON arrays of `region_document`; equal tuples are encoded once."""
+    """Return tuples of regions (n,) as JSON arrays of containment, area and GeoJSON geometry; equal ones once."""
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:

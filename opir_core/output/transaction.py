@@ -140,8 +140,8 @@ class OutputFiles:
     def commit(self, manifest: Mapping[str, Any]) -> Mapping[str, Any]:
         """Put all files in place and return the manifest with the SHA-256 of each; raise `SinkError` if that fails.
 
-        If it fails after the manifest was written, the temporary files stay and `finish_interrupted` puts them in
-        place; before, they are removed.
+        If it fails after the manifest was written, the temporary files stay, and what next reads or writes them
+        puts them in place; before, they are removed.
         """
         is_recorded = False
         try:

@@ -14,6 +14,7 @@ from opir_core.reading.loading import (
 from opir_core.reading.nodes import (
     InvalidNode as InvalidNode,
     Node as Node,
+    SwitchWord as SwitchWord,
     complaints_inside as complaints_inside,
     ordered as ordered,
 )
@@ -29,6 +30,7 @@ from opir_core.reading.strict_yaml import (
     node_of_yaml as node_of_yaml,
 )
 from opir_core.reading.structuring import (
+    UnreadableTypeError as UnreadableTypeError,
     block_of as block_of,
     class_reader as class_reader,
 )

@@ -2,6 +2,7 @@ from opir_core.scene.fields import (
     info_of as info_of,
 )
 from opir_core.scene.input_file import (
+    NotAFileError as NotAFileError,
     file_bytes as file_bytes,
 )
 from opir_core.scene.plausibility import (
@@ -16,6 +17,7 @@ from opir_core.scene.scene import (
     PAPER_TYPES as PAPER_TYPES,
     UNKNOWN_TYPE as UNKNOWN_TYPE,
     Choice as Choice,
+    SpoolConfig as SpoolConfig,
     WorkLimits as WorkLimits,
 )
 from opir_core.scene.target_classes import (

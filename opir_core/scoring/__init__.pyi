@@ -18,6 +18,7 @@ from opir_core.scoring.evidence import (
     evidence_of_run as evidence_of_run,
     ownership as ownership,
     rows_in_force as rows_in_force,
+    true_states_ecef as true_states_ecef,
 )
 from opir_core.scoring.gospa_metric import (
     Gospa as Gospa,

@@ -13,7 +13,7 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.containments import nees, on_normal_scale
-from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states
+from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states_ecef
 
 
 @frozen(eq=False, repr=False)
@@ -70,7 +70,7 @@ def state_errors(evidence: RunEvidence, owners: Ownership) -> StateErrors:
 
 def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Ownership) -> StateErrors:
     everyone = np.full(len(tracks), target, dtype=np.int32)
-    true = true_states(evidence.plan, everyone, tracks.tick_s)
+    true = true_states_ecef(evidence.plan, everyone, tracks.tick_s)
     known = np.isfinite(true).all(axis=1) & np.isfinite(tracks.state).all(axis=1)
     tracks, true = tracks.take(known), true[known]
     owner = np.searchsorted(owners.track, tracks.track)

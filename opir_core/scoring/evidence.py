@@ -74,10 +74,11 @@ def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
     return np.where(np.isin(track, known), track, -1)
 
 
-def true_states(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
+def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
     """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the rotating Earth.
 
-    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight.
+    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight or the
+    plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is the plan of a run.
     """
     start, end = plan.targets.ignition_s[target], plan.targets.end_s[target]
     inside = (time_s >= start) & (time_s <= end)

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.scoring.evidence import Ownership, RunEvidence, true_states
+from opir_core.scoring.evidence import Ownership, RunEvidence, true_states_ecef
 from opir_core.scoring.gospa_metric import gospa
 
 _NS = 1_000_000_000
@@ -78,7 +78,7 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
         known = launches[(targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)]
         if not len(known):
             continue
-        true = true_states(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
+        true = true_states_ecef(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
         is_finite = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
         estimates = tracks.state[is_finite & ((owner < 0) | np.isin(owner, known)), :3]
         result = gospa(estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)

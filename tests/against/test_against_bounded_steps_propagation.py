@@ -15,7 +15,7 @@ from opir_core.flight.altitude_events import AltitudeEvents
 from opir_core.flight.atmosphere_density import density_kg_m3
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.propagation import impact_states, propagate
+from opir_core.flight.propagation import impact_states_eci, propagate
 from opir_core.geometry import ecef_to_geodetic
 
 COUNT = 1000
@@ -35,7 +35,9 @@ class Reentries:
         self.beta = np.exp(random.uniform(np.log(100.0), np.log(10e3), COUNT))
         self.forces = Forces(drag=Drag(self.beta, atmosphere))
         self.position, self.velocity = apogees(random)
-        self.duration = impact_states(self.position, self.velocity, HEIGHT_M, self.forces, tolerance_m=1e-6).duration_s
+        self.duration = impact_states_eci(
+            self.position, self.velocity, HEIGHT_M, self.forces, tolerance_m=1e-6
+        ).duration_s
         assert np.isfinite(self.duration).all()
         state = np.concatenate([self.position, self.velocity], axis=1)
         coarse = np.maximum(self.duration - FINE_S, 0.0)
@@ -114,7 +116,7 @@ def test_the_reference_is_as_good_as_it_has_to_be(reentries):
 
 @pytest.mark.slow
 def test_impacts_are_found_there_too(reentries):
-    states = impact_states(reentries.position, reentries.velocity, HEIGHT_M, reentries.forces, tolerance_m=1e6)
+    states = impact_states_eci(reentries.position, reentries.velocity, HEIGHT_M, reentries.forces, tolerance_m=1e6)
     assert np.linalg.norm(states.position_m - reentries.end[:, :3], axis=1).max() <= 1.0
 
 
@@ -138,7 +140,7 @@ def test_steps_end_at_the_seams_and_are_bounded_in_the_air():
     """The split itself, step by step: every seam that the arc passes is an end of one of its steps."""
     position, velocity = np.array([7200e3, 0.0, 0.0]), np.array([0.0, 3000.0, 3000.0])
     forces = Forces(drag=Drag(1000.0))
-    duration = impact_states(position, velocity, 1e3, forces).duration_s
+    duration = impact_states_eci(position, velocity, 1e3, forces).duration_s
     arcs = dense_arcs(position, velocity, duration, forces, tolerance_m=1e-3)
     height = ecef_to_geodetic(arcs.states[:, 0]).height_m
     for seam in (120e3, 86e3, 51412.5, 11019.0):

@@ -45,7 +45,10 @@ def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> N
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0] == "confidence model weighted of opir-core 0.1.0 (plugin builtin)"
-    assert lines[1] == "  passed   Every setting has a help text, and the defaults are valid."
+    assert lines[1:3] == [
+        "  passed   `build` returns an object with all that its kind requires.",
+        "  passed   Every setting has a help text, and the defaults are valid.",
+    ]
     count = len(names_of(contract_of("opir_confidence_models")))
     assert lines[-1] == f"{count} of {count} conformance tests pass"
 
@@ -60,6 +63,22 @@ def test_what_is_broken_is_told_with_what_to_change() -> None:
     assert row.state == "failed"
     assert "in a second run there are" in row.seen
     assert "Draw random numbers only from the argument `rng`" in row.change
+
+
+@pytest.mark.parametrize(
+    ("hook", "name", "words"),
+    [
+        ("opir_sinks", "built-of-none", "build made None without close, write"),
+        ("opir_sinks", "without-close", "build made a WithoutClose without close"),
+        ("opir_trackers", "without-step", "build made a WithoutStep without step"),
+        ("opir_sensor_models", "forgets-to-return", "build returned None"),
+        ("opir_metrics", "without-values", "build made a WithoutValues without values"),
+    ],
+)
+def test_an_incomplete_part_is_the_only_result(hook: str, name: str, words: str) -> None:
+    (row,) = conformance_results(contract_for(hook, name, {}, {}, ("broken_components",)))
+    assert (row.test, row.state) == ("test_build_returns_a_complete_part", "failed")
+    assert words in row.seen
 
 
 @pytest.mark.parametrize(

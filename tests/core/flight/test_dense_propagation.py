@@ -5,7 +5,7 @@ import pytest
 
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, Forces
-from opir_core.flight.propagation import impact_states, propagate
+from opir_core.flight.propagation import impact_states_eci, propagate
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -31,7 +31,7 @@ def shots(count, seed=0):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_state_is_what_propagation_to_its_time_gives(name, tolerance_m):
     position, velocity = shots(20)
-    duration = impact_states(position, velocity, 0.0, MODELS[name], tolerance_m=1e-6).duration_s
+    duration = impact_states_eci(position, velocity, 0.0, MODELS[name], tolerance_m=1e-6).duration_s
     arcs = dense_arcs(position, velocity, duration, MODELS[name], tolerance_m=tolerance_m)
     time = duration[:, np.newaxis] * np.linspace(0.0, 1.0, 41)
     found, speed = arcs.state(np.arange(20)[:, np.newaxis], time)

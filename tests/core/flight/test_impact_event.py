@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 from examples import examples
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.propagation import ImpactReason, impact, impact_states, propagate
+from opir_core.flight.propagation import ImpactReason, impact, impact_states_eci, propagate
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -36,7 +36,7 @@ def shots(count, seed=0, fastest=7200.0):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_without_a_height_it_is_that_of_the_ellipsoid(name):
     position, velocity = shots(3)
-    states, at_zero = (impact_states(position, velocity, *height, forces=MODELS[name]) for height in ((), (0.0,)))
+    states, at_zero = (impact_states_eci(position, velocity, *height, forces=MODELS[name]) for height in ((), (0.0,)))
     assert np.array_equal(states.position_m, at_zero.position_m)
 
 
@@ -45,7 +45,7 @@ def test_without_a_height_it_is_that_of_the_ellipsoid(name):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):
     position, velocity = shots(60)
-    states = impact_states(position, velocity, height_m, MODELS[name], tolerance_m=1e-6)
+    states = impact_states_eci(position, velocity, height_m, MODELS[name], tolerance_m=1e-6)
     hit = states.reason == ImpactReason.IMPACT
     assert hit.sum() >= 30
     assert np.abs(ecef_to_geodetic(states.position_m[hit]).height_m - height_m).max() <= 1e-6
@@ -102,9 +102,9 @@ def test_thin_air_is_no_air():
 def test_results_do_not_depend_on_the_company(name):
     position, velocity = shots(60, seed=6)
     height = np.linspace(0.0, 50e3, 60)
-    whole = impact_states(position, velocity, height, MODELS[name])
+    whole = impact_states_eci(position, velocity, height, MODELS[name])
     for chosen in ([3], [59, 0, 31], list(range(1, 60, 2))):
-        some = impact_states(position[chosen], velocity[chosen], height[chosen], MODELS[name])
+        some = impact_states_eci(position[chosen], velocity[chosen], height[chosen], MODELS[name])
         for part, everything in zip(some, whole, strict=True):
             np.testing.assert_array_equal(part, everything[chosen])
 
@@ -120,18 +120,18 @@ def test_reasons_for_no_impact(name):
         ([radius + 500e3, 0.0, 0.0], [0.0, 3e3, 0.0], ImpactReason.IMPACT),
     ]
     position, velocity, reasons = (np.array(each) for each in zip(*cases, strict=True))
-    states = impact_states(position, velocity, 0.0, MODELS[name], within_s=within)
+    states = impact_states_eci(position, velocity, 0.0, MODELS[name], within_s=within)
     np.testing.assert_array_equal(states.reason, reasons)
     np.testing.assert_array_equal(np.isnan(states.duration_s), reasons != ImpactReason.IMPACT)
     assert np.isnan(states.position_m[:3]).all()
     assert np.isnan(states.velocity_m_s[:3]).all()
-    soon = impact_states(position[3], velocity[3], 0.0, MODELS[name], within_s=10.0)
+    soon = impact_states_eci(position[3], velocity[3], 0.0, MODELS[name], within_s=10.0)
     assert soon.reason == ImpactReason.NO_DESCENT
-    assert impact_states(position[3], velocity[3], np.nan, MODELS[name]).reason == ImpactReason.NOT_FINITE
+    assert impact_states_eci(position[3], velocity[3], np.nan, MODELS[name]).reason == ImpactReason.NOT_FINITE
 
 
 def test_drag_ends_below_the_air_model():
-    states = impact_states([6378137.0 + 1e3, 0.0, 0.0], [-300.0, 0.0, 0.0], -6e3, MODELS["us76"])
+    states = impact_states_eci([6378137.0 + 1e3, 0.0, 0.0], [-300.0, 0.0, 0.0], -6e3, MODELS["us76"])
     assert states.reason == ImpactReason.BELOW_AIR
 
 
@@ -171,7 +171,7 @@ def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(nam
         spread = times[1] - times[0]
         times = np.linspace(times[lowest] - spread, times[lowest] + spread, 400)
     perigee = heights.min()
-    states = impact_states(start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6)
+    states = impact_states_eci(start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6)
     assert (states.reason == ImpactReason.IMPACT) == (depth_m > 0.0)
 
 
@@ -184,7 +184,7 @@ def test_no_shot_warns_and_every_impact_is_on_the_ground(latitude, height_expone
     start = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent)
     normal = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent + 1.0) - start
     velocity = speed * (np.sin(angle) * normal + np.cos(angle) * np.cross([0.6, 0.0, 0.8], normal))
-    states = impact_states(start, velocity, 0.0, MODELS[name], within_s=5000.0, tolerance_m=1e-3)
+    states = impact_states_eci(start, velocity, 0.0, MODELS[name], within_s=5000.0, tolerance_m=1e-3)
     if states.reason == ImpactReason.IMPACT:
         assert abs(ecef_to_geodetic(states.position_m).height_m) <= 1e-6
         assert states.duration_s >= 0.0

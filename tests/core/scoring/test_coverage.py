@@ -10,7 +10,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.errors import point_errors, state_errors
-from opir_core.scoring.evidence import ownership, rows_in_force, true_states
+from opir_core.scoring.evidence import ownership, rows_in_force, true_states_ecef
 from opir_core.scoring.scorecards import GEOMETRIES, Scorecard
 from opir_core.scoring.sensor_coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
 from opir_core.simulation.run import run_of_plan
@@ -25,7 +25,7 @@ def told():
     run = run_of_plan(plan)
     rows = np.flatnonzero((run.tracks.tick_s >= FIRST_S) & (run.tracks.tick_s <= LAST_S))
     tracks = run.tracks.take(rows)
-    true = true_states(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    true = true_states_ecef(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
     evidence = evidence_of_run(run, plan)
     return evolve(evidence, tracks=evolve(tracks, state=true + np.eye(6)[0] * 100.0))
 

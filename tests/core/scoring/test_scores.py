@@ -20,7 +20,7 @@ from opir_core.scoring.containments import (
     root_mean_square,
 )
 from opir_core.scoring.errors import ground_error
-from opir_core.scoring.evidence import ownership, true_states
+from opir_core.scoring.evidence import ownership, true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)
@@ -115,7 +115,7 @@ def judged_innovations(scale):
     told = told.take((told.tick_s > 30.0) & (told.tick_s < 129.0))
     rng = np.random.default_rng(2)
     sigma = np.array([400.0] * 3 + [5.0] * 3)
-    state = true_states(plan, np.zeros(len(told), dtype=np.int32), told.tick_s)
+    state = true_states_ecef(plan, np.zeros(len(told), dtype=np.int32), told.tick_s)
     state = state + scale * sigma * rng.normal(size=state.shape)
     told = evolve(told, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(told), 1, 1)))
     evidence = evolve(evidence, tracks=told)
@@ -136,17 +136,17 @@ def test_the_true_velocity_at_burnout_is_that_of_the_burnout() -> None:
     """Where thrust is greatest, and the truth ends: half a step of a plain difference would be off by 9 m/s there."""
     plan = opir.compile_plan(opir.load_scene("examples/pacific_test_range.yaml", overrides=["outputs=[]"]))
     everyone = np.arange(3, dtype=np.int32)
-    states = true_states(plan, everyone, plan.targets.burnout_s[everyone])
+    states = true_states_ecef(plan, everyone, plan.targets.burnout_s[everyone])
     told = [each["burnout"]["velocity_ecef_m_s"] for each in plan.targets.truth()]
     assert states[:, 3:] == pytest.approx(np.array(told), abs=0.1)
-    at_rest = true_states(plan, everyone, plan.targets.ignition_s[everyone])
+    at_rest = true_states_ecef(plan, everyone, plan.targets.ignition_s[everyone])
     assert at_rest[:, 3:] == pytest.approx(0.0, abs=0.1)
 
 
 def test_true_states_are_those_of_the_trajectory():
     plan = compile_plan(scene_from_mapping(SCENE))
     times = np.array([5.0, 10.0, 80.0, 200.0, 5000.0])
-    states = true_states(plan, np.zeros(5, dtype=np.int32), times)
+    states = true_states_ecef(plan, np.zeros(5, dtype=np.int32), times)
     assert np.isnan(states[[0, 4]]).all()
     boost = plan.targets.trajectories[0].flight.path
     position, velocity = boost.state(np.zeros(3, dtype=np.int64), times[1:4])

@@ -20,7 +20,7 @@ from scored_scene import SCENE
 import opir_core as opir
 from opir_core.cli.score import scorecard_text
 from opir_core.scoring import evidence_of_run, scorecard
-from opir_core.scoring.evidence import true_states
+from opir_core.scoring.evidence import true_states_ecef
 
 
 @pytest.fixture(autouse=True)
@@ -158,7 +158,7 @@ def test_nees_is_the_error_over_the_covariance() -> None:
     row = len(data) // 2
     tick_s = data["since_ignition_s"][row] + run.plan.targets.ignition_s[0]
     (at,) = np.flatnonzero(np.abs(run.tracks.tick_s - tick_s) < 1e-6)
-    error = run.tracks.state[at] - true_states(run.plan, np.zeros(1, dtype=np.int32), np.array([tick_s]))[0]
+    error = run.tracks.state[at] - true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([tick_s]))[0]
     assert data["position_error_m"][row] == pytest.approx(np.linalg.norm(error[:3]))
     if np.isnan(run.tracks.state_sigmas[at]).all():
         due = error @ np.linalg.inv(run.tracks.state_covariance[at]) @ error / 6.0

@@ -28,6 +28,7 @@ class BareEnvironment(EnvironmentContract):
     ("act", "said"),
     [
         (Bare.run, "Bare must define scene(**changes), which returns the test scene with the component"),
+        (Bare.part, "Bare must define part(), which returns what the component builds"),
         (BareValues().test_rows_are_computed_as_arrays, "BareValues must define values(band, rows), which returns"),
         (
             BareEmitter().test_intensities_are_finite_and_not_negative,
@@ -35,7 +36,7 @@ class BareEnvironment(EnvironmentContract):
         ),
         (BareEnvironment.model, "BareEnvironment must define model(), which returns the built model"),
     ],
-    ids=["scene", "values", "signatures", "model"],
+    ids=["scene", "part", "values", "signatures", "model"],
 )
 def test_a_missing_method_is_named_with_its_class_and_what_it_returns(act: Any, said: str) -> None:
     with pytest.raises(NotImplementedError, match=f"^{re.escape(said)}.*inherit that of your kind") as raised:

@@ -9,7 +9,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.containments import nees
-from opir_core.scoring.evidence import ownership, true_states
+from opir_core.scoring.evidence import ownership, true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 SCENE = EXAMPLES / "pacific_test_range.yaml"
@@ -27,7 +27,7 @@ def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_know
     assert sorted(owners.target.tolist()) == [0, 1, 2]
     told = evidence.tracks.take(np.flatnonzero(evidence.tracks.tick_s % 20.0 == 0.0))
     target = owners.target[np.searchsorted(owners.track, told.track)]
-    away = told.state - true_states(plan, target, told.tick_s)
+    away = told.state - true_states_ecef(plan, target, told.tick_s)
     known = np.flatnonzero(np.isfinite(away).all(axis=1))
     assert len(known) >= 12
     assert np.sqrt(np.trace(told.state_covariance[:, :3, :3], axis1=1, axis2=2)).max() > 5e3
@@ -65,7 +65,7 @@ def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows()
         owners = ownership(evidence)
         target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
         told = evidence.tracks.take(np.flatnonzero((target == 0) & (evidence.tracks.tick_s == 40.0)))
-        away = told.state - true_states(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
+        away = told.state - true_states_ecef(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
         squares += nees(away, told.state_covariance).tolist()
     assert len(squares) == 4
     assert max(squares) < RARE

@@ -43,6 +43,11 @@ class Nameless(DetectionCount):
         return {}
 
 
+@made_of(MetricModel, "without-values", "test_build_returns_a_complete_part")
+class WithoutValues:
+    units: Mapping[str, str] = {"detections": ""}
+
+
 @made_of(MetricModel, "forgetful", "test_every_run_has_every_figure")
 class Forgetful(DetectionCount):
     def values(self, run: Run) -> Mapping[str, float]:

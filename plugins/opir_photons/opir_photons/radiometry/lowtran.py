@@ -259,7 +259,7 @@ def band_transmittance(
     result is 0 through the Earth. The two broadcast; the result has their common shape. `climate`, `aerosol` and
     `weighting` are those of the component `lowtran`. `ValueError` for a band or a climate that the table does not have.
 
-    Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as `LowtranAtmosphere` does.
+    Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as by the component `lowtran`.
     """
     height, sine = np.broadcast_arrays(np.asarray(height_m, dtype=np.float64), np.sin(elevation_rad))
     grid = _cached_grid(lower_um, upper_um, climate, aerosol, weighting)

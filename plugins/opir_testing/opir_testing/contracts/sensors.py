@@ -120,7 +120,7 @@ class SensorContract(SceneContract):
 
     def test_a_launch_below_it_is_seen(self) -> None:
         """Within a day the sensor looks at some launch that is below it at ignition."""
-        places = self.places(np.arange(_LAUNCHES) * _LAUNCH_STEP_S)
+        places = self.places(np.arange(_LAUNCHES, dtype=np.float64) * _LAUNCH_STEP_S)
         targets = [
             launch(f"BELOW-{number}", "ICBM", place, _aim(place), number * _LAUNCH_STEP_S)
             for number, place in enumerate(places)
@@ -142,10 +142,11 @@ class SensorContract(SceneContract):
         if given is None or default is None or name in self.block() or info_of(given) != info_of(default):
             return
         radius_m = np.sqrt(np.sum(self.sensor().orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
+        cone_deg = float(default.default or 0.0)
         disk_deg = math.degrees(math.asin(min(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0)))
         require(
-            default.default >= _LEAST_SHARE * disk_deg,
-            f"{name} is the default of geostationary sensors, {default.default:g} deg; in this orbit the Earth's disk"
+            cone_deg >= _LEAST_SHARE * disk_deg,
+            f"{name} is the default of geostationary sensors, {cone_deg:g} deg; in this orbit the Earth's disk"
             f" has a half angle of {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
             f"Set it: with_defaults({name}=cited({disk_deg:.1f}, ...)), or with the source of a narrower one.",
         )

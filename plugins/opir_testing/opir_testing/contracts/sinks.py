@@ -26,6 +26,8 @@ from opir_testing.doubles import stub_window
 _CYCLE_NS = 5_000_000_000
 _LIVE_S = 20.0
 _POLL_S = 0.01
+_MANIFEST = "manifest.json"
+_SPOOL = "waiting.spool"
 
 _OPENING = (
     "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that context.stage(path) returns:"
@@ -148,7 +150,7 @@ class SinkContract(OutputContract):
     def test_a_run_with_a_spool_continues_its_output(self) -> None:
         """With a spool, a second run keeps what the first one has delivered; a sink that cannot says so at once."""
         with _empty_folder():
-            spool = {"path": "events.spool"}
+            spool = {"path": _SPOOL}
             try:
                 outcome = _delivered(self.run_plan(spool=spool), _RESUMING)
             except (SceneError, SinkError):
@@ -156,7 +158,7 @@ class SinkContract(OutputContract):
             _require_run(outcome, "a run with a spool")
             before = _sizes()
             _require_run(_delivered(self.run_plan(45.0, spool=spool), _RESUMING), "a second run with the same spool")
-            shorter = [name for name, size in before.items() if _sizes().get(name, 0) < size and "spool" not in name]
+            shorter = [name for name, size in before.items() if _sizes().get(name, 0) < size]
             require(
                 not shorter,
                 f"a second run with the same spool makes {', '.join(shorter)} shorter: delivered events are lost",
@@ -195,7 +197,7 @@ def _require_accounts(delivery: Delivery, events: int) -> None:
 def _delivered(plan: Plan, change: str) -> RunOutcome:
     """Return the outcome of a batch run; raises `ConformanceError` if the sink cannot be built."""
     try:
-        return deliver(plan, manifest_path=Path("manifest.json"))
+        return deliver(plan, manifest_path=Path(_MANIFEST))
     except ModelError as error:
         raise ConformanceError(str(error).partition("; ")[0], change) from error
 
@@ -222,8 +224,9 @@ def _require_run(outcome: RunOutcome, run: str) -> None:
 
 
 def _sizes() -> Mapping[str, int]:
-    """Return the sizes of the files in this folder, bytes."""
-    return {str(path): path.stat().st_size for path in Path.cwd().rglob("*") if path.is_file()}
+    """Return the sizes of the sink's files in this folder, bytes."""
+    files = (path for path in Path().rglob("*") if path.is_file() and path.name not in (_MANIFEST, _SPOOL))
+    return {str(path): path.stat().st_size for path in files}
 
 
 @contextmanager

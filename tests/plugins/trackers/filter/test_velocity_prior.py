@@ -9,7 +9,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.planning.plan import compile_plan
 from opir_core.scoring.containments import nees
-from opir_core.scoring.evidence import true_states
+from opir_core.scoring.evidence import true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 
@@ -83,6 +83,6 @@ def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: fl
     tracks = run_of_plan(plan).tracks
     # An ICBM burns out at about 6.8 km/s; without restraint 9 to 73 km/s are told here.
     assert np.linalg.norm(tracks.state[:, 3:], axis=1).max() < 7000.0
-    away = tracks.state - true_states(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    away = tracks.state - true_states_ecef(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
     half = len(tracks) // 2
     assert nees(away[:half], tracks.state_covariance[:half]).mean() / 6.0 < 1.5
