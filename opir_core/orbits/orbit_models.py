@@ -34,7 +34,6 @@ from opir_core.orbits.elements import (
     walker_pattern,
 )
 from opir_core.orbits.mean_elements import omm_complaint, omm_name
-from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle
 from opir_core.scene.input_file import file_bytes
 
 
@@ -176,6 +175,8 @@ def orbit_of(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | Moving
         return GeostationaryOrbit(slot.lon_deg)
     elements = elements_of(config, epoch_us)
     if elements is None:
+        from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle  # of such orbits alone
+
         if config.tle is not None:
             satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
         else:

@@ -107,9 +107,3 @@ class CheckedEncoder(CheckedPart, Encoder):
         if getattr(mask, "shape", None) != (len(window.detections),) or mask.dtype.kind != "b":
             raise self._wrong(f"encodable returned {kind_of(mask)}; truth values of each detection are required")
         return mask
-
-
-def is_of_core(component: Any) -> bool:
-    """Return whether a component's parts are the core's own, which need no boundary."""
-    build = getattr(component.build, "func", component.build)
-    return str(getattr(build, "__module__", "")).partition(".")[0] == "opir_core"

@@ -15,7 +15,6 @@ from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.outputs import Encoder, Sink, Transport, sink_or_transport
 from opir_core.interfaces.records import Window
-from opir_core.output.checked_parts import CheckedEncoder, CheckedSink, is_of_core
 from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
@@ -213,8 +212,11 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
     owner = partial(owner_text, plan.host, choice)
     made = sink_or_transport(built(plan.host, choice, context), owner)
     if choice.spool is None and not isinstance(made, Transport):
-        is_trusted = not is_checked or is_of_core(plan.host.component(choice.hook, choice.name))
-        return made if is_trusted else CheckedSink(made, owner, check_hint(choice.name))
+        if not is_checked or _is_of_core(plan.host.component(choice.hook, choice.name)):
+            return made
+        from opir_core.output.checked_parts import CheckedSink
+
+        return CheckedSink(made, owner, check_hint(choice.name))
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 
@@ -242,8 +244,18 @@ def _encoder(plan: Plan, choice: Choice) -> Encoder:
     owner = partial(owner_text, plan.host, chosen)
     context = evolve(_origin(plan), render=render)
     encoder = Encoder.adopt(built(plan.host, chosen, context, component.config()), owner)
-    return encoder if is_of_core(component) else CheckedEncoder(encoder, owner, check_hint(component.name))
+    if _is_of_core(component):
+        return encoder
+    from opir_core.output.checked_parts import CheckedEncoder
+
+    return CheckedEncoder(encoder, owner, check_hint(component.name))
 
 
 def _origin(plan: Plan) -> EncoderContext:
     return EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+
+
+def _is_of_core(component: Any) -> bool:
+    """Return whether a component's parts are the core's own, which need no boundary."""
+    build = getattr(component.build, "func", component.build)
+    return str(getattr(build, "__module__", "")).partition(".")[0] == "opir_core"

@@ -3,9 +3,6 @@
 import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
-from opir_core.interfaces.protocols import DetectionProbability
-from opir_core.planning.sightlines import Pairs
-from opir_core.simulation.output_checks import checked_confirmation
 
 #: Before every scan.
 _NEVER = -(1 << 62)
@@ -49,14 +46,3 @@ class Confirmation:
             new = scan[np.where(is_new, start + times - 1 - back, start)]
             old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
             self.recent[pair, back] = np.where(is_new, new, old)
-
-
-def confirmation_of(model: DetectionProbability, pairs: Pairs, sensors: int) -> Confirmation | None:
-    """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
-    if model.confirmation is None:
-        return None
-    confirmation = checked_confirmation(model.confirmation, sensors)
-    if not np.any(confirmation[:, 0] > 1):
-        return None
-    needed, scans = confirmation[pairs.sensor].T
-    return Confirmation(needed, scans)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from attrs import evolve
 
-from opir_core.arrays import IntArray
+from opir_core.arrays import IndexArray, IntArray
 from opir_core.host.boundary import PluginErrors
 from opir_core.interfaces.records import Window
 from opir_core.planning.looks import LookGeometry
@@ -19,13 +19,9 @@ from opir_core.planning.plan import Plan
 from opir_core.random_streams.pair_streams import PairStreams
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.building import BuildDetections
-from opir_core.simulation.counting import CountDetections
-from opir_core.simulation.drawing import DrawDirections, draw_detections
-from opir_core.simulation.look_finding import FindLooks
+from opir_core.simulation.hit_stages import CountDetections, DrawDirections, FindLooks, OrderByTime, draw_detections
 from opir_core.simulation.measurement import with_tracks
-from opir_core.simulation.measuring import MeasureResponses
 from opir_core.simulation.observation import Observation, Stage
-from opir_core.simulation.ordering import OrderByTime
 from opir_core.simulation.probability import (
     EvaluatedProbability,
     InterpolatedProbability,
@@ -66,7 +62,7 @@ class Engine:
             draw_detections,
             self._count,
             DrawDirections(pairs),
-            MeasureResponses(pairs.sensor, build.most_bands, build.pair_type is None) if curves else None,
+            _measuring(pairs.sensor, build) if curves else None,
             OrderByTime.of(pairs),
             draw_false_alarms,
             build,
@@ -130,6 +126,13 @@ class Engine:
         if detections is window.detections:
             return window
         return evolve(window, detections=detections.freeze(), tracks=tracked.tracks, estimates=tracked.estimates)
+
+
+def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
+    """Return the stage that measures all hits at once, of scenes with interpolated P_d."""
+    from opir_core.simulation.measuring import MeasureResponses
+
+    return MeasureResponses(sensor, build.most_bands, build.pair_type is None)
 
 
 def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Stage | None]:

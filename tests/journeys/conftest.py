@@ -62,13 +62,13 @@ def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
     folder = tmp_path_factory.mktemp("outsider")
     made = Outsider(folder, folder / "environment")
     build = ("-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheels"))
-    done = subprocess.run([sys.executable, *build], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    for source in (ROOT, *(ROOT / "plugins" / name for name in ("opir_photons", "opir_testing"))):
+        done = subprocess.run([sys.executable, *build], cwd=source, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
     venv.create(made.environment, symlinks=True)
     (site,) = (made.environment / "lib").glob("python3.*/site-packages")
     (site / "third_party.pth").write_text(str(third_party(folder / "third_party")))
-    (wheel,) = (folder / "wheels").glob("opir_core-*.whl")
-    made.install(str(wheel))
+    made.install(*(str(wheel) for wheel in sorted((folder / "wheels").glob("opir_*.whl"))))
     where = made.python("-c", "import opir_core; print(opir_core.__file__)").stdout
     assert Path(where.strip()).is_relative_to(made.environment)
     return made

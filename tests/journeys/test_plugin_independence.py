@@ -144,7 +144,9 @@ def test_other_plugins_and_their_order_change_no_byte(
     needed = sorted(SCENES[name])
     for order in orders(needed, [other for other in shelf if other not in needed]):
         path_of_folders([shelf[one] for one in order])
-        rows = {row.plugin: row.state for row in Host.discover().catalogue()}
-        assert rows.keys() - CORE_PLUGINS.keys() == {one.removeprefix("opir_") for one in order}
+        catalogue = Host.discover().catalogue()
+        rows = {row.plugin: row.state for row in catalogue}
+        of_others = {row.distribution for row in catalogue if row.plugin not in CORE_PLUGINS}
+        assert {name.replace("-", "_") for name in of_others} == set(order)
         assert [plugin for plugin, state in rows.items() if state == "failed"] == ["wreck"] * ("wreck" in order)
         assert results(scene) == everything, order

@@ -18,7 +18,6 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid
-from opir_core.output.events.estimates import impact_texts, launch_texts, track_fields
 from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, reference
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
@@ -137,7 +136,7 @@ class ForgeEncoder(Encoder):
                 *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
-                *([track_fields(window, self._epoch_us)] if self._has_tracks else ()),
+                *(_track_fields(window, self._epoch_us) if self._has_tracks else ()),
                 *_positions(window),
             ],
         )
@@ -178,6 +177,8 @@ def _points(window: Window, epoch_us: int) -> Column:
         return _POINTS % (b"null", b"null")
     rows, of_detection = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
+    from opir_core.output.events.estimates import impact_texts, launch_texts  # of runs with tracks
+
     estimates = window.estimates.take(used)
     launches, impacts = launch_texts(estimates, epoch_us), impact_texts(estimates, epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
@@ -223,3 +224,10 @@ def _positions(window: Window) -> list[Column]:
         *(b',"longitude_deg":', Decimal(longitude, DEGREE_DECIMALS)),
         *(b',"altitude_m":', Decimal(altitude, METRE_DECIMALS), b"}\n"),
     ]
+
+
+def _track_fields(window: Window, epoch_us: int) -> tuple[Column, ...]:
+    """Return the fields of the tracks that detections belong to."""
+    from opir_core.output.events.estimates import track_fields
+
+    return (track_fields(window, epoch_us),)

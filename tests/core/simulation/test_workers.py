@@ -18,8 +18,8 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.output.delivery import deliver
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.simulation import run, workers
-from opir_core.simulation.counting import CountDetections
 from opir_core.simulation.engine import Engine
+from opir_core.simulation.hit_stages import CountDetections
 from opir_core.simulation.shared_run import counted
 from opir_core.simulation.summary import Tally
 from opir_core.simulation.workers import LostWindowError

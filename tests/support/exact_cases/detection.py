@@ -410,14 +410,37 @@ LEFT_OUT = {
     },
     "scoring": {
         **dict.fromkeys(
-            ["Consistency", "Gospa", "ImpactScores", "Ownership", "RunEvidence", "ScoreSettings", "Scorecard"],
+            [
+                "Consistency",
+                "Gospa",
+                "ScoredRun",
+                "ImpactScores",
+                "Ownership",
+                "RunEvidence",
+                "ScoreSettings",
+                "Scorecard",
+            ],
             "a record",
         ),
         "consistency": "SciPy's χ² quantiles (tests/core/scoring)",
         "containment": "counts, and SciPy's χ² quantile (tests/core/scoring)",
         **dict.fromkeys(
-            ["evidence_of_files", "evidence_of_run", "impact_scores", "ownership", "scorecard"],
+            [
+                "evidence_of_files",
+                "evidence_of_run",
+                "impact_scores",
+                "ownership",
+                "scorecard",
+                "coverage",
+                "last_rows",
+            ],
             "takes runs, not numbers",
         ),
+        **dict.fromkeys(
+            ["ground_error", "phase_scores", "place_of", "point_errors", "rows_in_force", "scorecard_of", "scored_run"],
+            "takes runs, not numbers",
+        ),
+        **dict.fromkeys(["state_errors", "true_states_ecef"], "takes runs, not numbers"),
+        **dict.fromkeys(["GEOMETRIES", "OLDEST_S", "PHASES", "USUAL_SETTINGS"], "a constant"),
     },
 }

@@ -360,6 +360,13 @@ BOUNDS = (
 
 LEFT_OUT = {
     "flight": {
+        **dict.fromkeys(("BoostPath", "ImpactReason", "ImpactStates"), "a record"),
+        **dict.fromkeys(("ForceModel", "LOWEST_HEIGHT_M", "PROFILES_BY_TYPE"), "a type or a constant"),
+        "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
+        "ecef_state": "an OEM state in other frames, held to other libraries (tests/against)",
+        "forces_of": "looks a name up",
+        **dict.fromkeys(("height_and_up", "height_m"), "through ecef_to_geodetic, to 2e-8 m (tests/core/flight)"),
+        "impact_states_eci": "through impact and kepler_impact",
         "Aim": "a record",
         "BoostProfile": "a record",
         "Drag": "a record; drag is held to SciPy (tests/against/test_against_scipy_propagation.py)",
@@ -370,6 +377,7 @@ LEFT_OUT = {
         "boost_profiles": "looks names up",
     },
     "orbits": {
+        "GeostationaryOrbit": "a fixed point; through geodetic_to_ecef",
         "CRITICAL_INCLINATION_RAD": "a constant",
         **dict.fromkeys(
             [

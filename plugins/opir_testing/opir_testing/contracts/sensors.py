@@ -120,7 +120,7 @@ class SensorContract(SceneContract):
 
     def test_a_launch_below_it_is_seen(self) -> None:
         """Within a day the sensor looks at some launch that is below it at ignition."""
-        places = self.places(np.arange(_LAUNCHES, dtype=np.float64) * _LAUNCH_STEP_S)
+        places = self.places(_LAUNCH_STEP_S * np.arange(_LAUNCHES, dtype=np.float64))
         targets = [
             launch(f"BELOW-{number}", "ICBM", place, _aim(place), number * _LAUNCH_STEP_S)
             for number, place in enumerate(places)
