@@ -31,7 +31,7 @@ else:
             raise AttributeError(f"{type(part).__name__} defines no {self.fget.__name__}")
 
 
-class Part(ABC):  # noqa: B024 - its subclasses have the abstract methods
+class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
     """What the part that a component builds must have: required members, and optional ones with defaults."""
 
     @classmethod

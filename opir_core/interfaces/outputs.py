@@ -1,7 +1,7 @@
 """The contracts of outputs: sinks, transports and event encoders.
 
 Each is one base class: the abstract methods are required, the others have defaults. A part that has the methods and
-another base class works too (`Part.adopt`).
+another base class works too (`PluginPart.adopt`).
 """
 
 from abc import abstractmethod
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from attrs import frozen
 
 from opir_core.arrays import BoolArray
-from opir_core.interfaces.contract import Part, optional, required
+from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.records import Batch, Window
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Delivery:
     complaint: str | None = None
 
 
-class Sink(Part):
+class Sink(PluginPart):
     """A destination of events. A sink that fails raises `SinkError`; the other sinks continue.
 
     A sink's `build` may return a `Transport` instead; the core makes a sink of it.
@@ -90,7 +90,7 @@ class Sink(Part):
         return False
 
 
-class Transport(Part):
+class Transport(PluginPart):
     """Sends encoded events and acknowledges them later: a sink's `build` may return one.
 
     The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
@@ -135,7 +135,7 @@ class Transport(Part):
         return
 
 
-class Encoder(Part):
+class Encoder(PluginPart):
     """Detections to message bytes; tracks to message bytes if it `encodes_tracks`.
 
     >>> from opir_testing.doubles import stub_window

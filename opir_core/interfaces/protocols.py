@@ -17,7 +17,7 @@ from attrs import field, frozen
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contract import Part, optional, required
+from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 from opir_core.scene.scene import EMITTER_TYPES
@@ -157,7 +157,7 @@ class Sensor:
     settings: Mapping[str, Any] = field(factory=dict)
 
 
-class Trajectories(Part):
+class Trajectories(PluginPart):
     """The trajectories of all targets of one model; by default of one burn each, up to burnout.
 
     >>> import numpy as np
@@ -292,7 +292,7 @@ class Response(Columns):
         return None if self.elevation_sine is None else self.elevation_sine[rows]
 
 
-class DetectionProbability(Part):
+class DetectionProbability(PluginPart):
     """Exposures to probability of detection; by default every look on its own, without signals or false alarms.
 
     A model with signals defines `response` and `measure_response`: if it has a `probability_tolerance` too, the engine
@@ -374,7 +374,7 @@ class DetectionProbability(Part):
         raise NotImplementedError
 
 
-class Classifier(Part):
+class Classifier(PluginPart):
     """Measurements to the reported target type; with `log_posterior`, also to type probabilities that tracks revise.
 
     >>> class Undecided(Classifier):
@@ -405,7 +405,7 @@ class Classifier(Part):
         raise NotImplementedError
 
 
-class Confidence(Part):
+class Confidence(PluginPart):
     """Detections and detection counts to confidence.
 
     >>> class Even(Confidence):
@@ -427,7 +427,7 @@ class Confidence(Part):
         return None
 
 
-class Tracker(Part):
+class Tracker(PluginPart):
     """Detections to tracks; stepped at ticks of scene time, never at window edges.
 
     >>> class Following(Tracker):

@@ -15,7 +15,7 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contract import Part, optional, required
+from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.scene.target_classes import Plume
 
@@ -60,7 +60,7 @@ class Views(Columns):
     )
 
 
-class Signatures(Part):
+class Signatures(PluginPart):
     """Radiant intensities of the targets of one model; rows are those of the context (or the `Sources`).
 
     >>> class Torch(Signatures):
@@ -124,7 +124,7 @@ class Signatures(Part):
         return np.zeros(len(target))
 
 
-class Sources(Part):
+class Sources(PluginPart):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
@@ -154,7 +154,7 @@ class Sources(Part):
         raise NotImplementedError
 
 
-class Transmittance(Part):
+class Transmittance(PluginPart):
     """The transmittance of the atmosphere; by default without clouds.
 
     >>> class Haze(Transmittance):
@@ -195,7 +195,7 @@ class Structure:
     exponent: float
 
 
-class Background(Part):
+class Background(PluginPart):
     """The radiance behind a target.
 
     With `structures` and `structured_radiances_w_m2_sr` sensors with a focal plane see its structure as clutter.

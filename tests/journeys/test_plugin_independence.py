@@ -147,6 +147,6 @@ def test_other_plugins_and_their_order_change_no_byte(
         catalogue = Host.discover().catalogue()
         rows = {row.plugin: row.state for row in catalogue}
         of_others = {row.distribution for row in catalogue if row.plugin not in CORE_PLUGINS}
-        assert {name.replace("-", "_") for name in of_others} == set(order)
+        assert {name.removeprefix("opir-") for name in of_others} == {one.removeprefix("opir_") for one in order}
         assert [plugin for plugin, state in rows.items() if state == "failed"] == ["wreck"] * ("wreck" in order)
         assert results(scene) == everything, order

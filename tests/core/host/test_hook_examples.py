@@ -11,7 +11,7 @@ import pytest
 
 from opir_core.host import components, hookspecs
 from opir_core.host.components import Component
-from opir_core.interfaces.contract import Part
+from opir_core.interfaces.contract import PluginPart
 
 HOOKS = [
     hook
@@ -26,7 +26,7 @@ def bases() -> Iterator[Any]:
     for name in ("outputs", "protocols", "radiometric_models", "results"):
         module = import_module(f"opir_core.interfaces.{name}")
         own = [each for each in vars(module).values() if getattr(each, "__module__", "") == module.__name__]
-        yield from (each for each in own if isinstance(each, type) and {Part, Protocol} & {*each.__bases__})
+        yield from (each for each in own if isinstance(each, type) and {PluginPart, Protocol} & {*each.__bases__})
 
 
 def fault_of(shown: Any) -> str:
@@ -52,11 +52,11 @@ def test_examples_run(shown: Any) -> None:
     assert not fault_of(shown)
 
 
-class Bare(Part):
+class Bare(PluginPart):
     """A contract without an example."""
 
 
-class Wrong(Part):
+class Wrong(PluginPart):
     """A contract with an example that does not hold.
 
     >>> 1 + 1
