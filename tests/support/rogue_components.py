@@ -8,7 +8,7 @@ from attrs import evolve
 
 from opir_core.host.components import CATALOGUE
 from opir_core.host.host import Host
-from opir_core.interfaces.contract import Contract, has_own
+from opir_core.interfaces.contract import PluginPart, has_own
 from opir_core.plugin import hookimpl
 
 #: Takes what the method returns when it behaves, and returns what it returns here, or raises.
@@ -44,7 +44,7 @@ class Rogue:
 
 def with_deed(part: Any, method: str, deed: Deed) -> Any:
     """Return a part like another, except for one method or attribute; defaults of its contract call the new one."""
-    contracts = (each for each in type(part).__mro__[1:] if issubclass(each, Contract))
+    contracts = (each for each in type(part).__mro__[1:] if issubclass(each, PluginPart))
     contract = next((each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object)
 
     def delegate(name: str) -> Any:

@@ -72,7 +72,8 @@ def test_the_supervisor_ends_the_process_with_its_own_code(tmp_path: Path, deed:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(60.0)
-        systemd = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+        # A socket holds ten messages, and they are read when the process has ended.
+        systemd = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "2000000"}
         process = subprocess.Popen(
             [*rogue, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **systemd}
         )
