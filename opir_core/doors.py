@@ -1,7 +1,5 @@
 """Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported when it is first used.
-
-`lazy_loader` reads stubs too, but hands on only what is inside the package itself.
-"""
+`lazy_loader` reads stubs too, but hands on only what is inside the package itself."""
 
 import re
 import sys

@@ -73,3 +73,11 @@ def spread_text(point: Mapping[str, Any]) -> str:
         short = float(f"{area_km2:.2g}")
         return f" (95 % in {grouped(round(short)) if short >= _WHOLE_KM2 else f'{short:g}'} km2)"
     return "" if point["semi_major_95_km"] is None else f" ({point['semi_major_95_km']:.1f} km)"
+
+
+def track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of a track in the table of a run."""
+    chance = row["type_probability"]
+    reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
+    times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
+    return (str(row["track_id"]), reported, *times, point_text(row["launch"]), point_text(row["impact"]))

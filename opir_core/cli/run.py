@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -181,7 +181,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
 
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary as sentences and tables."""
-    from opir_core.cli.answer_lines import answers, point_text  # a quiet run has no answers
+    from opir_core.cli.answer_lines import answers, track_cells  # a quiet run has no answers
 
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
@@ -194,7 +194,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         "\n".join(answers(outcome.summary)),
         table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
         _target_table(targets, is_delayed=is_delayed),
-        _listed(_TRACK_HEAD, [_track_cells(row, point_text) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
+        _listed(_TRACK_HEAD, [track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
     return "\n\n".join(part for part in parts if part)
@@ -240,13 +240,6 @@ def _target_table(targets: Sequence[Mapping[str, Any]], *, is_delayed: bool) -> 
         latency_s = row["end_to_end_latency_s"]
         each.insert(4, "-" if latency_s is None else f"{latency_s:.3f}")
     return _listed(head, cells, numbers=(2, 3, 4, 6, 7))
-
-
-def _track_cells(row: Mapping[str, Any], point_text: Callable[[Any], str]) -> tuple[str, ...]:
-    chance = row["type_probability"]
-    reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
-    times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
-    return (str(row["track_id"]), reported, *times, point_text(row["launch"]), point_text(row["impact"]))
 
 
 def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:

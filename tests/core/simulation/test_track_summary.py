@@ -7,7 +7,7 @@ import pytest
 from attrs import evolve
 from opir_testing.doubles import stub_estimates, stub_regions
 
-from opir_core.cli.run import _track_cells
+from opir_core.cli.answer_lines import track_cells
 from opir_core.interfaces.records import Tracks
 from opir_core.simulation.summary import LatestTracks
 
@@ -26,7 +26,7 @@ def summary_of(tracks: Tracks) -> tuple[dict[str, Any], str]:
     latest = LatestTracks()
     latest.take(tracks)
     (row,) = latest.rows()
-    return row["impact"], _track_cells(row)[-1]
+    return row["impact"], track_cells(row)[-1]
 
 
 def test_an_impact_has_an_axis_until_there_are_regions() -> None:
