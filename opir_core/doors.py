@@ -1,5 +1,4 @@
-"""Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported when it is first used.
-`lazy_loader` reads stubs too, but hands on only what is inside the package itself."""
+"""Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported at first use."""
 
 import re
 import sys
@@ -9,7 +8,8 @@ from typing import Any
 
 __all__ = ["door"]
 
-#: The imports of a stub: the module, and its names in parentheses or on the line.
+#: The imports of a stub: the module, and its names in parentheses or on the line. The library `lazy_loader` reads stubs
+#: too, but refuses imports from outside the package.
 _IMPORT = re.compile(r"^from (\S+) import (?:\(([^)]*)\)|(.+))$", re.MULTILINE)
 
 

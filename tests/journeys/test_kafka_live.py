@@ -16,7 +16,7 @@ from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
-#: A run that waits for a broker that never comes has not ended so long after it was told to, s.
+#: Time limit, s, for a run to end after SIGTERM while it waits for a broker that never comes.
 STOP_S = 60.0
 
 

@@ -23,7 +23,7 @@ from kafka_broker import dead_address
 from opir_http import serving as serving_
 from waiting import until, within
 
-#: A service that waits for what never comes has not ended so long after it was told to, s. It ends within 5 s on a
+#: Time limit, s, for a service to end after SIGTERM while it waits for what never comes. It ends within 5 s on a
 #: machine that does nothing else.
 STOP_S = 60.0
 

@@ -1,4 +1,4 @@
-"""A live run is watched: systemd is notified while cycles end, and who asked is told when it is stuck."""
+"""A live run is watched: systemd is notified while cycles end, and the callback is called when it is stuck."""
 
 import socket
 import threading
