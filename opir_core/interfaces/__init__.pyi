@@ -8,6 +8,9 @@ from opir_core.interfaces.contexts import (
 from opir_core.interfaces.contract import (
     has_own as has_own,
 )
+from opir_core.interfaces.impact_regions import (
+    IMPACT_CONDITIONS as IMPACT_CONDITIONS,
+)
 from opir_core.interfaces.protocols import (
     Radiometer as Radiometer,
 )
@@ -17,4 +20,5 @@ from opir_core.interfaces.radiometric_models import (
 from opir_core.interfaces.records import (
     IMPACT_METHODS as IMPACT_METHODS,
     TRACK_CONTAINMENTS as TRACK_CONTAINMENTS,
+    TRACK_ENDS as TRACK_ENDS,
 )

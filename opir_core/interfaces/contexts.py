@@ -12,6 +12,7 @@ from opir_core.arrays import IndexArray
 from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.protocols import Classifier, DetectionProbability, Sensor
 from opir_core.interfaces.records import Window
+from opir_core.scene.hypotheses import Hypothesis, core_hypotheses
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
@@ -66,7 +67,7 @@ class ModelContext:
     Of the `surroundings` a model of light builds its environment. `class_names` are the target classes of launches and
     the types of other hot sources, by default those of `target_type_code`; `target_class` returns the target class of a
     name, by default the core's. `reported_types` are the names of the types that may be reported, of which
-    `REPORTED_TYPES` are the first.
+    `REPORTED_TYPES` are the first. `hypotheses` are what a hot object may be.
     """
 
     sensors: tuple[Sensor, ...]
@@ -77,6 +78,7 @@ class ModelContext:
     class_names: tuple[str, ...] = field(default=(), eq=False)
     reported_types: tuple[str, ...] = REPORTED_TYPES
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
+    hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses, eq=False)
 
     def emitter_classes(self) -> tuple[tuple[str, ...], IndexArray]:
         """Return the distinct classes of the emitters, in order of occurrence, and the number (n,) of each one's."""
@@ -90,6 +92,7 @@ class TrackerContext:
     """The context of a tracker; it has no targets.
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light is instantaneous.
+    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`.
     """
 
     sensors: tuple[Sensor, ...]
@@ -97,6 +100,7 @@ class TrackerContext:
     duration_s: float
     forces: "ForceModel" = "kepler"
     light_time: bool = True
+    hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
 
 
 #: Returns lines of text, given their number and their columns.

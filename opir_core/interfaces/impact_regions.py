@@ -1,10 +1,16 @@
 """Regions on the ground that contain an impact with a stated probability."""
 
+import math
+
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
+
+#: What an impact region presumes: that the target comes down; that its burn is over and it comes down; that it burns
+#: again and comes down then.
+IMPACT_CONDITIONS = ("comes down", "burn over", "relights")
 
 
 @frozen(eq=False)
@@ -22,6 +28,9 @@ class ImpactRegion:
     area_km2: float
     polygons: tuple[tuple[FloatArray, ...], ...]
     centre: tuple[float, float] | None = None
+    condition: str = IMPACT_CONDITIONS[0]
+    probability: float = 1.0
+    effective_samples: float = math.nan
 
     def __eq__(self, other: object) -> bool:
         """Return whether another region has the same figures, centre and rings, point by point."""
@@ -32,7 +41,8 @@ class ImpactRegion:
 
     def _parts(self) -> tuple[object, ...]:
         polygons = tuple(tuple(ring.tobytes() for ring in polygon) for polygon in self.polygons)
-        return self.containment, self.area_km2, polygons, self.centre
+        presumed = self.condition, self.probability, repr(self.effective_samples)
+        return self.containment, self.area_km2, polygons, self.centre, *presumed
 
     def contains(self, latitude_rad: float, longitude_rad: float) -> bool:
         """Return whether a point lies in the region.

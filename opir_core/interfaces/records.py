@@ -187,6 +187,10 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 #: the impact with no stated probability.
 IMPACT_METHODS = ("posterior", "paper")
 
+#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it was
+#: lost.
+TRACK_ENDS = ("", "impact", "orbit", "lost")
+
 
 @frozen(eq=False, repr=False)
 class Tracks(Columns):
@@ -201,9 +205,14 @@ class Tracks(Columns):
     contain the impact with the probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and
     `state_sigmas` (n, 3) those of the ellipsoids that contain the state; nan for those of a normal distribution.
 
-    `impact_regions` (n,) are tuples of `ImpactRegion`, one for each probability of `TRACK_CONTAINMENTS`, empty where
-    unknown; rows may share a tuple. `probability_burning` (n,) is that of a burn at the tick, `probability_relights`
-    (n,) that of no burn now and another one later. `impact_method` (n,) are codes into `IMPACT_METHODS`.
+    `impact_regions` (n,) are tuples of `ImpactRegion`: for each condition, the most probable first, one for each
+    probability of `TRACK_CONTAINMENTS`; empty where unknown; rows may share a tuple. `probability_burning` (n,) is that
+    of a burn at the tick, `probability_relights` (n,) that of no burn now and another one later. `impact_method` (n,)
+    are codes into `IMPACT_METHODS`.
+
+    `hypothesis_probability` (n, H) is over the scene's hypotheses, (n, 0) if the tracker weighs none. Sums over some of
+    them are `probability_launch` (n,), of anything that was launched, `probability_missile`, of what comes down
+    ballistically, and `probability_orbit`, of what stays in orbit. `end` (n,) are codes into `TRACK_ENDS`.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -218,6 +227,7 @@ class Tracks(Columns):
         "burnout": (7,),
         "burnout_covariance": (7, 7),
         "type_probability": (4,),
+        "hypothesis_probability": (0,),
     }
 
     tick_s: FloatArray
@@ -240,6 +250,11 @@ class Tracks(Columns):
     impact_method: ByteArray = field(
         default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
     )
+    hypothesis_probability: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 0), takes_self=True))
+    probability_launch: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    probability_missile: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    probability_orbit: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    end: ByteArray = field(default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True))
 
 
 @frozen(eq=False, repr=False)

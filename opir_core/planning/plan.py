@@ -19,13 +19,14 @@ from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProb
 from opir_core.planning.built_parts import sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.reported_types import paper_codes, reported_types, with_paper_types
+from opir_core.planning.reported_types import offered_hypotheses, paper_codes, reported_types, with_paper_types
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.work import Workload
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
+from opir_core.scene.hypotheses import Hypothesis
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
 
@@ -97,6 +98,11 @@ class Plan(PlanParts):
     def workload(self) -> Workload:
         """The workload of the plan, which gives its looks, events and bytes."""
         return self.work_of(self.pairs)
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What a hot object may be, from all target classes that plugins offer."""
+        return offered_hypotheses(self.host)
 
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
@@ -228,6 +234,7 @@ def _models(
         class_names=targets.class_names,
         target_class=partial(host.component, TargetClass),
         reported_types=reported_types(scene, host),
+        hypotheses=offered_hypotheses(host),
         surroundings=Surroundings(scene, host, sensors, targets, sources),
     )
     detection = DetectionProbability.adopt(built(host, scene.detection, context), _owner(host, scene.detection))
@@ -246,6 +253,7 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
         duration_s=scene.duration_s,
         forces=_forces(scene),
         light_time=scene.light_time,
+        hypotheses=offered_hypotheses(host),
     )
     tracker: Tracker = built(host, scene.tracker, context)
     fault = _tracker_fault(tracker)

@@ -1,14 +1,16 @@
 """The types that a scene's events report, and the four types of the paper that trackers know."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 
 import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, PluginError
 from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Sensor
+from opir_core.scene.hypotheses import Hypothesis, hypotheses_of
 from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Scene
 from opir_core.scene.target_classes import TargetClass
 
@@ -27,6 +29,18 @@ def reported_types(scene: Scene, host: Host) -> tuple[str, ...]:
     if len(names) > _MOST_TYPES:
         raise ModelError(f"reported_types: there are {len(names)} types; at most {_MOST_TYPES} can be reported")
     return names
+
+
+def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
+    """Return what a hot object may be, from the target classes that are offered; those that fail to load are left out.
+
+    Whoever names such a class in a scene gets the error.
+    """
+    classes = []
+    for name in host.names(TargetClass):
+        with suppress(PluginError):
+            classes.append(host.component(TargetClass, name))
+    return hypotheses_of(classes)
 
 
 def paper_codes(names: Iterable[str], host: Host) -> NDArray[np.uint8]:

@@ -101,6 +101,11 @@ from opir_core.scene.fields import (
     text as text,
     with_defaults as with_defaults,
 )
+from opir_core.scene.hypotheses import (
+    GROUPS as GROUPS,
+    LAUNCH_GROUPS as LAUNCH_GROUPS,
+    Hypothesis as Hypothesis,
+)
 from opir_core.scene.scene import (
     EMITTER_TYPES as EMITTER_TYPES,
     REPORTED_TYPES as REPORTED_TYPES,

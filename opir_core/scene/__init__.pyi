@@ -1,6 +1,10 @@
 from opir_core.scene.fields import (
     info_of as info_of,
 )
+from opir_core.scene.hypotheses import (
+    core_hypotheses as core_hypotheses,
+    hypotheses_of as hypotheses_of,
+)
 from opir_core.scene.input_file import (
     NotAFileError as NotAFileError,
     file_bytes as file_bytes,
