@@ -24,7 +24,7 @@ class ImmTracker(Tracker):
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
-        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces)
+        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces, context.hypotheses)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
