@@ -58,7 +58,7 @@ def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
     return Steering(
         rise_s=uniform("vertical_rise_s"),
         over_s=log_uniform("pitch_over_s"),
-        lead_rad=np.radians(uniform("pitch_over_deg")),
+        lead_rad=np.radians(log_uniform("pitch_over_deg")),
         steer_rad=np.radians(rng.normal(size=count) * log_uniform("steer_sigma_deg")),
         steer_rate=2.0 * np.pi / log_uniform("steer_period_s"),
         steer_phase=rng.uniform(0.0, 2.0 * np.pi, count),
