@@ -48,8 +48,8 @@ _WIDE_M = 200e3
 #: A condition with less probability, or with fewer effective samples, has no region.
 LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
 
-#: A mode that is less probable gets no particles; a condition that is less probable does not count.
-_LEAST_MODE = 0.01
+#: A mode that is less probable gets no particles; a particle with a lesser share of the largest weight does not count.
+_LEAST_MODE, _LEAST_WEIGHT = 0.01, 1e-4
 
 
 class Forecasts(NamedTuple):
@@ -276,7 +276,7 @@ def _conditional(
     samples = probability**2 / float(np.sum(weight * weight) + np.sum(glides * glides))
     if samples < LEAST_SAMPLES:
         return None
-    kept = np.flatnonzero(weight > 1e-6 * weight.max(initial=0.0))
+    kept = np.flatnonzero(weight > _LEAST_WEIGHT * weight.max(initial=0.0))
     points, when_s, share = fates.place[rows][kept], fates.when_s[rows][kept], weight[kept]
     if not forces.is_kepler and len(kept):
         points = _shifted(points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces)
