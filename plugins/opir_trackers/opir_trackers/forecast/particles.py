@@ -16,6 +16,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.square_root import inverse_root
 from opir_core.interfaces import names_of
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.present_burn import PresentBurns, present_burns
 from opir_trackers.forecast.stage_history import StageHistory, force_along
@@ -31,13 +32,16 @@ from opir_trackers.forecast.vehicles import (
 )
 
 #: Particles of a burning track; of a dark one, those whose burn is over, and those that burn again.
-BURNING, OVER, AGAIN = 256, 128, 128
+BURNING, OVER, AGAIN = 256, 192, 128
 
 #: Least share of the particles of each family: regions are mostly of missiles.
 _LEAST_SHARE = np.array([0.5, 0.1, 0.1])
 
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3
+
+#: Below this share of the velocity's prior standard deviation, looks know more than the prior.
+_SEEN = 0.4
 
 #: Least time since ignition, s.
 _SOON_S = 0.5
@@ -124,7 +128,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     on = history.as_burning()
     staged, begins = on.as_staging(estimates)
     new = (lots.uniform[:BURNING, 0] < estimates.burn_share[:, 1:2]).astype(np.int64)
-    side = inverse_root(estimates.burn_root.reshape(-1, 10, 10)).reshape(count, 2, 10, 10)
+    side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, 2, 10, 10)
     each = lots.state[:BURNING] @ side.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
     state = np.where(new[:, :, None] == 1, each[:, 1], each[:, 0]).reshape(-1, 10)
     # The part that is staging is the next stage of some tracks, and the same one of others.
@@ -158,6 +162,17 @@ def first_ignitions(history: StageHistory) -> FloatArray:
     before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
     start: FloatArray = np.where(history.is_dark, history.dark_since_s, history.ignition_s) - before
     return start
+
+
+def widened(side: FloatArray) -> FloatArray:
+    """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior alone.
+
+    That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four times as fast. One
+    sensor does not see the velocity along its line of sight.
+    """
+    spread = np.sqrt(np.sum(side[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
+    factor = 1.0 + np.clip((spread - _SEEN) / (1.0 - _SEEN), 0.0, 1.0)
+    return side * factor[:, None, None]
 
 
 def _allotted(log: FloatArray, prior: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -326,7 +341,7 @@ def dark_particles(
     relight = evidence * waits
     whole = (relight + evidence * ends).sum(axis=1, keepdims=True)
     relight, ended = relight / whole, evidence * ends / whole
-    side = inverse_root(estimates.coast_root)
+    side = widened(inverse_root(estimates.coast_root))
     lots = draws()
     parts = [
         _free(known, ended, estimates, side, np.arange(OVER) + BURNING, np.arange(count)),
