@@ -40,6 +40,9 @@ _LEAST_SHARE = np.array([0.5, 0.1, 0.1])
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3
 
+#: Hot stagings in the law of vehicles, as a share of the new stages that the filter expects.
+_HOT = 0.25
+
 #: Below this share of the velocity's prior standard deviation, looks know more than the prior.
 _SEEN = 0.4
 
@@ -99,7 +102,9 @@ def burning_particles(
     """Return the particles of burning tracks (n,) at a time; `prior` (families,) are weights of the families."""
     drawn = _drawn_burns(model, estimates, history, time_s)
     log = np.stack([law.log_evidence + before for law, before in zip(drawn.laws, drawn.log_before.T, strict=True)])
-    family, source, weight = _allotted(log.reshape(len(FAMILIES), len(estimates), BURNING), prior)
+    log = log.reshape(len(FAMILIES), len(estimates), BURNING)
+    log += _staging_logs(log, prior, drawn.part.reshape(-1, BURNING), estimates.burn_share)
+    family, source, weight = _allotted(log, prior)
     draw = np.tile(np.arange(BURNING), len(estimates))
     return _with_later_burns(model, drawn, family, source, weight, draw, time_s - first_ignitions(history.as_burning()))
 
@@ -108,10 +113,11 @@ class _DrawnBurns(NamedTuple):
     """States of the filter (p, 10), the stages (p,) that burn there, and their laws by family.
 
     `total`, `number` (p, families, 4) and `hot` (p, families) are as in `Known`; `log_before` (p, families) is the
-    evidence of the earlier stages, and of at least as many.
+    evidence of the earlier stages, and of at least as many; `part` (p,) is 1 for the filter's part that is staging.
     """
 
     track: IntArray
+    part: IntArray
     state: FloatArray
     force: FloatArray
     since_s: FloatArray
@@ -127,12 +133,12 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     count, lots = len(estimates), draws()
     on = history.as_burning()
     staged, begins = on.as_staging(estimates)
-    new = (lots.uniform[:BURNING, 0] < estimates.burn_share[:, 1:2]).astype(np.int64)
+    part = (lots.uniform[:BURNING, 0] < estimates.burn_share[:, 1:2]).astype(np.int64)
     side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, 2, 10, 10)
     each = lots.state[:BURNING] @ side.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
-    state = np.where(new[:, :, None] == 1, each[:, 1], each[:, 0]).reshape(-1, 10)
+    state = np.where(part[:, :, None] == 1, each[:, 1], each[:, 0]).reshape(-1, 10)
     # The part that is staging is the next stage of some tracks, and the same one of others.
-    new = (new * begins[:, None]).ravel()
+    new = (part * begins[:, None]).ravel()
     track = np.repeat(np.arange(count), BURNING)
     begun, doubt = (
         np.stack([getattr(one, name) for one in (on, staged)])[new, track]
@@ -152,7 +158,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
         )
         for family in range(len(FAMILIES))
     ]
-    return _DrawnBurns(track, state, force, since, stage, total, number, hot, before, laws)
+    return _DrawnBurns(track, part.ravel(), state, force, since, stage, total, number, hot, before, laws)
 
 
 def first_ignitions(history: StageHistory) -> FloatArray:
@@ -162,6 +168,23 @@ def first_ignitions(history: StageHistory) -> FloatArray:
     before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
     start: FloatArray = np.where(history.is_dark, history.dark_since_s, history.ignition_s) - before
     return start
+
+
+def _staging_logs(log: FloatArray, prior: FloatArray, part: IntArray, share: FloatArray) -> FloatArray:
+    """Return what to add to log evidences (families, n, m) so that the filter says how probable staging is.
+
+    Its looks are in the shares (n, 2) of its parts already. But it expects a new stage at any time.
+    """
+    top = log.max(axis=(0, 2))[:, None]
+    density = np.sum(np.exp(log - top) * prior[:, None, None], axis=0)
+    steady, staging = (np.sum(np.where(part == code, density, 0.0), axis=1) for code in (0, 1))
+    odds = share[:, 1] * _HOT / np.maximum(share[:, 0] + share[:, 1] * _HOT, 1e-12)
+    known = (steady > 0.0) & (staging > 0.0) & (odds < 1.0)
+    change = np.log(odds / (1.0 - odds), where=known, out=np.zeros(len(odds)))
+    change += np.log(steady, where=known, out=np.zeros(len(odds))) - np.log(
+        staging, where=known, out=np.zeros(len(odds))
+    )
+    return np.where(part == 1, np.where(known, change, 0.0)[:, None], 0.0)
 
 
 def widened(side: FloatArray) -> FloatArray:
