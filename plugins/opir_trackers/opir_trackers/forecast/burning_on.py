@@ -12,7 +12,7 @@ from opir_core.interfaces import Columns
 from opir_trackers.forecast.vehicles import STAGES
 
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
-STEPS, TILT_S = 4, 30.0
+STEPS, TILT_S = 3, 30.0
 
 #: Ends of the steps as shares of a burn: short ones first, while a slow boost turns fast.
 _SHARES = (np.arange(STEPS + 1) / STEPS) ** 2

@@ -37,6 +37,9 @@ BURNING, OVER, AGAIN = 256, 192, 128
 #: Least share of the particles of each family: regions are mostly of missiles.
 _LEAST_SHARE = np.array([0.5, 0.06, 0.04])
 
+#: Families less probable than this have none.
+_NEGLIGIBLE = 1e-3
+
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3
 
@@ -392,7 +395,7 @@ def _turns(size: int) -> IntArray:
 def _numbers(share: FloatArray, size: int) -> IntArray:
     """Return numbers (n, families) of particles that add up to `size`, nearly in proportion to shares."""
     given = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
-    given = np.maximum(given, _LEAST_SHARE)
+    given = np.where(given > _NEGLIGIBLE, np.maximum(given, _LEAST_SHARE), 0.0)
     given /= given.sum(axis=1, keepdims=True)
     numbers: IntArray = np.diff(np.rint(np.cumsum(given, axis=1) * size).astype(np.int64), axis=1, prepend=0)
     return numbers

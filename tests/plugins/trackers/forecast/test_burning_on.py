@@ -68,7 +68,7 @@ def test_burns_flown_on_are_those_of_another_integrator() -> None:
         assert later[k] == pytest.approx(now, abs=1e-9)
         assert least[k] > low - 1e3
         errors.append(np.linalg.norm(after[k, 3:] - state[3:]))
-    # Five steps a burn: a fraction of what the law of the burns leaves open.
+    # Three steps a burn: a fraction of what the law of the burns leaves open.
     assert np.median(errors) < 2.0
     assert np.quantile(errors, 0.9) < 60.0
 
