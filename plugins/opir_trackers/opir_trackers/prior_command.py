@@ -34,7 +34,7 @@ _ORBIT_M = 6371e3 + 80e3
 _COLUMNS = ("time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s", "is_burning")
 
 
-class Flight(NamedTuple):
+class RecordedFlight(NamedTuple):
     """The stages (n, 4) of a recorded flight: burn time, first acceleration, ratio, gap; whether it ends in an
     orbit."""
 
@@ -60,7 +60,7 @@ def fit(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def recorded_flight(path: Path) -> Flight:
+def recorded_flight(path: Path) -> RecordedFlight:
     """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is missing."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -78,7 +78,7 @@ def recorded_flight(path: Path) -> Flight:
     gaps = [float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)]
     stages = [_stage(table[span], end) for span, end in zip(spans, ends, strict=True)]
     columns = np.column_stack([np.array(stages), np.array([*gaps, np.nan])])
-    return Flight(columns, _perigee_m(table[-1]) > _ORBIT_M)
+    return RecordedFlight(columns, _perigee_m(table[-1]) > _ORBIT_M)
 
 
 def _burns(table: FloatArray) -> list[slice]:
@@ -116,7 +116,7 @@ def _perigee_m(row: FloatArray) -> float:
     return parameter / (1.0 + np.sqrt(max(1.0 + 2.0 * energy * parameter / EARTH_MU_M3_S2, 0.0)))
 
 
-def fitted(flights: list[Flight]) -> dict[str, Any]:
+def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
     """Return the data of a law of vehicles, as in `vehicles.json`, from flights."""
     from opir_trackers.forecast.marginals import marginal_of
     from opir_trackers.forecast.vehicles import STAGES, model_of, vehicle_model

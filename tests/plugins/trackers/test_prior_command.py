@@ -8,7 +8,7 @@ import pytest
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.tracker import imm_tracker
-from opir_trackers.prior_command import LEAST, WIDEN, Flight, fitted, recorded_flight
+from opir_trackers.prior_command import LEAST, WIDEN, RecordedFlight, fitted, recorded_flight
 from scipy.integrate import solve_ivp
 
 from opir_core.cli.main import main
@@ -59,7 +59,7 @@ def test_stages_of_a_table_are_those_that_were_flown(tmp_path: Path) -> None:
 def test_spreads_are_widened_and_what_no_flight_shows_stays() -> None:
     own = vehicle_model().data["families"]
     burns = np.array([50.0, 60.0, 72.0, 90.0])
-    law = fitted([Flight(np.array([[burn, 25.0, 2.0, np.nan]]), False) for burn in burns])["families"]
+    law = fitted([RecordedFlight(np.array([[burn, 25.0, 2.0, np.nan]]), False) for burn in burns])["families"]
     assert law["missile"]["first"]["median"][:3] == pytest.approx([np.exp(np.log(burns).mean()), 25.0, 2.0], rel=1e-3)
     assert law["missile"]["first"]["sigma"][0] == pytest.approx(
         max(WIDEN * np.log(burns).std(ddof=1), LEAST[0]), abs=1e-3

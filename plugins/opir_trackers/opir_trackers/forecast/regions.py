@@ -10,6 +10,7 @@ logarithm of the distance and in bearing, and levels are of the density on the g
 """
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from contourpy import FillType, contour_generator
@@ -156,7 +157,8 @@ class _Contours:
         order = np.argsort(-self._at, kind="stable")
         held = np.searchsorted(np.cumsum(self._weight[order]), share)
         level = float(self._at[order[min(int(held), len(order) - 1)]])
-        points, cuts = self._generator.filled(level, np.inf)
+        filled: Any = self._generator.filled(level, np.inf)
+        points, cuts = filled
         starts = np.cumsum([0, *map(len, points)]).tolist()
         rings = np.concatenate([*points, np.empty((0, 2))])
         flat = self._frame.flat(self._mean + (rings * self._scale) @ self._axes.T)
