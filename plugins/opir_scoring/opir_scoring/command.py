@@ -8,12 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from opir_core.cli.terminal import table
+from opir_core.cli import table
 from opir_core.errors import Problem, SceneError
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scoring import scorecard
-from opir_core.scoring.evidence import evidence_of_files
-from opir_core.scoring.scorecards import GEOMETRIES, Scorecard, ScoreSettings, by_class
+from opir_core.plugin import REPORTED_TYPES
+from opir_scoring.evidence import evidence_of_files
+from opir_scoring.scorecards import GEOMETRIES, Scorecard, ScoreSettings, by_class, scorecard
 
 Cards = Mapping[str, Scorecard]
 
@@ -21,17 +20,6 @@ Cards = Mapping[str, Scorecard]
 _LARGEST_POWER = 280.0
 #: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
 _WIDEST = 100.0
-
-
-def score_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the run, its truth, the score settings and the output format."""
-    parser.add_argument("events", metavar="RUN", help="the events of a run; tracks and manifest are beside them")
-    parser.add_argument("--truth", metavar="PATH", help="the run's truth (default: beside the events)")
-    parser.add_argument(
-        "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
-    )
-    parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
-    add_score_settings(parser)
 
 
 def score(arguments: argparse.Namespace) -> int:
@@ -46,17 +34,6 @@ def score(arguments: argparse.Namespace) -> int:
     text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
     sys.stdout.write(text + "\n")
     return 0
-
-
-def add_score_settings(parser: argparse.ArgumentParser) -> None:
-    """Add the score settings and the output format."""
-    parser.add_argument(
-        "--bin-s", type=float, default=20.0, help="bin width of the time since ignition, s (default 20)"
-    )
-    parser.add_argument("--cutoff-m", type=float, default=5000.0, help="GOSPA cut-off distance c, m (default 5000)")
-    parser.add_argument("--order", type=float, default=2.0, help="GOSPA order p (default 2)")
-    parser.add_argument("--alpha", type=float, default=2.0, help="GOSPA alpha, in (0, 2] (default 2)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
