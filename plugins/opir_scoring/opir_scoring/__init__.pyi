@@ -3,7 +3,6 @@ from opir_scoring.arguments import (
 )
 from opir_scoring.command import (
     score_settings as score_settings,
-    scorecard_text as scorecard_text,
 )
 from opir_scoring.containments import (
     Consistency as Consistency,
@@ -37,6 +36,9 @@ from opir_scoring.impacts import (
     ImpactScores as ImpactScores,
     impact_scores as impact_scores,
     phase_scores as phase_scores,
+)
+from opir_scoring.scorecard_tables import (
+    scorecard_text as scorecard_text,
 )
 from opir_scoring.scorecards import (
     GEOMETRIES as GEOMETRIES,

@@ -1,25 +1,18 @@
-"""`opir score` scores the tracks of a run against the truth; tables of scorecards."""
+"""`opir score` scores the tracks of a run against the truth."""
 
 import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from opir_core.cli import table
 from opir_core.errors import Problem, SceneError
-from opir_core.plugin import REPORTED_TYPES
 from opir_scoring.evidence import evidence_of_files
-from opir_scoring.scorecards import GEOMETRIES, Scorecard, ScoreSettings, by_class, scorecard
-
-Cards = Mapping[str, Scorecard]
+from opir_scoring.scorecard_tables import scorecard_text
+from opir_scoring.scorecards import ScoreSettings, scorecard
 
 #: Powers of ten that leave room for sums in a double.
 _LARGEST_POWER = 280.0
-#: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
-_WIDEST = 100.0
 
 
 def score(arguments: argparse.Namespace) -> int:
@@ -63,187 +56,3 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
 def _is_beyond(cutoff_m: float, order: float) -> bool:
     """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or underflow."""
     return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
-
-
-def scorecard_text(cards: Cards) -> str:
-    """Return tables of scorecards: overall figures, then mono and stereo by time since ignition."""
-    parts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
-    for geometry in GEOMETRIES:
-        parts += _geometry(cards, geometry)
-    return "\n\n".join(part for part in [*parts, LEGEND] if part)
-
-
-LEGEND = """\
-/known, /unknown: error divided by the Cramér-Rao bound for known and for unknown thrust, where lines of sight
-determine the position to 100 km.
-NEES/6, NIS/2: 1 is consistent, above 1 is overconfident; p: of a Kolmogorov-Smirnov test against chi-squared.
-Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses.
-Impact regions: share of the n targets with a prediction, of true impacts in the regions of 50, 90 and 95 %, and their
-median areas; without impact: predictions for targets in orbit."""
-
-
-def _heading(figures: Mapping[str, Any]) -> str:
-    runs, seeds, gospa = figures["runs"], figures["seeds"], figures["gospa"]
-    seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    bias = "with pointing bias" if figures["sensors_biased"] else "without pointing bias"
-    return (
-        f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals];"
-        f" GOSPA: c = {gospa['cutoff_m']:g} m, p = {gospa['order']:g}, alpha = {gospa['alpha']:g}"
-    )
-
-
-def _overall(cards: Cards) -> str:
-    rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
-        ("launches tracked", lambda f: _interval(f["launches_tracked"], 3)),
-        ("tracks per launch", lambda f: _interval(f["tracks_a_launch"], 2)),
-        ("false tracks per run", lambda f: _interval(f["false_tracks_a_run"], 2)),
-        ("purity", lambda f: _interval(f["purity"], 4)),
-        ("completeness", lambda f: _interval(f["completeness"], 3)),
-        ("first track after, s", lambda f: _interval(f["first_track_after_s"], 2)),
-        ("GOSPA per target, m", lambda f: _interval(f["gospa"]["a_target_m"], 0)),
-        ("  localisation, missed, false", lambda f: _shares(f["gospa"])),
-        ("type correct", lambda f: _interval(f["type_right"], 3)),
-        ("time per detection, us", lambda f: _interval(f["tracking_us_a_detection"], 1)),
-        ("time per track update, us", lambda f: _interval(f["tracking_us_a_track_update"], 0)),
-    )
-    return table(("", *cards), [(label, *(text(card.figures) for card in cards.values())) for label, text in rows])
-
-
-def _confusions(cards: Cards) -> str:
-    rows = [
-        (true, name, *(str(row[reported]) for reported in REPORTED_TYPES))
-        for true in by_class(true for card in cards.values() for true in card.figures["type_confusion"])
-        for name, card in cards.items()
-        if (row := card.figures["type_confusion"].get(true))
-    ]
-    return table(("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES)), rows) if rows else ""
-
-
-def _geometry(cards: Cards, geometry: str) -> list[str]:
-    """Return the tables of one geometry: errors and consistency by time, then of launch and impact."""
-    binned = [
-        (part["since_ignition_s"], name, part)
-        for name, card in cards.items()
-        for part in card.figures[geometry]["by_time"]
-    ]
-    figures = [(name, card.figures[geometry]) for name, card in cards.items()]
-    title = geometry.replace("_biased", " with biased sensors")
-    if not binned:
-        return _phases(title, figures)
-    binned.sort(key=lambda row: row[0][0])
-    over = ("/known", "/unknown")
-    place = ("time s", "tracker", "n", "position m", *over, "impact km")
-    speed = ("time s", "tracker", "n", "velocity m/s", *over)
-    consistency = ("time s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
-    label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
-    points = ("tracker", "targets", "launch points", "impact points", "launch m", "launch s", "impact km", "impact s")
-    nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
-    return [
-        f"{title}, by time since ignition",
-        table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
-        table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
-        table(consistency, [(since, name, *_consistency_cells(part)) for since, name, part in label]),
-        f"{title}, launch and impact points",
-        table(points, [(name, *_point_cells(part)) for name, part in figures]),
-        table(("containment, %", "tracker", *nominal), _curves(figures)),
-        *_phases(title, figures),
-    ]
-
-
-def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Return the table of impact regions by phase; nothing without targets that reach one."""
-    phases = zip(*(row["impact_by_phase"] for _, row in figures), strict=True)
-    named = [(name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)]
-    cells = [(part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)]
-    probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
-    inside, areas = (f"in {each}" for each in probabilities), (f"{each} km2" for each in probabilities)
-    head = ("phase", "tracker", "n", "predicted, %", "impact km", *inside, *areas, "without impact")
-    return [f"{title}, predicted impact regions", table(head, cells)] if cells else []
-
-
-def _is_reached(part: Mapping[str, Any]) -> bool:
-    return bool(part["targets"] or part["targets_without_impact"])
-
-
-def _phase_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    none = f"{part['predicted_without_impact']} of {part['targets_without_impact']}"
-    return (
-        str(part["targets"]),
-        _interval(part["predicted"], 0, 100.0),
-        _interval(part["impact_m"], 1, 1e-3),
-        *(_interval(region, 0, 100.0) for region in part["regions"]),
-        *(_significant(region["median_area_km2"]) for region in part["regions"]),
-        none if part["targets_without_impact"] else "-",
-    )
-
-
-def _significant(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        str(part["samples"]),
-        _interval(part["position_m"], 0),
-        _interval(part["position_over_bound"], 2),
-        _interval(part["position_over_free_bound"], 2),
-        _interval(part["impact_m"], 1, 1e-3),
-    )
-
-
-def _speed_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        str(part["samples"]),
-        _interval(part["velocity_m_s"], 1),
-        _interval(part["velocity_over_bound"], 2),
-        _interval(part["velocity_over_free_bound"], 2),
-    )
-
-
-def _consistency_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(cell for name in ("nees", "nis") for cell in _consistent_cells(part[name]))
-
-
-def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
-    low, high = figure["band_99"]
-    band = f"{_number(low, 2)}-{_number(high, 2)}" if figure["samples"] else "-"
-    return str(figure["samples"]), _number(figure["mean"], 2), band, _number(figure["distribution_p"], 3)
-
-
-def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        *(str(figures[name]) for name in ("targets", "launches_reported", "impacts_reported")),
-        _interval(figures["launch_m"], 0),
-        _interval(figures["launch_time_s"], 2),
-        _interval(figures["impact_m"], 1, 1e-3),
-        _interval(figures["impact_time_s"], 2),
-    )
-
-
-def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
-    return [
-        (point, name, *(_interval(part, 0, 100.0) for part in row[f"{point}_containment"]))
-        for point in ("launch", "impact")
-        for name, row in figures
-    ]
-
-
-def _shares(gospa: Mapping[str, Any]) -> str:
-    """Return the share of each part in GOSPA's p-th power."""
-    parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
-    total = sum(parts)
-    return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
-
-
-def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
-    if not math.isfinite(figure["value"]):
-        return "-"
-    value = f"{scale * figure['value']:.{digits}f}"
-    low, high = (scale * edge for edge in figure["interval_95"])
-    # A single run, or track, has no interval; that of two targets may say nothing.
-    is_told = math.isfinite(low) and not 0.0 < _WIDEST * low < high
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_told else value
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run, scorecard
-from opir_scoring.command import scorecard_text
+from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from opir_scoring.errors import point_errors, state_errors
 from opir_scoring.evidence import ownership, rows_in_force, true_states_ecef
 from opir_scoring.scorecards import GEOMETRIES, Scorecard

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
-from opir_scoring import RunEvidence, impact_scores, ownership, scorecard
-from opir_scoring.command import scorecard_text
+from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
 from opir_scoring.impacts import PHASES
 from opir_testing.doubles import stub_estimates
 from scipy.stats import chi2

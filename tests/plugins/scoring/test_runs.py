@@ -5,8 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from opir_scoring import evidence_of_run, scorecard
-from opir_scoring.command import scorecard_text
+from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from opir_scoring.evidence import RunEvidence, evidence_of_files, ownership
 from opir_scoring.scorecards import ScoreSettings
 from opir_testing.doubles import stub_estimates
