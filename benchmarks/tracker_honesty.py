@@ -23,14 +23,14 @@ import foreign_bound
 import numpy as np
 from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 from foreign_flights import RADIUS_M, drawn_flight, ecef
+from opir_scoring.bound import DetectedLooks
+from opir_scoring.containments import containment, proportion
+from opir_scoring.errors import bias_turns
+from opir_scoring.evidence import true_states_ecef
 
 import opir_core as opir
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef
-from opir_core.scoring.bound import DetectedLooks
-from opir_core.scoring.containments import containment, proportion
-from opir_core.scoring.errors import bias_turns
-from opir_core.scoring.evidence import true_states_ecef
 
 BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")

@@ -14,11 +14,6 @@ from opir_core.cli.scene_arguments import (
     add_scene_arguments as add_scene_arguments,
     scene_of as scene_of,
 )
-from opir_core.cli.score import (
-    add_score_settings as add_score_settings,
-    score_settings as score_settings,
-    scorecard_text as scorecard_text,
-)
 from opir_core.cli.terminal import (
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,

@@ -48,6 +48,9 @@ from opir_core.output.pump import (
 from opir_core.output.run_files import (
     TruthFile as TruthFile,
 )
+from opir_core.output.saved_runs import (
+    read_run as read_run,
+)
 from opir_core.output.sink_thread import (
     SinkStatus as SinkStatus,
 )

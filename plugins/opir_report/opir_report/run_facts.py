@@ -3,6 +3,7 @@
 from functools import cached_property
 
 import numpy as np
+from opir_scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
 
 from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
@@ -10,7 +11,6 @@ from opir_core.estimation import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import TargetClass, Tracks
-from opir_core.scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
 from opir_report.maps.spheres import oriented
 from opir_report.palette import Hues
 

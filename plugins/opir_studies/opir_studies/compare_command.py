@@ -4,7 +4,9 @@ import argparse
 import json
 import sys
 
-from opir_core.cli import progress, score_settings, scorecard_text
+from opir_scoring import score_settings, scorecard_text
+
+from opir_core.cli import progress
 from opir_core.errors import Problem, SceneError
 from opir_studies.comparison import compared
 

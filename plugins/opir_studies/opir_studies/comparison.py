@@ -7,13 +7,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from attrs import evolve
-
-from opir_core import Scene, compile_plan, run_of_plan
-from opir_core.arrays import IntArray
-from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.plugin import Detections, Host, Tracker, Tracks
-from opir_core.reading import load_scene
-from opir_core.scoring import (
+from opir_scoring import (
     USUAL_SETTINGS,
     Scorecard,
     ScoredRun,
@@ -22,6 +16,12 @@ from opir_core.scoring import (
     scorecard_of,
     scored_run,
 )
+
+from opir_core import Scene, compile_plan, run_of_plan
+from opir_core.arrays import IntArray
+from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.plugin import Detections, Host, Tracker, Tracks
+from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_studies.runs import worker_host
 

@@ -6,8 +6,8 @@ from types import ModuleType
 import mpmath as mp
 import numpy as np
 import opir_photons.detection as detection
+import opir_scoring as scoring
 
-import opir_core.scoring as scoring
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
 from opir_core.estimation import square_root, tangent_axes
@@ -422,8 +422,8 @@ LEFT_OUT = {
             ],
             "a record",
         ),
-        "consistency": "SciPy's χ² quantiles (tests/core/scoring)",
-        "containment": "counts, and SciPy's χ² quantile (tests/core/scoring)",
+        "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
+        "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
         **dict.fromkeys(
             [
                 "evidence_of_files",

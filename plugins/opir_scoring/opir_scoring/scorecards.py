@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.planning.plan import Plan
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
-from opir_core.scene.target_classes import TargetClass
-from opir_core.scoring.containments import (
+from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, TargetClass
+from opir_scoring.containments import (
     Innovations,
     consistency,
     consistent,
@@ -23,10 +22,10 @@ from opir_core.scoring.containments import (
     rms,
     share,
 )
-from opir_core.scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
-from opir_core.scoring.evidence import Ownership, RunEvidence, ownership
-from opir_core.scoring.impacts import ImpactScores, phase_figures, phase_scores
-from opir_core.scoring.sensor_coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
+from opir_scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
+from opir_scoring.evidence import Ownership, RunEvidence, ownership
+from opir_scoring.impacts import ImpactScores, phase_figures, phase_scores
+from opir_scoring.sensor_coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2

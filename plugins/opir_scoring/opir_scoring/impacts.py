@@ -10,13 +10,12 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.ellipses import containment_ellipse
-from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
-from opir_core.scoring.containments import proportion, rms, share
-from opir_core.scoring.errors import ground_error, place_of
-from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
+from opir_core.estimation import containment_ellipse
+from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
+from opir_core.plugin import ImpactRegion, Tracks
+from opir_scoring.containments import proportion, rms, share
+from opir_scoring.errors import ground_error, place_of
+from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
 
 #: Instants of a flight: a share of the burn, and s after that.
 INSTANTS: tuple[tuple[float, float], ...] = ((0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (0.95, 0.0), (1.0, 5.0), (1.0, 20.0))

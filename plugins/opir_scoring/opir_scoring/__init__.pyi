@@ -1,17 +1,23 @@
-from opir_core.scoring.containments import (
+from opir_scoring.arguments import (
+    add_score_settings as add_score_settings,
+)
+from opir_scoring.command import (
+    score_settings as score_settings,
+)
+from opir_scoring.containments import (
     Consistency as Consistency,
     consistency as consistency,
     containment as containment,
     nees as nees,
 )
-from opir_core.scoring.errors import (
+from opir_scoring.errors import (
     ground_error as ground_error,
     last_rows as last_rows,
     place_of as place_of,
     point_errors as point_errors,
     state_errors as state_errors,
 )
-from opir_core.scoring.evidence import (
+from opir_scoring.evidence import (
     Ownership as Ownership,
     RunEvidence as RunEvidence,
     evidence_of_files as evidence_of_files,
@@ -20,18 +26,21 @@ from opir_core.scoring.evidence import (
     rows_in_force as rows_in_force,
     true_states_ecef as true_states_ecef,
 )
-from opir_core.scoring.gospa_metric import (
+from opir_scoring.gospa_metric import (
     Gospa as Gospa,
     gospa as gospa,
 )
-from opir_core.scoring.impacts import (
+from opir_scoring.impacts import (
     OLDEST_S as OLDEST_S,
     PHASES as PHASES,
     ImpactScores as ImpactScores,
     impact_scores as impact_scores,
     phase_scores as phase_scores,
 )
-from opir_core.scoring.scorecards import (
+from opir_scoring.scorecard_tables import (
+    scorecard_text as scorecard_text,
+)
+from opir_scoring.scorecards import (
     GEOMETRIES as GEOMETRIES,
     USUAL_SETTINGS as USUAL_SETTINGS,
     Scorecard as Scorecard,
@@ -41,6 +50,6 @@ from opir_core.scoring.scorecards import (
     scorecard_of as scorecard_of,
     scored_run as scored_run,
 )
-from opir_core.scoring.sensor_coverage import (
+from opir_scoring.sensor_coverage import (
     coverage as coverage,
 )

@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_scoring import evidence_of_run, scorecard, scorecard_text
+from opir_scoring.errors import point_errors, state_errors
+from opir_scoring.evidence import ownership, rows_in_force, true_states_ecef
+from opir_scoring.scorecards import GEOMETRIES, Scorecard
+from opir_scoring.sensor_coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
 from scored_scene import SCENE
 
-from opir_core.cli.score import scorecard_text
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.scoring import evidence_of_run, scorecard
-from opir_core.scoring.errors import point_errors, state_errors
-from opir_core.scoring.evidence import ownership, rows_in_force, true_states_ecef
-from opir_core.scoring.scorecards import GEOMETRIES, Scorecard
-from opir_core.scoring.sensor_coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
 from opir_core.simulation.run import run_of_plan
 
 FIRST_S, LAST_S = 30.0, 80.0

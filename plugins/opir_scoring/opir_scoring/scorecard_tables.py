@@ -1,91 +1,17 @@
-"""`opir score` scores the tracks of a run against the truth; tables of scorecards."""
+"""Tables of scorecards, as `opir score` and `opir compare` print them."""
 
-import argparse
-import json
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from opir_core.cli.terminal import table
-from opir_core.errors import Problem, SceneError
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scoring import scorecard
-from opir_core.scoring.evidence import evidence_of_files
-from opir_core.scoring.scorecards import GEOMETRIES, Scorecard, ScoreSettings, by_class
+from opir_core.cli import table
+from opir_core.plugin import REPORTED_TYPES
+from opir_scoring.scorecards import GEOMETRIES, Scorecard, by_class
 
 Cards = Mapping[str, Scorecard]
 
-#: Powers of ten that leave room for sums in a double.
-_LARGEST_POWER = 280.0
 #: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
 _WIDEST = 100.0
-
-
-def score_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the run, its truth, the score settings and the output format."""
-    parser.add_argument("events", metavar="RUN", help="the events of a run; tracks and manifest are beside them")
-    parser.add_argument("--truth", metavar="PATH", help="the run's truth (default: beside the events)")
-    parser.add_argument(
-        "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
-    )
-    parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
-    add_score_settings(parser)
-
-
-def score(arguments: argparse.Namespace) -> int:
-    """Read the run and print its scores."""
-    settings = score_settings(arguments)
-    elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
-    given = {name: Path(path) for name, path in elsewhere.items() if path}
-    evidence = evidence_of_files(Path(arguments.events), **given)
-    card = scorecard([evidence], settings)
-    # Tracks from elsewhere are not those of the run's tracker.
-    tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
-    text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
-    sys.stdout.write(text + "\n")
-    return 0
-
-
-def add_score_settings(parser: argparse.ArgumentParser) -> None:
-    """Add the score settings and the output format."""
-    parser.add_argument(
-        "--bin-s", type=float, default=20.0, help="bin width of the time since ignition, s (default 20)"
-    )
-    parser.add_argument("--cutoff-m", type=float, default=5000.0, help="GOSPA cut-off distance c, m (default 5000)")
-    parser.add_argument("--order", type=float, default=2.0, help="GOSPA order p (default 2)")
-    parser.add_argument("--alpha", type=float, default=2.0, help="GOSPA alpha, in (0, 2] (default 2)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-
-
-def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
-    """Return the score settings of the arguments; raises `SceneError` for values out of range."""
-    problems = [
-        Problem(flag, message)
-        for flag, is_wrong, message in (
-            ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
-            ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
-            ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
-            ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
-            (
-                "--order",
-                _is_beyond(arguments.cutoff_m, arguments.order),
-                "too large: the cut-off to this power overflows",
-            ),
-        )
-        if is_wrong
-    ]
-    if problems:
-        raise SceneError(problems, source="command line")
-    return ScoreSettings(
-        bin_s=arguments.bin_s, cutoff_m=arguments.cutoff_m, order=arguments.order, alpha=arguments.alpha
-    )
-
-
-def _is_beyond(cutoff_m: float, order: float) -> bool:
-    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or underflow."""
-    return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
 
 
 def scorecard_text(cards: Cards) -> str:

@@ -5,11 +5,11 @@ import shutil
 
 import numpy as np
 import pytest
+from opir_scoring.evidence import evidence_of_files
 from scored_scene import SCENE
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.scoring.evidence import evidence_of_files
 
 REGION = {"containment": 0.5, "area_km2": 1.0, "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}}
 PARTS = (".jsonl", ".truth.jsonl", ".tracks.jsonl", ".manifest.json")

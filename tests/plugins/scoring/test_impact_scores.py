@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
+from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
+from opir_scoring.impacts import PHASES
 from opir_testing.doubles import stub_estimates
 from scipy.stats import chi2
 
 from opir_core import ImpactRegion
-from opir_core.cli.score import scorecard_text
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.scoring import RunEvidence, impact_scores, ownership, scorecard
-from opir_core.scoring.impacts import PHASES
 
 LANDS = {
     "id": "LANDS",

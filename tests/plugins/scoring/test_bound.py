@@ -6,13 +6,7 @@ from math import factorial
 
 import numpy as np
 import pytest
-from opir_testing import stub_sensor
-from repository import DATA
-
-from opir_core.flight import propagate_kepler
-from opir_core.geometry import eci_to_ecef, local_axes
-from opir_core.planning.sensor_states import PointingBias
-from opir_core.scoring.bound import (
+from opir_scoring.bound import (
     FREE_PRIOR_SIGMA,
     JERK_NOISE_M_S3,
     DetectedLooks,
@@ -20,7 +14,13 @@ from opir_core.scoring.bound import (
     position_and_velocity,
     state_bound,
 )
-from opir_core.scoring.errors import bias_turns
+from opir_scoring.errors import bias_turns
+from opir_testing import stub_sensor
+from repository import DATA
+
+from opir_core.flight import propagate_kepler
+from opir_core.geometry import eci_to_ecef, local_axes
+from opir_core.planning.sensor_states import PointingBias
 
 
 def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():

@@ -12,10 +12,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation.directions import tangent_axes
-from opir_core.estimation.motion import BOOST, Motion, taylor_weights
+from opir_core.estimation import BOOST, Motion, tangent_axes, taylor_weights
 from opir_core.estimation.square_root import covariance, time_update, triangular
-from opir_core.flight.forces import Forces
+from opir_core.flight import Forces
 from opir_core.geometry import ecef_to_eci
 
 #: Prior standard deviations before the first look, m and m/s, which keep the information invertible.

@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from scipy.stats import chi2
-from scored_scene import SCENE
-
-import opir_core as opir
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.scoring import evidence_of_run
-from opir_core.scoring.containments import (
+from opir_scoring import evidence_of_run
+from opir_scoring.containments import (
     consistency,
     containment,
     innovations,
@@ -19,8 +13,14 @@ from opir_core.scoring.containments import (
     proportion,
     root_mean_square,
 )
-from opir_core.scoring.errors import ground_error
-from opir_core.scoring.evidence import ownership, true_states_ecef
+from opir_scoring.errors import ground_error
+from opir_scoring.evidence import ownership, true_states_ecef
+from scipy.stats import chi2
+from scored_scene import SCENE
+
+import opir_core as opir
+from opir_core.planning.plan import compile_plan
+from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)

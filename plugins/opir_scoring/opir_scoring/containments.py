@@ -13,10 +13,10 @@ from scipy.stats import chi2, kstest, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.directions import matvec, tangent_axes
-from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
-from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
+from opir_core.estimation import matvec, tangent_axes
+from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
+from opir_core.plugin import Tracks
+from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
 
 #: Nominal containments of a containment curve.
 CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)

@@ -4,8 +4,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.scoring.evidence import Ownership, RunEvidence, true_states_ecef
-from opir_core.scoring.gospa_metric import gospa
+from opir_scoring.evidence import Ownership, RunEvidence, true_states_ecef
+from opir_scoring.gospa_metric import gospa
 
 _NS = 1_000_000_000
 

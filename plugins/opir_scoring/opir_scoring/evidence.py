@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from attrs import frozen
 
+from opir_core import Plan, Run
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.records import Tracks
-from opir_core.output.run_files import invalid_file
-from opir_core.output.saved_runs import read_run
-from opir_core.planning.plan import Plan
-from opir_core.simulation.run import Run
+from opir_core.errors import Problem, SceneError
+from opir_core.output import read_run
+from opir_core.plugin import Tracks
 
 #: Step of the finite difference for the true velocity, s: positions are interpolated to a centimetre and the jerk is
 #: below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the ends too.
@@ -162,5 +161,5 @@ def evidence_of_files(
     run = read_run(events, truth=truth, tracks=tracks, manifest=manifest)
     if tracks is None and run.plan.make_tracker().cadence_s is None:
         words = "the run has no tracks: the tracker none makes none; run it again with --tracker NAME"
-        raise invalid_file(events, "", words)
+        raise SceneError([Problem("", words)], source=str(events))
     return evidence_of_run(run, run.plan)

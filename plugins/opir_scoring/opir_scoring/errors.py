@@ -8,12 +8,11 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef, local_axes
-from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Tracks
-from opir_core.scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
-from opir_core.scoring.containments import nees, on_normal_scale
-from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states_ecef
+from opir_core.interfaces import Columns
+from opir_core.plugin import Sensor, Tracks
+from opir_scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
+from opir_scoring.containments import nees, on_normal_scale
+from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states_ecef
 
 
 @frozen(eq=False, repr=False)
@@ -22,7 +21,7 @@ class StateErrors(Columns):
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
     `nees` has six degrees of freedom and includes the reported radii of the state ellipsoids (`on_normal_scale`). The
-    bounds are for a known thrust, the free ones for an unknown one (`opir_core.scoring.bound`). `impact_m` is the error
+    bounds are for a known thrust, the free ones for an unknown one (`opir_scoring.bound`). `impact_m` is the error
     of the impact predicted at the tick, along the ground.
     """
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from opir_scoring.gospa_metric import gospa
 
 from examples import examples
-from opir_core.scoring.gospa_metric import gospa
 
 counts = st.integers(0, 5)
 

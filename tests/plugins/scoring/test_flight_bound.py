@@ -4,9 +4,8 @@ import sys
 
 import numpy as np
 import pytest
+from opir_scoring.bound import DetectedLooks, state_bound
 from repository import ROOT
-
-from opir_core.scoring.bound import DetectedLooks, state_bound
 
 sys.path.append(str(ROOT / "benchmarks"))
 from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
