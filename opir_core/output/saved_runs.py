@@ -152,7 +152,7 @@ def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], p
     place = tracks or events.with_suffix(_TRACKS)
     if tracks is None and not place.exists() and plan.make_tracker().cadence_s is None:
         return Tracks.empty()
-    estimates = read_tracks(_existing(place, "tracks"))
+    estimates = read_tracks(_existing(place, "tracks"), plan.hypothesis_names)
     if tracks is None:
         require_file_of_run("tracks", place, manifest)
     return estimates

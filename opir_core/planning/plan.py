@@ -104,6 +104,11 @@ class Plan(PlanParts):
         """What a hot object may be, from all target classes that plugins offer."""
         return offered_hypotheses(self.host)
 
+    @property
+    def hypothesis_names(self) -> tuple[str, ...]:
+        """The names of the hypotheses, in the order of `Tracks.hypothesis_probability`."""
+        return tuple(each.name for each in self.hypotheses)
+
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
         is_paper = self.reported_types == REPORTED_TYPES
