@@ -181,6 +181,8 @@ def _fault(estimates: Any, tick_s: float) -> str:
     for name, shape in _SHAPES.items():
         column = getattr(estimates, name)
         kinds = _KINDS.get(name, "fiu")
+        if name == "hypothesis_probability" and np.ndim(column) == 2:
+            shape = column.shape[1:]
         if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (rows, *shape):
             shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
             return f"returned {name} as {outline(column)}, not {shapes}"
@@ -206,7 +208,7 @@ def _fault_in_values(estimates: Tracks) -> str:
         lat_rad, lon_rad = np.abs(getattr(estimates, name)[:, :2]).T
         if np.any(lat_rad > 0.5 * np.pi + _ROUNDING) or np.any(lon_rad > 2.0 * np.pi + _ROUNDING):
             return f"returned {name} with a latitude or longitude outside the range of radians"
-    for name in ("probability_burning", "probability_relights", "type_probability"):
+    for name in (name for name in _SHAPES if "probability" in name):
         values = getattr(estimates, name)
         if np.any((values < -_ROUNDING) | (values > 1.0 + _ROUNDING)):
             return f"returned {name} outside [0, 1]"
