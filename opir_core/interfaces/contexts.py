@@ -92,7 +92,8 @@ class TrackerContext:
     """The context of a tracker; it has no targets.
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light is instantaneous.
-    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`.
+    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`. `false_alarms_per_scan`
+    (sensors,) is the mean number of false alarms in a scan of the whole field of regard, None where it is unknown.
     """
 
     sensors: tuple[Sensor, ...]
@@ -101,6 +102,7 @@ class TrackerContext:
     forces: "ForceModel" = "kepler"
     light_time: bool = True
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
+    false_alarms_per_scan: tuple[float, ...] | None = None
 
 
 #: Returns lines of text, given their number and their columns.

@@ -176,7 +176,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
-    make_tracker = partial(_tracker, scene, host, sensors)
+    make_tracker = partial(_tracker, scene, host, sensors, detection)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
     return PlanParts(
@@ -250,8 +250,9 @@ def _models(
     return detection, classifier, confidence
 
 
-def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
+def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability) -> Tracker:
     """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
+    rates = detection.rate_per_scan
     context = TrackerContext(
         sensors=with_paper_types(sensors, host),
         epoch_us=scene.epoch_us,
@@ -259,6 +260,7 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
         forces=_forces(scene),
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
+        false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
     )
     tracker: Tracker = built(host, scene.tracker, context)
     fault = _tracker_fault(tracker)

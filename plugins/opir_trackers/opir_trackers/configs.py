@@ -92,6 +92,63 @@ class ThrustConfig:
 
 
 @frozen(kw_only=True)
+class HypothesesConfig:
+    """Prior rates and densities of what a track may be."""
+
+    launches_per_day: float = number(
+        default=1.0,
+        unit="1/day",
+        above=0.0,
+        maximum=1e6,
+        source="one launch for each thousand hot sources on the ground; some 250 launches to orbit a year alone;"
+        " notional",
+        help="prior rate of launches in view: anything powered that rises",
+    )
+    ground_sources_per_day: float = number(
+        default=1000.0,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e9,
+        source="MODIS Collection 6 lists 40 196 fire pixels on one day on Earth (30 September 2020), in clusters;"
+        " notional",
+        help="prior rate of hot sources that appear on the ground in view: fires, flares, glints, industry",
+    )
+    bolides_per_day: float = number(
+        default=0.1,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="CNEOS fireballs: 35.8 a year on Earth",
+        help="prior rate of bolides in view",
+    )
+    others_per_day: float = number(
+        default=0.1,
+        unit="1/day",
+        above=0.0,
+        maximum=1e6,
+        help="prior rate of objects in view that are none of these: aircraft, balloons, what nobody thought of",
+    )
+    in_flight_share: float = number(
+        default=0.15,
+        minimum=0.0,
+        maximum=1.0,
+        help="share of launches that are first seen in flight: out of cloud, or when a sensor begins to look",
+    )
+    ground_drift_m_s: float = number(
+        default=1.0,
+        unit="m/s",
+        above=0.0,
+        maximum=100.0,
+        source="a wind-driven fire front advances by some 1 m/s; a pointing bias of 20 µrad from a low orbit"
+        " moves a source by less",
+        help="standard deviation of the apparent velocity of a source on the ground, per axis",
+    )
+    bolide_s: float = number(
+        default=5.0, unit="s", above=0.0, maximum=1000.0, help="mean time for which a bolide is bright"
+    )
+
+
+@frozen(kw_only=True)
 class ImmConfig:
     """Settings of the tracker `imm`."""
 
@@ -131,6 +188,15 @@ class ImmConfig:
     boost_s: float = number(default=150.0, unit="s", above=0.0, maximum=10000.0, help="mean duration of a boost")
     coast_s: float = number(
         default=1000.0, unit="s", above=0.0, maximum=1e6, help="mean duration of a coast before another boost"
+    )
+    hypotheses: HypothesesConfig = nested(
+        default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
+    )
+    least_launch_probability: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        help="a track that is a launch with a lower probability has no launch point and no predicted impact",
     )
     late_s: float = number(
         default=0.0,

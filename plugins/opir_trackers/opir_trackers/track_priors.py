@@ -3,8 +3,8 @@
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.estimation import COAST, Motion, dot
 from opir_core.flight import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
@@ -85,10 +85,39 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
     root[:, range(3, size), range(3, size)] = 1.0 / deviation
-    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
-    weight = np.tile([burning, 1.0 - burning], (count, 1))
+    weight = _first_weights(count, config)
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+
+
+def standing_estimates(
+    before: ModeEstimates, position_m: FloatArray, covariance: FloatArray, speed_sigma_m_s: float, config: ImmConfig
+) -> ModeEstimates:
+    """Return estimates (n,) of sources that stand on the ground, in place of those of their tracks.
+
+    `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances the weight.
+    """
+    count, size = before.boost_mean.shape
+    mean, root = before.boost_mean.copy(), np.zeros((count, size, size))
+    cubed = dot(position_m, position_m)[:, None] ** 1.5
+    mean[:, :3] = position_m
+    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack([-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1)
+    mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
+    mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
+    root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+    root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
+    root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
+    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    return ModeEstimates(_first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate)
+
+
+def _first_weights(count: int, config: ImmConfig) -> FloatArray:
+    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
+    return np.tile([burning, 1.0 - burning], (count, 1))
+
+
+#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to none.
+_STANDING_SIGMA = 0.01
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:

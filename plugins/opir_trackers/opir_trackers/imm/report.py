@@ -1,15 +1,52 @@
 """Reported tracks of `imm`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
+from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.onset.motion_statistics import LAUNCH
+
+#: Returns tracks with impacts, from tracks, their estimates and log likelihoods of reported types.
+Forecast = Callable[[Tracks, ModeEstimates, FloatArray], Tracks]
+
+
+class ReportedTracks(NamedTuple):
+    """Tracks without impacts, their estimates, log likelihoods (n, types) of reported types and group probabilities."""
+
+    tracks: Tracks
+    estimates: ModeEstimates
+    types: FloatArray
+    groups: FloatArray
+
+    def take(self, rows: IntArray) -> "ReportedTracks":
+        """Return some of the rows."""
+        return ReportedTracks(
+            *(part.take(rows, axis=0) if isinstance(part, np.ndarray) else part.take(rows) for part in self)
+        )
+
+
+def with_launches(told: ReportedTracks, forecast: Forecast, least_probability: float) -> Tracks:
+    """Return tracks with the forecasts of those that are launches with the least probability or more.
+
+    Others have no launch point and no predicted impact.
+    """
+    launched = told.groups[:, LAUNCH] >= least_probability
+    rows, others = np.flatnonzero(launched), np.flatnonzero(~launched)
+    if not len(others):
+        return forecast(told.tracks, told.estimates, told.types)
+    mine, rest = told.take(rows), told.tracks.take(others)
+    rest = evolve(rest, launch=_unknown(len(others), 3), launch_covariance=_unknown(len(others), 3, 3))
+    both = Tracks.concatenate([forecast(mine.tracks, mine.estimates, mine.types), rest])
+    return both.take(np.argsort(np.concatenate([rows, others])))
 
 
 def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float, types: FloatArray) -> Tracks:

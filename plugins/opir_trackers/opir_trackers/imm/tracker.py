@@ -9,7 +9,9 @@ from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
+from opir_trackers.imm.report import with_launches
 from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.onset.composition import given_types, with_hypotheses
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -42,7 +44,10 @@ class ImmTracker(Tracker):
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        return self._forecaster.with_impacts(*self._tracking.reported_tracks(self._now))
+        told = self._tracking.reported_tracks(self._now)
+        tracks = with_launches(told, self._forecaster.with_impacts, self._tracking.config.least_launch_probability)
+        hypotheses = self._context.hypotheses
+        return with_hypotheses(tracks, hypotheses, told.groups, given_types(hypotheses, tracks.type_probability))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

@@ -1,0 +1,165 @@
+"""Priors of how each kind of source moves, as Gaussian mixtures over the coefficients of a cubic.
+
+The coefficients are position, velocity, acceleration and jerk at the first detection, east, north and up over the
+ground, in SI units. Each mixture component is a mean m and a root S: coefficients are m + S z, with z standard normal.
+All components share the horizontal spread `WIDE_M` of the position, which stands for "anywhere in view".
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_trackers.configs import HypothesesConfig
+from opir_trackers.launch_points import AT_ONCE, BEFORE_S
+from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
+
+#: Horizontal standard deviation of positions about the reference point of a track, m, wider than its error.
+WIDE_M = 100e3
+
+#: The part of the Earth that a geostationary satellite sees, down to the horizon, m².
+_IN_VIEW_M2 = 2.0 * np.pi * EARTH_EQUATORIAL_RADIUS_M**2 * (1.0 - EARTH_EQUATORIAL_RADIUS_M / 42.164e6)
+
+#: Log of the probability density of a position in view over that at the centre of the horizontal spread.
+LOG_IN_VIEW = float(np.log(2.0 * np.pi * WIDE_M**2 / _IN_VIEW_M2))
+
+#: Standard deviation of the height of the ground about the ellipsoid, m: that of the Earth's land is 0.8 km (ETOPO1).
+GROUND_SIGMA_M = 1e3
+
+#: Net upward accelerations at lift-off, m/s², and their prior probabilities: a geometric grid over 2 to 40 m/s²;
+#: standard deviations along and across as shares of the mean; notional.
+_LIFT_M_S2, _LIFT_SHARE = (3.0, 6.5, 14.0, 30.0), (0.2, 0.3, 0.3, 0.2)
+_LIFT_SIGMA, _ASIDE_SIGMA = 0.4, 0.2
+
+#: Growth of the acceleration, 1/s, and the standard deviation of the jerk as a rate of the specific force, 1/s: growth
+#: of 1 to 3 % a second, and a thrust that turns by 1 to 2 ° a second; notional.
+_GROWTH_PER_S, _TURN_PER_S, _GRAVITY_M_S2 = 0.02, 0.03, 9.8
+
+#: Edges of the intervals of the time from lift-off to the first detection, s.
+_EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
+
+#: Launches first seen in flight, from how long they have flown, s: mean and standard deviations of the speed over that
+#: time (upwards, aside), m/s², of the height over time squared, m/s², and of acceleration and jerk; notional.
+_FLOWN_S = (12.0, 25.0, 50.0, 100.0, 200.0)
+
+#: Height, m, and velocity, m/s, of bolides, with their deceleration, m/s², and jerk. CNEOS: brightest at 35.2 km
+#: [22-61], entered at 17.3 km/s [11.8-30.2], any direction; the rest is notional.
+_BOLIDE = ((40e3, 20e3), 11e3, 3e3, 3e3)
+
+#: Objects that are none of these, slow ones and fast ones: height, velocity, acceleration and jerk; notional.
+_OTHERS = (((6e3, 6e3), 250.0, 10.0, 1.0), ((60e3, 60e3), 2e3, 30.0, 3.0))
+
+
+class _Component(NamedTuple):
+    group: int
+    weight: float
+    mean: FloatArray
+    root: FloatArray
+    interval: int = -1
+
+
+@frozen(eq=False)
+class MotionPriors:
+    """The components (c,) of all priors: group, log weight within the group, mean (c, 12) and root (c, 12, 12).
+
+    `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need the scan period.
+    """
+
+    group: IntArray
+    log_weight: FloatArray
+    mean: FloatArray
+    root: FloatArray
+    interval: IntArray
+    edges_s: FloatArray
+
+    @classmethod
+    def of(cls, config: HypothesesConfig) -> "MotionPriors":
+        """Return the priors of a tracker's settings."""
+        parts = [*_standing(config), *_from_rest(1.0 - config.in_flight_share), *_in_flight(config.in_flight_share)]
+        parts += [_drawn(BOLIDE, 1.0, *_BOLIDE), *(_drawn(NONE, 0.5, *other) for other in _OTHERS)]
+        parts = [part for part in parts if part.weight > 0.0]
+        return cls(
+            group=np.array([part.group for part in parts]),
+            log_weight=np.log([part.weight for part in parts]),
+            mean=np.array([part.mean for part in parts]),
+            root=np.array([part.root for part in parts]),
+            interval=np.array([part.interval for part in parts]),
+            edges_s=_EDGES_S,
+        )
+
+    def log_weights(self, pause_s: FloatArray) -> FloatArray:
+        """Return the log weights (n, c) of the components for tracks whose sensors look every `pause_s` (n,).
+
+        Half of the launches are detected at once, after an exponential time of this mean; others after a uniform time,
+        as for the launch points.
+        """
+        soon = -np.diff(np.exp(-self.edges_s / pause_s[:, None]), axis=1)
+        late = np.diff(self.edges_s) / BEFORE_S
+        since = np.log(AT_ONCE * soon + (1.0 - AT_ONCE) * late)
+        known = np.concatenate([since, np.zeros((len(pause_s), 1))], axis=1)
+        return np.asarray(self.log_weight + known[:, self.interval])
+
+
+def _standing(config: HypothesesConfig) -> list[_Component]:
+    still = _diagonal(((0.0, GROUND_SIGMA_M), config.ground_drift_m_s, 0.0, 0.0))
+    return [_Component(GROUND, 1.0, *still)]
+
+
+def _from_rest(share: float) -> list[_Component]:
+    return [
+        _lifted(share * of_lift, lift, number)
+        for lift, of_lift in zip(_LIFT_M_S2, _LIFT_SHARE, strict=True)
+        for number in range(len(_EDGES_S) - 1)
+    ]
+
+
+def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
+    """Return the prior of launches from rest on the ground in an interval of time before the first detection.
+
+    Their parameters are place, acceleration, jerk, and the time of lift-off within the interval, linearised.
+    """
+    first_s, last_s = _EDGES_S[interval : interval + 2].tolist()
+    since_s, spread_s = 0.5 * (first_s + last_s), (last_s - first_s) / np.sqrt(12.0)
+    # Position, velocity, acceleration and jerk at the first detection from acceleration and jerk at lift-off.
+    of_lift = np.array([0.5 * since_s**2, since_s, 1.0, 0.0])
+    of_jerk = np.array([since_s**3 / 6.0, 0.5 * since_s**2, since_s, 1.0])
+    jerk = _GROWTH_PER_S * lift_m_s2
+    upwards = of_lift * lift_m_s2 + of_jerk * jerk
+    mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3, 3 * ORDERS))
+    mean[:, 2] = upwards
+    root[0, range(3), range(3)] = WIDE_M, WIDE_M, GROUND_SIGMA_M
+    along = lift_m_s2 * np.array([_ASIDE_SIGMA, _ASIDE_SIGMA, _LIFT_SIGMA])
+    root[:, range(3), range(3, 6)] = of_lift[:, None] * along
+    root[:, range(3), range(6, 9)] = (_TURN_PER_S * (lift_m_s2 + _GRAVITY_M_S2)) * of_jerk[:, None]
+    root[:-1, 2, 9] = spread_s * upwards[1:]
+    return _Component(LAUNCH, weight, mean.ravel(), root.reshape(3 * ORDERS, -1), interval)
+
+
+def _in_flight(share: float) -> list[_Component]:
+    parts = []
+    for flown_s in _FLOWN_S:
+        mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3))
+        mean[:3, 2] = 4.0 * flown_s**2, 8.0 * flown_s, 8.0
+        root[0] = WIDE_M, WIDE_M, 3.0 * flown_s**2
+        root[1] = flown_s * np.array([7.0, 7.0, 5.0])
+        root[2], root[3] = (12.0, 12.0, 10.0), 0.5
+        parts.append(_Component(LAUNCH, share / len(_FLOWN_S), mean.ravel(), np.diag(root.ravel())))
+    return parts
+
+
+def _drawn(
+    group: int, weight: float, height_m: tuple[float, float], speed_m_s: float, force_m_s2: float, jerk_m_s3: float
+) -> _Component:
+    return _Component(group, weight, *_diagonal((height_m, speed_m_s, force_m_s2, jerk_m_s3)))
+
+
+def _diagonal(spread: tuple[tuple[float, float], float, float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return mean and root of a motion, from mean and deviation of its height and the deviations of its rates."""
+    (height_m, sigma_m), *rates = spread
+    mean = np.zeros((ORDERS, 3))
+    mean[0, 2] = height_m
+    root = np.repeat([WIDE_M, *rates], 3)
+    root[2] = sigma_m
+    return mean.ravel(), np.diag(root)
