@@ -1,8 +1,9 @@
 """Sufficient statistics of the lines of sight of tracks, for the likelihood of any slow motion.
 
-A line of sight from o along u with the angular error σ at a range R bounds the position p of its source, relative to a
-reference point near it, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d the foot of the
-line's perpendicular from the reference point. For p a polynomial of the time τ since the first detection, all lines of
+A line of sight with the angular error σ bounds the position p of its source, relative to a reference point near it at
+the range R in the direction u, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d where the
+line crosses the plane through the reference point across u. (With u along the line itself, p would gain by moving
+towards the sensor, where all its lines meet.) For p a polynomial of the time τ since the first detection, all lines of
 a track enter through the sums of W τᵏ, W d τᵏ and dᵀ W d. The frame is fixed to the Earth, where sources stand still;
 a constant pointing bias moves none.
 """
@@ -169,11 +170,13 @@ def _line_terms(
     lines: LinesOfSight, reference_m: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about reference points (m, 3)."""
-    apart = lines.origin_ecef_m - reference_m
-    along = np.sum(axes * lines.direction_ecef[:, None, :], axis=2)
-    local = np.sum(axes * apart[:, None, :], axis=2)
-    depth = dot(along, local)
-    foot = local - depth[:, None] * along
-    scale = 1.0 / (np.square(lines.sigma_rad) * dot(apart, apart))
+    apart = reference_m - lines.origin_ecef_m
+    square = dot(apart, apart)
+    towards = apart / np.sqrt(square)[:, None]
+    # The point of the line in the plane through the reference point across the view.
+    depth = square / dot(apart, lines.direction_ecef)
+    off = depth[:, None] * lines.direction_ecef - apart
+    along, foot = np.sum(axes * towards[:, None, :], axis=2), np.sum(axes * off[:, None, :], axis=2)
+    scale = 1.0 / (np.square(lines.sigma_rad) * square)
     weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])
     return weight, foot, scale * dot(foot, foot)
