@@ -69,8 +69,7 @@ def probabilities(seed, copies, lift_m_s2, sensors, until_s):
     statistics = MotionStatistics.fresh(first, 0.0, posterior.prior)
     for second in range(until_s):
         copy, lines = looks(rng, copies, float(second), lift_m_s2, sensors)
-        noise = posterior.noise_log(lines)
-        statistics = statistics.with_lines(copy, lines, np.zeros(copies), noise)
+        statistics = statistics.with_lines(copy, lines, np.zeros(copies), posterior.log_clutter)
         age_s = np.full(copies, second + 1.0)
         statistics = posterior.assessed(statistics, age_s, np.full(copies, 1.0 / LOOKS_PER_S))
         yield statistics.probability
