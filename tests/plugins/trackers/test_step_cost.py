@@ -79,28 +79,31 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 863), ({"slice_s": 0.5}, 1931)],
+    [({}, 1010), ({"slice_s": 0.5}, 2090)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
-    """A burn has two parts, as a stage may begin at any time: each is predicted, updated and matched."""
+    """A burn has two parts, as a stage may begin at any time: each is predicted, updated and matched.
+
+    What it is was decided before: of that only the table of hypotheses is composed.
+    """
     calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
     assert np.median(calls[20:]) <= most
 
 
 @pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
-    """The silent one may still burn, so both parts of its burn are predicted."""
+    """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 1946
-    assert np.median(calls[75:]) <= 585
+    assert sorted(calls[3:12])[-2] <= 2600
+    assert np.median(calls[75:]) <= 715
 
 
 def calls_with_new_regions(prior: PriorBoosts, monkeypatch: pytest.MonkeyPatch) -> IntArray:
     """Return the calls of the ticks with new impact regions, by a tracker with some boosts in its prior."""
     monkeypatch.setattr(forecast, "prior_boosts", lambda: prior)
-    calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
+    calls = np.array(counted({"model": "imm"}, "ICBM", 45.0).calls[10:])
     return calls[calls > 5000]
 
 

@@ -11,7 +11,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.imm.report import with_launches
 from opir_trackers.imm.tracking import ImmTracking, TrackerState
-from opir_trackers.onset.composition import given_types, with_hypotheses
+from opir_trackers.onset.composition import Composition
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -26,6 +26,7 @@ class ImmTracker(Tracker):
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
+        self._composition = Composition.of(context.hypotheses)
         self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces)
 
     def associate(self, detections: Detections) -> IntArray:
@@ -46,8 +47,7 @@ class ImmTracker(Tracker):
         self._advance(tick_s, detections)
         told = self._tracking.reported_tracks(self._now)
         tracks = with_launches(told, self._forecaster.with_impacts, self._tracking.config.least_launch_probability)
-        hypotheses = self._context.hypotheses
-        return with_hypotheses(tracks, hypotheses, told.groups, given_types(hypotheses, tracks.type_probability))
+        return self._composition.composed(tracks, told.groups, self._composition.given_types(tracks.type_probability))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

@@ -39,8 +39,8 @@ from opir_trackers.imm.track_management import SharedDetections, TrackTable, dup
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_lines_of_sight, no_measurements
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
-from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.onset.posterior import GroupPosterior
+from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
+from opir_trackers.onset.posterior import RARE, GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
@@ -67,9 +67,16 @@ class TrackerState:
     sightings: SharedDetections = field(factory=SharedDetections.empty)
     motion: MotionStatistics = field(factory=MotionStatistics.empty)
 
-    def after(self, time_s: float, estimates: ModeEstimates, table: TrackTable, histories: Histories) -> "TrackerState":
+    def after(
+        self,
+        time_s: float,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        histories: Histories,
+        motion: MotionStatistics | None = None,
+    ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        known = self.ambiguous, self.next_number, self.sightings, self.motion
+        known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
         return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known)
 
     @classmethod
@@ -157,7 +164,8 @@ class ImmTracking:
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self._longest_of_sensors(self.period_s, table)
-        return evolve(now, motion=self.groups.assessed(motion, table.seen_s - table.first_s, pause_s))
+        motion = self.groups.assessed(motion, table.seen_s - table.first_s, pause_s)
+        return now.after(now.time_s, now.estimates, table, now.histories, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand, whatever the filter says.
@@ -184,8 +192,8 @@ class ImmTracking:
         then, owner = self.associated(now, end_s, lines)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            motion = then.motion.with_lines(owner, lines, table.first_s, self.groups.noise_log(lines))
-            then = evolve(then, table=table, motion=motion)
+            motion = then.motion.with_lines(owner, lines, table.first_s, self.groups.log_clutter)
+            then = then.after(end_s, then.estimates, table, then.histories, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
@@ -312,8 +320,7 @@ class ImmTracking:
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, self.groups.prior)
-        noise_log = self.groups.noise_log(now.unclaimed)
-        motion = motion.with_lines(owner, now.unclaimed, fresh.first_s, noise_log)
+        motion = motion.with_lines(owner, now.unclaimed, fresh.first_s, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
         path = self.filter.predicted_measurements(result.estimates, now.time_s)
         sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
@@ -386,16 +393,21 @@ class ImmTracking:
     def _with_static_states(
         self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return inertial states (n, 6) and covariances (n, 6, 6) in which probable ground sources stand still."""
-        rows = np.flatnonzero(motion.stands)
+        """Return inertial states (n, 6) and covariances (n, 6, 6), as mixtures with those of sources that stand."""
+        rows = (motion.probability[:, GROUND] > RARE).nonzero()[0]
         if not len(rows):
             return state, covariance
-        state, covariance = state.copy(), covariance.copy()
         position, spread = self._static_estimates(motion.take(rows), time_s)
-        state[rows, :3], state[rows, 3:] = position, 0.0
-        state[rows, 3], state[rows, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
-        covariance[rows] = np.square(self.config.hypotheses.ground_drift_m_s) * np.eye(6)
-        covariance[rows, :3, :3] = spread
+        still, around = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6))
+        still[:, :3], around[:, :3, :3] = position, spread
+        still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
+        around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
+        share = motion.probability[rows, GROUND, None]
+        apart, both = still - state[rows], share[:, :, None]
+        state, covariance = state.copy(), covariance.copy()
+        state[rows] += share * apart
+        spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
+        covariance[rows] = both * around + (1.0 - both) * covariance[rows] + spread
         return state, covariance
 
     def _with_neighbours(

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray
 from opir_core.plugin import REPORTED_TYPES, Hypothesis, Tracks
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE
@@ -13,54 +13,68 @@ from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE,
 #: Columns of group probabilities by the groups of hypotheses other than launches.
 _COLUMNS = {"noise": NOISE, "ground": GROUND, "bolide": BOLIDE, "none": NONE}
 
+#: Groups of launches whose sums tracks have, after those of reported types and of launches.
+_SUMMED = ("missile", "orbit")
 
-def hypothesis_probabilities(
-    hypotheses: Sequence[Hypothesis], groups: FloatArray, given_launch: FloatArray
-) -> FloatArray:
-    """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given a launch (n, H).
 
-    Given a launch, only target classes and "none of these" have a probability: P(h) = P(launch) P(h | launch), and for
-    none of these P(none) + P(launch) P(none | launch).
+@frozen(eq=False)
+class Composition:
+    """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch) for target classes.
+
+    `of_groups` (5, H) takes group probabilities to hypotheses, `of_types` (types, H) those of reported types to target
+    classes, which share a type equally (all of them what is unknown); `sums` (H, types + 3) are the sums that tracks
+    have: reported types, launches, missiles, orbits.
     """
-    probability = groups[:, LAUNCH, None] * given_launch
-    for column, one in enumerate(hypotheses):
-        if not one.is_launch:
-            probability[:, column] += groups[:, _COLUMNS[one.group]]
-    return probability
+
+    of_groups: FloatArray
+    of_types: FloatArray
+    sums: FloatArray
+
+    @classmethod
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "Composition":
+        """Return the composition of a scene's hypotheses."""
+        kind = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
+        launched = np.array([one.is_launch for one in hypotheses])
+        of_groups = np.zeros((len(_COLUMNS) + 1, len(hypotheses)))
+        for place, one in enumerate(hypotheses):
+            if not one.is_launch:
+                of_groups[_COLUMNS[one.group], place] = 1.0
+        # A type without a class of its own is unknown.
+        own = [launched & (kind == code) if code != UNKNOWN_TYPE else launched for code in range(len(REPORTED_TYPES))]
+        of_types = np.array([mine if mine.any() else launched for mine in own], dtype=np.float64)
+        sums = [kind == code for code in range(len(REPORTED_TYPES))] + [launched]
+        sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
+        return cls(
+            of_groups, of_types / np.maximum(of_types.sum(axis=1), 1.0)[:, None], np.array(sums, dtype=np.float64).T
+        )
+
+    def given_types(self, types: FloatArray) -> FloatArray:
+        """Return probabilities (n, H) given a launch from those of `REPORTED_TYPES` (n, types)."""
+        return _products(types, self.of_types)
+
+    def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
+        """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given a launch (n, H).
+
+        `given_launch` is over target classes and "none of these", whose probability is P(none) + P(launch)
+        P(none | launch).
+        """
+        return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
+
+    def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
+        """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as."""
+        probability = self.probabilities(groups, given_launch)
+        sums = _products(probability, self.sums)
+        types = len(REPORTED_TYPES)
+        return evolve(
+            tracks,
+            hypothesis_probability=probability,
+            probability_launch=sums[:, types],
+            probability_missile=sums[:, types + 1],
+            probability_orbit=sums[:, types + 2],
+            type_probability=sums[:, :types],
+        )
 
 
-def given_types(hypotheses: Sequence[Hypothesis], types: FloatArray) -> FloatArray:
-    """Return probabilities (n, H) given a launch from probabilities (n, types) of `REPORTED_TYPES`.
-
-    The classes of a reported type share it equally; what is unknown, all target classes do.
-    """
-    launches = np.array([one.is_launch for one in hypotheses])
-    kind = _reported_codes(hypotheses)
-    share = np.zeros((len(types), len(hypotheses)))
-    for code in range(len(REPORTED_TYPES)):
-        own = launches & (kind == code)
-        mine = launches if code == UNKNOWN_TYPE or not own.any() else own
-        share[:, mine] += types[:, code, None] / max(int(mine.sum()), 1)
-    return share
-
-
-def _reported_codes(hypotheses: Sequence[Hypothesis]) -> IntArray:
-    return np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
-
-
-def with_hypotheses(
-    tracks: Tracks, hypotheses: Sequence[Hypothesis], groups: FloatArray, given_launch: FloatArray
-) -> Tracks:
-    """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as."""
-    probability = hypothesis_probabilities(hypotheses, groups, given_launch)
-    of_group = np.array([one.group for one in hypotheses])
-    kind = _reported_codes(hypotheses)
-    types = np.stack([probability[:, kind == code].sum(axis=1) for code in range(len(REPORTED_TYPES))], axis=1)
-    return evolve(
-        tracks,
-        hypothesis_probability=probability,
-        probability_launch=probability[:, [one.is_launch for one in hypotheses]].sum(axis=1),
-        probability_missile=probability[:, of_group == "missile"].sum(axis=1),
-        probability_orbit=probability[:, of_group == "orbit"].sum(axis=1),
-        type_probability=types,
-    )
+def _products(rows: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return the products (n, k) of rows with a matrix, each row on its own."""
+    return np.asarray((rows[:, None, :] @ matrix)[:, 0])

@@ -1,8 +1,9 @@
 """Sufficient statistics of the lines of sight of tracks, for the likelihood of any slow motion.
 
-A line of sight from o along u with the angular error σ at a range R bounds the position p of its source, relative to a
-reference point near it, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d the foot of the
-line's perpendicular from the reference point. For p a polynomial of the time τ since the first detection, all lines of
+A line of sight with the angular error σ bounds the position p of its source, relative to a reference point near it at
+the range R in the direction u, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d where the
+line crosses the plane through the reference point across u. (With u along the line itself, p would gain by moving
+towards the sensor, where all its lines meet.) For p a polynomial of the time τ since the first detection, all lines of
 a track enter through the sums of W τᵏ, W d τᵏ and dᵀ W d. The frame is fixed to the Earth, where sources stand still;
 a constant pointing bias moves none.
 """
@@ -12,7 +13,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import dot
@@ -44,9 +45,9 @@ class MotionStatistics(Columns):
 
     `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up. Up to the
     horizon of a cubic: `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,) in local axes. Of all lines:
-    `static_information` (n, 3, 3), `static_pull` (n, 3), number of `lines`. `noise_log` (n,) is the log likelihood of
-    the lines as false alarms over that of lines without error. `probability` (n, 5) is over the groups; `is_decided`
-    rows keep theirs.
+    `noise_log` (n,) is the log likelihood of the lines as false alarms over that of lines without error. Of all lines:
+    `static_information` (n, 3, 3) and `static_pull` (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows
+    keep theirs.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType(
@@ -67,10 +68,9 @@ class MotionStatistics(Columns):
     information: FloatArray
     pull: FloatArray
     misfit: FloatArray
+    noise_log: FloatArray
     static_information: FloatArray
     static_pull: FloatArray
-    lines: FloatArray
-    noise_log: FloatArray
     probability: FloatArray
     is_decided: BoolArray
 
@@ -88,7 +88,6 @@ class MotionStatistics(Columns):
             misfit=np.zeros(count),
             static_information=np.zeros((count, 3, 3)),
             static_pull=np.zeros((count, 3)),
-            lines=np.zeros(count),
             noise_log=np.zeros(count),
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
@@ -105,40 +104,48 @@ class MotionStatistics(Columns):
         return np.asarray((_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25)
 
     def with_lines(
-        self, owner: IntArray, lines: LinesOfSight, first_s: FloatArray, noise_log: FloatArray
+        self, owner: IntArray, lines: LinesOfSight, first_s: FloatArray, log_clutter: FloatArray
     ) -> "MotionStatistics":
         """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
 
-        `first_s` (n,) are the times of the first detections, `noise_log` (m,) the log likelihoods of `noise_log`.
+        `first_s` (n,) are the times of the first detections, `log_clutter` (sensors,) the log density of false alarms
+        over the detection probability. Of what is decided to move nothing more is taken in.
         """
-        mine = np.flatnonzero(owner >= 0)
+        settled = np.append(self.is_decided & ~self.stands, True)
+        mine = (~settled[owner]).nonzero()[0]
         if not len(mine):
             return self
-        mine = mine[np.argsort(owner[mine], kind="stable")]
-        rows, starts = np.unique(owner[mine], return_index=True)
+        mine = mine[owner[mine].argsort(kind="stable")]
         of, used = owner[mine], lines.take(mine)
+        starts = np.flatnonzero(np.diff(of, prepend=-1))
         since_s = used.time_s - first_s[of]
-        near = since_s <= self.horizon_s()[of]
-        near &= ~self.is_decided[of]
+        near = (since_s <= self.horizon_s()[of]) & ~self.is_decided[of]
         weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
         powers = np.where(near[:, None], since_s[:, None] ** np.arange(_POWERS), 0.0)
         pulled = np.sum(weight * foot[:, None, :], axis=2)
-        sums = [
-            powers[:, :, None] * weight.reshape(-1, 1, 9),
-            powers[:, :ORDERS, None] * pulled[:, None, :],
-            powers[:, 0] * square,
+        weight = weight.reshape(-1, 9)
+        terms = [
+            (powers[:, :, None] * weight[:, None, :]).reshape(len(mine), -1),
+            (powers[:, :ORDERS, None] * pulled[:, None, :]).reshape(len(mine), -1),
+            np.stack([powers[:, 0] * square, _noise_log(used, log_clutter)], axis=1),
             weight,
             pulled,
-            np.ones(len(mine)),
-            noise_log[mine],
         ]
-        names = ("information", "pull", "misfit", "static_information", "static_pull", "lines", "noise_log")
-        added = {}
-        for name, terms in zip(names, sums, strict=True):
-            column = getattr(self, name).copy()
-            column[rows] += np.add.reduceat(terms, starts, axis=0).reshape(-1, *column.shape[1:])
-            added[name] = column
-        return evolve(self, **added)
+        ends = np.cumsum([term.shape[1] for term in terms])[:-1]
+        sums = np.split(np.add.reduceat(np.concatenate(terms, axis=1), starts, axis=0), ends, axis=1)
+        rows, change = of[starts], [self.information, self.pull, self.misfit, self.noise_log]
+        change += [self.static_information, self.static_pull]
+        for place, added in enumerate((sums[0], sums[1], sums[2][:, 0], sums[2][:, 1], *sums[3:])):
+            column = change[place].copy()
+            column[rows] += added.reshape(-1, *column.shape[1:])
+            change[place] = column
+        known = self.reference_m, self.height_m, self.axes
+        return MotionStatistics(*known, *change, self.probability, self.is_decided)
+
+    def with_probabilities(self, probability: FloatArray, is_decided: BoolArray) -> "MotionStatistics":
+        """Return the statistics with other probabilities (n, 5), and which of them stay (n,)."""
+        known = self.reference_m, self.height_m, self.axes, self.information, self.pull, self.misfit, self.noise_log
+        return MotionStatistics(*known, self.static_information, self.static_pull, probability, is_decided)
 
     def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a cubic.
@@ -169,11 +176,18 @@ def _line_terms(
     lines: LinesOfSight, reference_m: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about reference points (m, 3)."""
-    apart = lines.origin_ecef_m - reference_m
-    along = np.sum(axes * lines.direction_ecef[:, None, :], axis=2)
-    local = np.sum(axes * apart[:, None, :], axis=2)
-    depth = dot(along, local)
-    foot = local - depth[:, None] * along
-    scale = 1.0 / (np.square(lines.sigma_rad) * dot(apart, apart))
+    apart = reference_m - lines.origin_ecef_m
+    square = dot(apart, apart)
+    towards = apart / np.sqrt(square)[:, None]
+    # The point of the line in the plane through the reference point across the view.
+    depth = square / dot(apart, lines.direction_ecef)
+    off = depth[:, None] * lines.direction_ecef - apart
+    along, foot = np.sum(axes * towards[:, None, :], axis=2), np.sum(axes * off[:, None, :], axis=2)
+    scale = 1.0 / (np.square(lines.sigma_rad) * square)
     weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])
     return weight, foot, scale * dot(foot, foot)
+
+
+def _noise_log(lines: LinesOfSight, log_clutter: FloatArray) -> FloatArray:
+    """Return the log likelihood (m,) of lines as false alarms over that of detections without error."""
+    return np.asarray(log_clutter[lines.sensor] + np.log(2.0 * np.pi * np.square(lines.sigma_rad)))

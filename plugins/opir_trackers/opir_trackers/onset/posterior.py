@@ -7,19 +7,18 @@ Systems", 1999, 6.2).
 """
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
-from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, NOISE, MotionStatistics
+from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, MotionStatistics
 
 _DAY_S = 86400.0
 
-#: A track is decided once ground and noise together are less probable than the first, and one of the other groups more
-#: than the second, or when its horizon is over.
-_RARE, _SURE = 1e-4, 0.99
+#: A track is decided once ground and noise together are less probable than the first and a launch more than the second,
+#: or when its horizon is over.
+RARE, _SURE = 1e-4, 0.99
 
 
 @frozen(eq=False)
@@ -60,27 +59,22 @@ class GroupPosterior:
         share = np.exp(self.log_rate)
         return np.append(0.0, share / share.sum())
 
-    def noise_log(self, lines: LinesOfSight) -> FloatArray:
-        """Return the log likelihood (m,) of lines as false alarms over that of detections without error."""
-        density = np.log(2.0 * np.pi * np.square(lines.sigma_rad))
-        return np.asarray(self.log_clutter[lines.sensor] + density)
-
     def assessed(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> MotionStatistics:
         """Return the statistics with new probabilities of the undecided tracks.
 
         `age_s` (n,) is the time from the first to the last detection, `pause_s` (n,) the longest scan period of the
         sensors that see the track.
         """
-        open_ = np.flatnonzero(~statistics.is_decided)
+        open_ = (~statistics.is_decided).nonzero()[0]
         if not len(open_):
             return statistics
-        mine = statistics.take(open_)
+        mine, age_s, pause_s = statistics.part(open_), age_s[open_], pause_s[open_]
         probability, decided = statistics.probability.copy(), statistics.is_decided.copy()
-        probability[open_] = self.probabilities(mine, age_s[open_], pause_s[open_])
-        still = probability[open_, GROUND] + probability[open_, NOISE]
-        sure = (still < _RARE) & (probability[open_].max(axis=1) > _SURE)
-        decided[open_] = sure | (age_s[open_] > mine.horizon_s())
-        return evolve(statistics, probability=probability, is_decided=decided)
+        found = probability[open_] = self.probabilities(mine, age_s, pause_s)
+        still = found[:, GROUND] + found[:, NOISE]
+        launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
+        decided[open_] = launched | (age_s > mine.horizon_s())
+        return statistics.with_probabilities(probability, decided)
 
     def probabilities(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> FloatArray:
         """Return the probabilities (n, 5) of the groups."""
