@@ -37,6 +37,13 @@ from opir_scoring.impacts import (
     impact_scores as impact_scores,
     phase_scores as phase_scores,
 )
+from opir_scoring.proper_scores import (
+    brier_scores as brier_scores,
+    energy_scores as energy_scores,
+    log_scores as log_scores,
+    open_set_rate as open_set_rate,
+    reliability as reliability,
+)
 from opir_scoring.scorecard_tables import (
     scorecard_text as scorecard_text,
 )

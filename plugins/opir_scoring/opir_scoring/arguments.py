@@ -22,4 +22,17 @@ def add_score_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cutoff-m", type=float, default=5000.0, help="GOSPA cut-off distance c, m (default 5000)")
     parser.add_argument("--order", type=float, default=2.0, help="GOSPA order p (default 2)")
     parser.add_argument("--alpha", type=float, default=2.0, help="GOSPA alpha, in (0, 2] (default 2)")
+    parser.add_argument(
+        "--launch-probability",
+        type=float,
+        default=0.5,
+        help="a track with a greater P(launch) is taken as a launch (default 0.5)",
+    )
+    parser.add_argument(
+        "--unknown",
+        metavar="CLASS",
+        action="append",
+        default=[],
+        help='a target class that the tracker does not know, for which "none of these" is right; repeatable',
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")

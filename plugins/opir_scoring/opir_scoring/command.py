@@ -37,6 +37,7 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
             ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
             ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
             ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
+            ("--launch-probability", not 0.0 <= arguments.launch_probability < 1.0, "must be in [0, 1)"),
             ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
             (
                 "--order",
@@ -49,7 +50,12 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
     if problems:
         raise SceneError(problems, source="command line")
     return ScoreSettings(
-        bin_s=arguments.bin_s, cutoff_m=arguments.cutoff_m, order=arguments.order, alpha=arguments.alpha
+        bin_s=arguments.bin_s,
+        cutoff_m=arguments.cutoff_m,
+        order=arguments.order,
+        alpha=arguments.alpha,
+        launch_probability=arguments.launch_probability,
+        unknown=tuple(arguments.unknown),
     )
 
 

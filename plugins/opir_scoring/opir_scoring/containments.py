@@ -211,6 +211,12 @@ def rms(error: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
     return {"value": value, "interval_95": [lower, upper]}
 
 
+def energy(score: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
+    """Return the mean of energy scores (n,), dependent within a cluster (n,), with an interval as of `rms`."""
+    value, lower, upper = np.square(root_mean_square(np.sqrt(score), cluster)).tolist()
+    return {"value": value, "interval_95": [lower, upper]}
+
+
 def over(figure: Mapping[str, Any], bound: float) -> dict[str, Any]:
     """Return a figure divided by a bound."""
     low, high = figure["interval_95"]

@@ -13,6 +13,7 @@ from opir_core.plugin import Sensor, Tracks
 from opir_scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
 from opir_scoring.containments import nees, on_normal_scale
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states_ecef
+from opir_scoring.proper_scores import energy_scores
 
 
 @frozen(eq=False, repr=False)
@@ -22,7 +23,8 @@ class StateErrors(Columns):
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
     `nees` has six degrees of freedom and includes the reported radii of the state ellipsoids (`on_normal_scale`). The
     bounds are for a known thrust, the free ones for an unknown one (`opir_scoring.bound`). `impact_m` is the error
-    of the impact predicted at the tick, along the ground.
+    of the impact predicted at the tick, along the ground. The energies are energy scores of position and velocity
+    (`energy_scores`), with the reported radii too.
     """
 
     target: IntArray
@@ -32,6 +34,8 @@ class StateErrors(Columns):
     is_biased: BoolArray
     position_m: FloatArray
     velocity_m_s: FloatArray
+    position_energy_m: FloatArray
+    velocity_energy_m_s: FloatArray
     nees: FloatArray
     position_bound_m: FloatArray
     velocity_bound_m_s: FloatArray
@@ -45,13 +49,15 @@ class PointErrors(Columns):
     """One row per target with a track: errors of its last launch and impact estimates, two degrees of freedom.
 
     Distances are along the ground, m; times are s, estimated minus true; nan without an estimate. `impact_nees`
-    includes the reported radii of the impact ellipses (`on_normal_scale`).
+    includes the reported radii of the impact ellipses (`on_normal_scale`). `launch_energy_m` is the energy score of the
+    launch point, on the ground.
     """
 
     target: IntArray
     is_stereo: BoolArray
     is_biased: BoolArray
     launch_m: FloatArray
+    launch_energy_m: FloatArray
     launch_nees: FloatArray
     launch_time_s: FloatArray
     impact_m: FloatArray
@@ -95,6 +101,8 @@ def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Owner
         is_biased=owners.is_biased[owner],
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
+        position_energy_m=energy_scores(error, tracks.state_covariance, tracks.state_sigmas, slice(0, 3)),
+        velocity_energy_m_s=energy_scores(error, tracks.state_covariance, tracks.state_sigmas, slice(3, 6)),
         nees=on_normal_scale(nees(error, tracks.state_covariance), tracks.state_sigmas, 6),
         position_bound_m=known_thrust[0],
         velocity_bound_m_s=known_thrust[1],
@@ -144,6 +152,7 @@ def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         launch_m=np.linalg.norm(launch_error, axis=1),
+        launch_energy_m=energy_scores(launch_error, tracks.launch_covariance[:, :2, :2]),
         launch_nees=nees(launch_error, tracks.launch_covariance[:, :2, :2]),
         launch_time_s=tracks.launch[:, 2] - ignition_s,
         impact_m=np.linalg.norm(impact_error, axis=1),

@@ -99,6 +99,7 @@ class Ownership:
 
     `held` counts the track's detections from its target, and `purity` is their share of all its detections. `is_stereo`
     marks tracks with detections of several sensors, `is_biased` those with a sensor that has a line-of-sight bias.
+    `source` is the row of the launch or other hot source among the plan's targets, -1 for false alarms.
     """
 
     track: IntArray
@@ -107,6 +108,7 @@ class Ownership:
     held: IntArray
     is_stereo: BoolArray
     is_biased: BoolArray
+    source: IntArray
 
 
 def ownership(evidence: RunEvidence) -> Ownership:
@@ -132,6 +134,7 @@ def ownership(evidence: RunEvidence) -> Ownership:
         held=of_owner,
         is_stereo=seen.sum(axis=1) > 1,
         is_biased=(seen & biased).sum(axis=1) > 0,
+        source=np.where(total > 0, owner, -1),
     )
 
 

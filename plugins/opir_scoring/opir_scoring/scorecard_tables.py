@@ -6,17 +6,17 @@ from typing import Any
 
 from opir_core.cli import table
 from opir_core.plugin import REPORTED_TYPES
+from opir_scoring.figure_text import interval_text, number_text
+from opir_scoring.hypothesis_tables import hypothesis_tables
 from opir_scoring.scorecards import GEOMETRIES, Scorecard, by_class
 
 Cards = Mapping[str, Scorecard]
-
-#: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
-_WIDEST = 100.0
 
 
 def scorecard_text(cards: Cards) -> str:
     """Return tables of scorecards: overall figures, then mono and stereo by time since ignition."""
     parts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
+    parts += hypothesis_tables({name: card.figures for name, card in cards.items()})
     for geometry in GEOMETRIES:
         parts += _geometry(cards, geometry)
     return "\n\n".join(part for part in [*parts, LEGEND] if part)
@@ -25,10 +25,12 @@ def scorecard_text(cards: Cards) -> str:
 LEGEND = """\
 /known, /unknown: error divided by the Cramér-Rao bound for known and for unknown thrust, where lines of sight
 determine the position to 100 km.
+Energy: energy score of the stated position, velocity, launch point or impact, less is better; of a point, its error.
 NEES/6, NIS/2: 1 is consistent, above 1 is overconfident; p: of a Kolmogorov-Smirnov test against chi-squared.
 Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses.
 Impact regions: share of the n targets with a prediction, of true impacts in the regions of 50, 90 and 95 %, and their
-median areas; without impact: predictions for targets in orbit."""
+median areas; without impact: predictions for targets in orbit. True condition: the regions for a burn that is over, or
+goes on, as it was; Brier: of their probabilities; samples: median of the effective ones."""
 
 
 def _heading(figures: Mapping[str, Any]) -> str:
@@ -43,17 +45,20 @@ def _heading(figures: Mapping[str, Any]) -> str:
 
 def _overall(cards: Cards) -> str:
     rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
-        ("launches tracked", lambda f: _interval(f["launches_tracked"], 3)),
-        ("tracks per launch", lambda f: _interval(f["tracks_a_launch"], 2)),
-        ("false tracks per run", lambda f: _interval(f["false_tracks_a_run"], 2)),
-        ("purity", lambda f: _interval(f["purity"], 4)),
-        ("completeness", lambda f: _interval(f["completeness"], 3)),
-        ("first track after, s", lambda f: _interval(f["first_track_after_s"], 2)),
-        ("GOSPA per target, m", lambda f: _interval(f["gospa"]["a_target_m"], 0)),
+        ("launches tracked", lambda f: interval_text(f["launches_tracked"], 3)),
+        ("tracks per launch", lambda f: interval_text(f["tracks_a_launch"], 2)),
+        ("false tracks per run", lambda f: interval_text(f["false_tracks_a_run"], 2)),
+        ("purity", lambda f: interval_text(f["purity"], 4)),
+        ("completeness", lambda f: interval_text(f["completeness"], 3)),
+        ("first track after, s", lambda f: interval_text(f["first_track_after_s"], 2)),
+        ("GOSPA per target, m", lambda f: interval_text(f["gospa"]["a_target_m"], 0)),
         ("  localisation, missed, false", lambda f: _shares(f["gospa"])),
-        ("type correct", lambda f: _interval(f["type_right"], 3)),
-        ("time per detection, us", lambda f: _interval(f["tracking_us_a_detection"], 1)),
-        ("time per track update, us", lambda f: _interval(f["tracking_us_a_track_update"], 0)),
+        ("launches recognised", lambda f: interval_text(f["recognition"]["launches_recognised"], 3)),
+        ("P(launch) > 0.95 after, s", lambda f: number_text(f["recognition"]["median_sure_after_s"], 1)),
+        ("false launches per hour", lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2)),
+        ("type correct", lambda f: interval_text(f["type_right"], 3)),
+        ("time per detection, us", lambda f: interval_text(f["tracking_us_a_detection"], 1)),
+        ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
     )
     return table(("", *cards), [(label, *(text(card.figures) for card in cards.values())) for label, text in rows])
 
@@ -81,11 +86,12 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
         return _phases(title, figures)
     binned.sort(key=lambda row: row[0][0])
     over = ("/known", "/unknown")
-    place = ("time s", "tracker", "n", "position m", *over, "impact km")
-    speed = ("time s", "tracker", "n", "velocity m/s", *over)
+    place = ("time s", "tracker", "n", "position m", *over, "energy m", "impact km")
+    speed = ("time s", "tracker", "n", "velocity m/s", *over, "energy m/s")
     consistency = ("time s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
     label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
-    points = ("tracker", "targets", "launch points", "impact points", "launch m", "launch s", "impact km", "impact s")
+    points: tuple[str, ...] = ("tracker", "targets", "launch points", "impact points")
+    points += ("launch m", "energy m", "launch s", "impact km", "impact s")
     nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
     return [
         f"{title}, by time since ignition",
@@ -106,8 +112,13 @@ def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> lis
     cells = [(part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)]
     probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
     inside, areas = (f"in {each}" for each in probabilities), (f"{each} km2" for each in probabilities)
-    head = ("phase", "tracker", "n", "predicted, %", "impact km", *inside, *areas, "without impact")
-    return [f"{title}, predicted impact regions", table(head, cells)] if cells else []
+    head = ("phase", "tracker", "n", "predicted, %", "impact km", "energy km", *inside, *areas, "without impact")
+    if not cells:
+        return []
+    given = [(part["phase"], name, *_given_cells(part)) for name, part in named if _is_reached(part)]
+    given_head = ("true condition", "tracker", *(f"in {each}" for each in probabilities))
+    given_head += (f"{probabilities[-1]} km2", "Brier", "samples", "thin")
+    return [f"{title}, predicted impact regions", table(head, cells), table(given_head, given)]
 
 
 def _is_reached(part: Mapping[str, Any]) -> bool:
@@ -118,11 +129,23 @@ def _phase_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
     none = f"{part['predicted_without_impact']} of {part['targets_without_impact']}"
     return (
         str(part["targets"]),
-        _interval(part["predicted"], 0, 100.0),
-        _interval(part["impact_m"], 1, 1e-3),
-        *(_interval(region, 0, 100.0) for region in part["regions"]),
+        interval_text(part["predicted"], 0, 100.0),
+        interval_text(part["impact_m"], 1, 1e-3),
+        interval_text(part["energy_m"], 1, 1e-3),
+        *(interval_text(region, 0, 100.0) for region in part["regions"]),
         *(_significant(region["median_area_km2"]) for region in part["regions"]),
         none if part["targets_without_impact"] else "-",
+    )
+
+
+def _given_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    regions = part["regions_given_condition"]
+    return (
+        *(interval_text(region, 0, 100.0) for region in regions),
+        _significant(regions[-1]["median_area_km2"]),
+        interval_text(part["condition_brier"], 3),
+        number_text(part["effective_samples"], 0),
+        interval_text(part["thin"], 2),
     )
 
 
@@ -133,19 +156,21 @@ def _significant(value: float) -> str:
 def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         str(part["samples"]),
-        _interval(part["position_m"], 0),
-        _interval(part["position_over_bound"], 2),
-        _interval(part["position_over_free_bound"], 2),
-        _interval(part["impact_m"], 1, 1e-3),
+        interval_text(part["position_m"], 0),
+        interval_text(part["position_over_bound"], 2),
+        interval_text(part["position_over_free_bound"], 2),
+        interval_text(part["position_energy_m"], 0),
+        interval_text(part["impact_m"], 1, 1e-3),
     )
 
 
 def _speed_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         str(part["samples"]),
-        _interval(part["velocity_m_s"], 1),
-        _interval(part["velocity_over_bound"], 2),
-        _interval(part["velocity_over_free_bound"], 2),
+        interval_text(part["velocity_m_s"], 1),
+        interval_text(part["velocity_over_bound"], 2),
+        interval_text(part["velocity_over_free_bound"], 2),
+        interval_text(part["velocity_energy_m_s"], 1),
     )
 
 
@@ -155,23 +180,24 @@ def _consistency_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
     low, high = figure["band_99"]
-    band = f"{_number(low, 2)}-{_number(high, 2)}" if figure["samples"] else "-"
-    return str(figure["samples"]), _number(figure["mean"], 2), band, _number(figure["distribution_p"], 3)
+    band = f"{number_text(low, 2)}-{number_text(high, 2)}" if figure["samples"] else "-"
+    return str(figure["samples"]), number_text(figure["mean"], 2), band, number_text(figure["distribution_p"], 3)
 
 
 def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         *(str(figures[name]) for name in ("targets", "launches_reported", "impacts_reported")),
-        _interval(figures["launch_m"], 0),
-        _interval(figures["launch_time_s"], 2),
-        _interval(figures["impact_m"], 1, 1e-3),
-        _interval(figures["impact_time_s"], 2),
+        interval_text(figures["launch_m"], 0),
+        interval_text(figures["launch_energy_m"], 0),
+        interval_text(figures["launch_time_s"], 2),
+        interval_text(figures["impact_m"], 1, 1e-3),
+        interval_text(figures["impact_time_s"], 2),
     )
 
 
 def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
     return [
-        (point, name, *(_interval(part, 0, 100.0) for part in row[f"{point}_containment"]))
+        (point, name, *(interval_text(part, 0, 100.0) for part in row[f"{point}_containment"]))
         for point in ("launch", "impact")
         for name, row in figures
     ]
@@ -182,17 +208,3 @@ def _shares(gospa: Mapping[str, Any]) -> str:
     parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
     total = sum(parts)
     return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
-
-
-def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
-    if not math.isfinite(figure["value"]):
-        return "-"
-    value = f"{scale * figure['value']:.{digits}f}"
-    low, high = (scale * edge for edge in figure["interval_95"])
-    # A single run, or track, has no interval; that of two targets may say nothing.
-    is_told = math.isfinite(low) and not 0.0 < _WIDEST * low < high
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_told else value
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"

@@ -14,6 +14,7 @@ from opir_scoring.containments import (
     consistency,
     consistent,
     contained,
+    energy,
     innovations,
     mean,
     over,
@@ -24,7 +25,9 @@ from opir_scoring.containments import (
 )
 from opir_scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
 from opir_scoring.evidence import Ownership, RunEvidence, ownership
+from opir_scoring.hypothesis_scores import HypothesisScores, hypothesis_figures, hypothesis_scores
 from opir_scoring.impacts import ImpactScores, phase_figures, phase_scores
+from opir_scoring.recognition import Recognition, recognition, recognition_figures
 from opir_scoring.sensor_coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 
 _STATE_FREEDOM = 6
@@ -45,9 +48,15 @@ _MANY = 10**9
 
 @frozen(kw_only=True)
 class ScoreSettings(GospaSettings):
-    """Settings of a score: GOSPA's parameters, and bins of time since ignition."""
+    """Settings of a score: GOSPA's parameters, bins of time since ignition, and what counts as recognised.
+
+    A track with a probability of a launch above `launch_probability` is taken as one. Target classes named as `unknown`
+    are none of the hypotheses: "none of these" is right for them.
+    """
 
     bin_s: float = 20.0
+    launch_probability: float = 0.5
+    unknown: tuple[str, ...] = ()
 
 
 #: The default settings.
@@ -82,6 +91,9 @@ class ScoredRun:
     gospa_parts: FloatArray
     confusion: Mapping[str, IntArray]
     right_types: Mapping[str, str]
+    hypotheses: tuple[str, ...]
+    hypothesis_scores: HypothesisScores
+    recognition: Recognition
     detections: int
     track_updates: int
     tracking_s: float
@@ -105,6 +117,7 @@ def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecar
             **geometry,
             "gospa": _gospa(runs, settings),
             **_reported_types(runs),
+            **_hypotheses(runs),
         }
     )
 
@@ -127,6 +140,9 @@ def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
         gospa_parts=gospa_parts(evidence, owners, settings),
         confusion=_types(evidence, owners),
         right_types=_right_types(evidence.plan),
+        hypotheses=tuple(hypothesis.name for hypothesis in evidence.plan.hypotheses),
+        hypothesis_scores=hypothesis_scores(evidence, owners, settings.unknown),
+        recognition=recognition(evidence, owners, settings.launch_probability),
         detections=len(evidence.time_s),
         track_updates=len(evidence.tracks),
         tracking_s=evidence.tracking_s,
@@ -203,6 +219,7 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
         "launches_reported": int(np.count_nonzero(np.isfinite(points.launch_m))),
         "impacts_reported": int(np.count_nonzero(np.isfinite(points.impact_m))),
         "launch_m": rms(points.launch_m),
+        "launch_energy_m": energy(points.launch_energy_m),
         "launch_time_s": rms(points.launch_time_s),
         "impact_m": rms(points.impact_m),
         "impact_time_s": rms(points.impact_time_s),
@@ -226,6 +243,8 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
         "samples": len(states),
         "position_m": rms(states.position_m, track),
         "velocity_m_s": rms(states.velocity_m_s, track),
+        "position_energy_m": energy(states.position_energy_m, track),
+        "velocity_energy_m_s": energy(states.velocity_energy_m_s, track),
         **_over_bounds(states, track, "", states.position_bound_m, states.velocity_bound_m_s),
         **_over_bounds(states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s),
         "impact_m": rms(states.impact_m, track),
@@ -280,6 +299,15 @@ def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     confusion = {name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()}
     total = sum(int(row.sum()) for row in count.values())
     return {"type_right": share(*proportion(right, total)), "type_confusion": confusion}
+
+
+def _hypotheses(runs: Sequence[ScoredRun]) -> dict[str, Any]:
+    """Return the scores of hypotheses, and what was recognised as a launch."""
+    scores = HypothesisScores.concatenate(each.hypothesis_scores for each in runs)
+    return {
+        "hypotheses": hypothesis_figures(scores, runs[0].hypotheses if runs else ()),
+        "recognition": recognition_figures([each.recognition for each in runs], [each.seed for each in runs]),
+    }
 
 
 def by_class(names: Iterable[str]) -> list[str]:

@@ -9,6 +9,7 @@ from attrs import evolve
 from geographiclib.geodesic import Geodesic
 from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
 from opir_scoring.impacts import PHASES
+from opir_scoring.region_points import region_energy_m
 from opir_testing.doubles import stub_estimates
 from scipy.stats import chi2
 
@@ -210,6 +211,60 @@ def test_predictions_for_a_target_in_orbit_count_as_such():
     assert "2 of 3" in scorecard_text({"mine": scorecard(runs)})
 
 
+def with_condition(regions, condition, probability, effective_samples=500.0):
+    return tuple(
+        evolve(each, condition=condition, probability=probability, effective_samples=effective_samples)
+        for each in regions
+    )
+
+
+def test_regions_are_scored_under_the_condition_that_is_true():
+    # Regions for a burn that is over miss by 100 km; those for one that goes on hold the impact, with 90 and 95 %.
+    over = with_condition(regions_at(20.0, 100e3), "burn over", 0.7)
+    on = with_condition(regions_at(20.0), "relights", 0.3, 40.0)
+    before, after = burn_s()[1] - 10.0, burn_s()[1] + 10.0
+    told = [(*over, *on), (*over, *on), regions_at(20.0)]
+    evidence = evidence_of(np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=told)
+    scores = impact_scores(evidence, ownership(evidence))
+    assert scores.contained.tolist() == [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
+    assert scores.contained_given.tolist() == [[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
+    np.testing.assert_allclose(scores.condition_brier, [2 * 0.7**2, 2 * 0.3**2, np.nan])
+    np.testing.assert_array_equal(scores.effective_samples, [40.0, 40.0, np.nan])
+    phase = scorecard([evolve(evidence, tracks=evidence.tracks.take(np.array([1])))])
+    figures = phase.figures["stereo"]["impact_by_phase"][-1]
+    assert figures["regions_given_condition"][1]["value"] == 0.0
+    assert (figures["effective_samples"], figures["thin"]["value"]) == (40.0, 1.0)
+
+
+def test_the_energy_of_regions_is_that_of_the_area_they_state():
+    # Uniform over a disc about the truth: 2/3 R from its centre, 128 R / 45 pi between two points of it.
+    radius_m = 50e3
+    whole = disc(beyond(0.0), radius_m, 0.95, 0.0)
+    parts = tuple(disc(beyond(0.0), radius_m * np.sqrt(share), share, 0.0) for share in (0.5, 0.9))
+    expected = radius_m * (2.0 / 3.0 - 64.0 / (45.0 * np.pi))
+    place = np.array([*beyond(0.0), 0.0])
+    assert region_energy_m((whole,), place) == pytest.approx(expected, rel=0.02)
+    assert region_energy_m((*parts, whole), place) == pytest.approx(expected, rel=0.02)
+    # Two conditions: half of the weight lies around a place that is far away.
+    far_m = 2000e3
+    away = disc(beyond(far_m), radius_m, 0.95, 0.0)
+    both = (*with_condition((whole,), "burn over", 0.4), *with_condition((away,), "relights", 0.4))
+    within = 128.0 * radius_m / (45.0 * np.pi)
+    mixed = 0.5 * (2.0 / 3.0 * radius_m + far_m) - 0.5 * (0.5 * within + 0.5 * far_m)
+    assert region_energy_m(both, place) == pytest.approx(mixed, rel=0.01)
+
+
+def test_the_energy_of_an_area_across_the_pole_and_with_a_hole_is_that_of_a_ring():
+    ring_of = lambda radius_m: disc(np.radians([89.9, 10.0]), radius_m, 0.95, 0.0).polygons[0][0]  # noqa: E731
+    ring = ImpactRegion(0.95, 0.0, ((ring_of(80e3), ring_of(60e3)),))
+    place = np.append(np.radians([89.9, 10.0]), 0.0)
+    rng = np.random.default_rng(3)
+    radius, angle = np.sqrt(rng.uniform(60e3**2, 80e3**2, 1500)), rng.uniform(0.0, 2.0 * np.pi, 1500)
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    assert region_energy_m((ring,), place) == pytest.approx(radius.mean() - 0.5 * apart.mean(), rel=0.03)
+
+
 @pytest.mark.slow
 def test_cards_show_the_phases_of_all_trackers_side_by_side():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 1.0)
@@ -220,7 +275,8 @@ def test_cards_show_the_phases_of_all_trackers_side_by_side():
     text = scorecard_text({"near": one, "far": other})
     rows = [line.split() for line in text[text.index("predicted impact regions") :].splitlines()]
     quarter = [row for row in rows if row[:4] == ["25", "%", "of", "burn"]]
-    assert [row[4] for row in quarter] == ["near", "far"]
+    # A table of the main regions, and one of those whose condition is true.
+    assert [row[4] for row in quarter] == ["near", "far", "near", "far"]
     assert "in 50 %" in text
     assert "median areas" in text
     json.dumps(one.as_plain(), allow_nan=False)

@@ -441,6 +441,12 @@ LEFT_OUT = {
             "takes runs, not numbers",
         ),
         **dict.fromkeys(["state_errors", "true_states_ecef"], "takes runs, not numbers"),
+        **dict.fromkeys(
+            ["energy_scores", "log_scores", "brier_scores"],
+            "closed forms and another library (tests/against/test_against_crps_of_scoringrules.py)",
+        ),
+        **dict.fromkeys(["open_set_rate", "reliability"], "counts (tests/plugins/scoring/test_hypothesis_scores.py)"),
+        **dict.fromkeys(["add_score_settings", "score_settings", "scorecard_text"], "texts"),
         **dict.fromkeys(["GEOMETRIES", "OLDEST_S", "PHASES", "USUAL_SETTINGS"], "a constant"),
     },
 }
