@@ -17,6 +17,7 @@ from opir_core.cli.scene_arguments import (
 from opir_core.cli.terminal import (
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,
+    probability_text as probability_text,
     progress as progress,
     table as table,
 )
