@@ -470,6 +470,10 @@ class Tracker(PluginPart):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
 
+    def expected_launches(self, duration_s: float) -> float | None:
+        """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        return None
+
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Use new settings of the sensors, as many in the same order; a running scene may change them."""
         return

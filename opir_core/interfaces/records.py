@@ -192,8 +192,8 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 #: the impact with no stated probability.
 IMPACT_METHODS = ("posterior", "paper")
 
-#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it was
-#: lost.
+#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it
+#: was lost.
 TRACK_ENDS = ("", "impact", "orbit", "lost")
 
 

@@ -15,7 +15,7 @@ from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.plan_checks import launch_expectations, plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.summary import planned_work
@@ -59,6 +59,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "focal_planes": _focal_planes(plan),
         "reporting": _reporting(plan),
         "tracking": _tracking(plan),
+        "expected_launches": launch_expectations(plan),
+        "truth_users": _truth_users(plan),
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }
@@ -187,6 +189,12 @@ def _tracking(plan: Plan) -> Mapping[str, Any]:
     """Return the order in which the tracker gets detections and its lag, None for the order of observation."""
     order = plan.scene.tracking_order
     return {"order": order, "lag_s": tracking_lag_ns(plan) * 1e-9 if order == BY_REPORT else None}
+
+
+def _truth_users(plan: Plan) -> list[str]:
+    """Return the classifier, if what it reports may depend on the true types of targets."""
+    choice = plan.scene.classification
+    return [f"{choice.path}: {choice.name}"] if plan.classifier.uses_truth else []
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:

@@ -82,12 +82,8 @@ class SpectralClassifier(Classifier):
         what is no missile and none of these to UNKNOWN.
         """
         of_type = [each.name if each.name in types else each.reported_type for each in self.hypotheses]
-        summed = np.full((len(log_posterior), len(types)), -np.inf)
-        for code, name in enumerate(types):
-            own = [row for row, other in enumerate(of_type) if other == name]
-            if own:
-                summed[:, code] = log_sum(log_posterior[:, own])
-        return summed
+        is_of_type = np.array([[other == name for other in of_type] for name in types])
+        return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
         """Return posteriors (n, hypotheses) with the prior of the missile types replaced by those of tracks, (n, 4).

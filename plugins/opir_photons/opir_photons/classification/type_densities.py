@@ -88,7 +88,7 @@ class TypeDensities:
         flown = self.plumes.by_class(density + counted) - self.log_seen_s[place]
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
         events = np.concatenate([flown, self._log_others(place, signal, variance, count), unknown[:, None]], axis=1)
-        return np.stack([log_sum(events[:, own] + rate) for own, rate in self.rates.log_rates], axis=1)
+        return log_sum(events[:, None] + self.rates.log_rates)
 
     def _log_others(self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
         """Return ln of the densities (n, kinds and noise) of events of no launch.
@@ -110,12 +110,12 @@ class TypeDensities:
 class EventRates:
     """Rates at which a sensor reports detections of what there may be, and the detections of false alarms.
 
-    Events are of flights, kinds of sources, noise, and what is none of these, in this order. Of each hypothesis
-    `log_rates` has the numbers of its events (k,) and ln of their rates, 1/s. A false alarm consists of `needed`
-    detections; each further one has a probability with the logarithm `log_again`.
+    Events are of flights, kinds of sources, noise, and what is none of these, in this order: `log_rates` (hypotheses,
+    events) are ln of the rates, 1/s, at which a hypothesis has them. A false alarm consists of `needed` detections;
+    each further one has a probability with the logarithm `log_again`.
     """
 
-    log_rates: tuple[tuple[IntArray, FloatArray], ...]
+    log_rates: FloatArray
     needed: int
     log_again: float
     looks_per_day: float
@@ -140,11 +140,9 @@ class EventRates:
             rates[row, len(seen_s) : -2] = np.where([kind.group == each.group for kind in KINDS], others, 0.0)
             rates[row, -2] = false * per_s if each.group == "noise" else 0.0
             rates[row, -1] = config.unknown_per_day / SECONDS_PER_DAY if each.group == "none" else 0.0
-        # A hypothesis of which nothing is expected keeps one event, of rate 0.
-        own = [np.flatnonzero(row) if row.any() else np.zeros(1, dtype=np.int64) for row in rates]
         with np.errstate(divide="ignore"):
             return cls(
-                log_rates=tuple((columns, np.log(row[columns])) for columns, row in zip(own, rates, strict=True)),
+                log_rates=np.log(rates),
                 needed=int(detection.confirmation[number, 0]),
                 log_again=float(np.log(detection.false_again[number])),
                 looks_per_day=SECONDS_PER_DAY * per_s,

@@ -27,6 +27,7 @@ from opir_core.errors import ModelError
 from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import compile_plan
+from opir_core.reading import scene_mapping
 from opir_core.scene import core_hypotheses, core_target_class, hypotheses_of
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 from opir_core.simulation.measurement import with_tracks
@@ -54,9 +55,10 @@ NEVER = -1e9
 
 def rates(*, noise: float = NEVER, unknown: float = NEVER) -> EventRates:
     """Return rates of flights, of the one kind of sources, of noise, and of what is none of these."""
-    log = {GROUND: (4, np.log(OTHER_RATE)), NOISE: (5, noise), BOLIDE: (0, -np.inf), NONE: (6, unknown)}
-    log |= {SRBM + row: (row, float(np.log(rate))) for row, rate in enumerate(FLIGHT_RATES)}
-    return EventRates(tuple((np.array([log[row][0]]), np.array([log[row][1]])) for row in range(8)), 2, -12.0, 8640.0)
+    log_rates = np.full((len(HYPOTHESES), 7), -np.inf)
+    log_rates[[SRBM, IRBM, ICBM, SLV], range(4)] = np.log(FLIGHT_RATES)
+    log_rates[[GROUND, NOISE, NONE], [4, 5, 6]] = np.log(OTHER_RATE), noise, unknown
+    return EventRates(log_rates, 2, -12.0, 8640.0)
 
 
 def known_bank(**changes: Any) -> TypeDensities:
@@ -381,6 +383,20 @@ def test_a_class_without_a_share_is_not_expected() -> None:
     possible = {name for name, most in zip(names, chance.tolist(), strict=True) if most > 0.0}
     assert {"ICBM", "SRBM", "none of these"} <= possible
     assert not {"IRBM", "MRBM", "SLBM", "HGV", "SLV"} & possible
+
+
+@pytest.mark.parametrize(("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")])
+def test_a_detection_model_that_measures_irradiance_brings_its_classifier(detection: str, name: str) -> None:
+    mapping = bench_scene(detection=detection)
+    del mapping["classification"]
+    scene = opir.scene_from_mapping(mapping)
+    assert scene.classification.name == name
+    assert opir.scene_from_mapping(scene_mapping(scene)) == scene
+    assert opir.scene_from_mapping({**mapping, "classification": "none"}).classification.name == "none"
+
+
+def test_a_prior_tells_how_many_launches_it_expects() -> None:
+    assert known_classifier(launches_per_day=720.0).expected_launches(120.0) == pytest.approx(1.0)
 
 
 def test_a_detection_model_without_light_is_refused_in_words() -> None:
