@@ -13,7 +13,7 @@ from opir_core.host.registry import warn
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.plan_checks import expectation_text, plan_warnings
 
 
 def validate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,6 +83,11 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     if plan["tracking"]["order"] == BY_REPORT:
         parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
     parts += _hypothesis_table(plan["hypotheses"])
+    parts += map(expectation_text, plan["expected_launches"])
+    parts += [
+        f"{name} knows the true types of targets: its reports are no test of discrimination"
+        for name in plan["truth_users"]
+    ]
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
 

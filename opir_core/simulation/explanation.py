@@ -17,7 +17,7 @@ from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.plan_checks import launch_expectations, plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.summary import planned_work
@@ -62,6 +62,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "reporting": _reporting(plan),
         "tracking": _tracking(plan),
         "hypotheses": _hypotheses(plan),
+        "expected_launches": launch_expectations(plan),
+        "truth_users": _truth_users(plan),
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }
@@ -212,6 +214,12 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
         {"hypotheses": [each.name for each in own], "group": group, "distinguished_by": _EVIDENCE[group]}
         for group, own in groupby(plan.hypotheses, lambda each: each.group)
     ]
+
+
+def _truth_users(plan: Plan) -> list[str]:
+    """Return the classifier, if what it reports may depend on the true types of targets."""
+    choice = plan.scene.classification
+    return [f"{choice.path}: {choice.name}"] if plan.classifier.uses_truth else []
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:
