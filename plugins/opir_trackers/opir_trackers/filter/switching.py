@@ -21,6 +21,7 @@ from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian, NewStage, are_free, carried
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.filter.ground import above_ground
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
 from opir_trackers.lines_of_sight import AngleMeasurements
@@ -223,6 +224,10 @@ class ImmFilter:
         mean, root = _modes_of(estimates)[1]
         coast = _with_rows((mean, root), with_velocity_prior(mean[rows], root[rows]), rows)
         return evolve(burnt, coast_mean=coast[0], coast_root=coast[1])
+
+    def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
+        """Return the estimates with the burns of the tracks `rows` above the ground."""
+        return self._with_bounded_burns(estimates, rows, above_ground)
 
     def _with_bounded_burns(
         self, estimates: ModeEstimates, rows: IntArray, bounded: Callable[[FloatArray, FloatArray], Gaussian]
