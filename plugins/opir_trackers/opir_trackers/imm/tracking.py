@@ -354,6 +354,9 @@ class ImmTracking:
             rows = fast_uncertain.nonzero()[0]
             if len(rows):
                 now = evolve(now, estimates=self.association.with_velocity_prior(now.estimates, rows))
+            rows = (below_ground & (now.estimates.weight[:, 0] > 0.5)).nonzero()[0]
+            if len(rows):
+                now = evolve(now, estimates=self.filter.above_ground(now.estimates, rows))
             unseen = silent_s > self._longest_of_sensors(self.silence_limit_s, table)
             drop |= track_management.are_idle(table, uncertain, needed, unseen)
             drop |= below_ground & track_management.have_come_down(place, covariance, unseen)
