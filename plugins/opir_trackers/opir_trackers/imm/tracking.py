@@ -13,13 +13,14 @@ from attrs import evolve, field, frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
-from opir_core.plugin import Detections, TrackerContext
+from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
@@ -34,7 +35,7 @@ from opir_trackers.imm.histories import (
 )
 from opir_trackers.imm.history_assignment import assigned_histories
 from opir_trackers.imm.neighbours import with_neighbours
-from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods, type_posterior
+from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_lines_of_sight, no_measurements
@@ -107,6 +108,7 @@ class ImmTracking:
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
+    hypotheses: tuple[Hypothesis, ...]
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
@@ -134,6 +136,7 @@ class ImmTracking:
             groups=GroupPosterior.of(
                 config.hypotheses, clutter_per_sr(context, config.false_alarms_per_sr), model.detection_probability
             ),
+            hypotheses=context.hypotheses,
         )
 
     def start(self) -> TrackerState:
@@ -389,9 +392,10 @@ class ImmTracking:
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
-        tracks = tracks_of(state, covariance, table, now.time_s, self._types(table))
-        evidence = type_evidence(table.reports, self.type_log_likelihood)
-        return ReportedTracks(tracks, estimates, evidence, motion.probability)
+        tracks = tracks_of(state, covariance, table, now.time_s)
+        types = type_evidence(table.reports, self.type_log_likelihood)
+        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
+        return ReportedTracks(tracks, estimates, reports, motion.probability)
 
     def _with_static_states(
         self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
@@ -429,11 +433,6 @@ class ImmTracking:
         wider = covariance.copy()
         wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, table.reports >= 0)
         return wider
-
-    def _types(self, table: track_management.TrackTable) -> FloatArray:
-        """Return the type probabilities (n, types), recomputed for new reports."""
-        reports, type_log_likelihood = table.reports, self.type_log_likelihood
-        return self.association.cached("types", lambda one, _: type_posterior(one, type_log_likelihood), reports, 0.0)
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
