@@ -284,7 +284,8 @@ def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
 def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.ndarray) -> Row:
     error = tracks.state[row] - flight.state(float(tracks.tick_s[row]))
     nees = float(error @ np.linalg.solve(tracks.state_covariance[row], error))
-    regions = {region.containment: region for region in tracks.impact_regions[row]}
+    # The most probable condition comes first.
+    regions = {region.containment: region for region in reversed(tracks.impact_regions[row])}
     inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
     place, true = ecef(*tracks.impact[row, :2]), ecef(*flight.impact)

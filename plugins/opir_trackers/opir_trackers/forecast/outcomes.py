@@ -81,7 +81,8 @@ class Outcomes:
         """
         limits, priors, width = self._ranges
         inside = (range_m[:, None] >= limits[:, 0]) & (range_m[:, None] <= limits[:, 1])
-        share = np.where(inside, priors / (priors.sum() * width), 0.0)
+        share = np.where(inside, priors, 0.0)
+        share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-9) * np.log(limits[:, 1].max() / limits[:, 0].min())
         marginal = self.model.data["marginal"]
         nodes = np.log(1e3 * np.array(marginal["range_km"]))
         at = np.interp(np.log(np.maximum(np.nan_to_num(range_m), 1.0)), nodes, np.log(marginal["density"]))
