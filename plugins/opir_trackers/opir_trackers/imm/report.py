@@ -29,9 +29,8 @@ class ReportedTracks(NamedTuple):
 
     def take(self, rows: IntArray) -> "ReportedTracks":
         """Return some of the rows."""
-        return ReportedTracks(
-            *(part.take(rows, axis=0) if isinstance(part, np.ndarray) else part.take(rows) for part in self)
-        )
+        records = self.tracks.take(rows), self.estimates.take(rows)
+        return ReportedTracks(*records, self.types[rows], self.groups[rows])
 
 
 def with_launches(told: ReportedTracks, forecast: Forecast, least_probability: float) -> Tracks:

@@ -45,6 +45,9 @@ _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 #: sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
 _MISFIT_A_LINE, _MISFIT = 6.0, 30.0
 
+#: The columns that are sums over lines.
+_SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
+
 
 @frozen(eq=False, repr=False)
 class MotionStatistics(Columns):
@@ -136,38 +139,28 @@ class MotionStatistics(Columns):
         powers = np.where(near[:, None], since_s[:, None] ** np.arange(_POWERS), 0.0)
         pulled = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
-        terms = [
-            (powers[:, :, None] * weight[:, None, :]).reshape(len(mine), -1),
-            (powers[:, :ORDERS, None] * pulled[:, None, :]).reshape(len(mine), -1),
-            np.where(near, [square, np.ones(len(mine)), _noise_log(used, log_clutter)], 0.0).T,
-            weight,
-            pulled,
-        ]
-        ends = np.cumsum([term.shape[1] for term in terms])[:-1]
-        sums = np.split(np.add.reduceat(np.concatenate(terms, axis=1), starts, axis=0), ends, axis=1)
-        rows, change = of[starts], [self.information, self.pull, self.misfit, self.lines, self.noise_log]
-        change += [self.static_information, self.static_pull]
-        for place, added in enumerate((*sums[:2], *sums[2].T, *sums[3:])):
-            column = change[place].copy()
-            column[rows] += added.reshape(-1, *column.shape[1:])
-            change[place] = column
-        known = self.reference_m, self.height_m, self.axes, self.epoch_s
-        return MotionStatistics(*known, *change, self.probability, self.is_decided)
-
-    def with_probabilities(self, probability: FloatArray, is_decided: BoolArray) -> "MotionStatistics":
-        """Return the statistics with other probabilities (n, 5), and which of them stay (n,)."""
-        known = self.reference_m, self.height_m, self.axes, self.epoch_s, self.information, self.pull, self.misfit
-        static = self.static_information, self.static_pull
-        return MotionStatistics(*known, self.lines, self.noise_log, *static, probability, is_decided)
+        of_each = [square, np.ones(len(mine)), _noise_log(used, log_clutter)]
+        terms = {
+            "information": powers[:, :, None] * weight[:, None, :],
+            "pull": powers[:, :ORDERS, None] * pulled[:, None, :],
+            **dict(zip(("misfit", "lines", "noise_log"), np.where(near, of_each, 0.0), strict=True)),
+            "static_information": weight,
+            "static_pull": pulled,
+        }
+        changed = {}
+        for name, each in terms.items():
+            column = changed[name] = getattr(self, name).copy()
+            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(-1, *column.shape[1:])
+        return evolve(self, **changed)
 
     def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
         """Return the statistics with those of some rows begun anew at a time, without lines."""
-        sums = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
-        changed = {name: getattr(self, name).copy() for name in (*sums, "epoch_s")}
-        for name in sums:
-            changed[name][rows] = 0.0
-        changed["epoch_s"][rows] = time_s
-        return evolve(self, **changed)
+        changed = {name: getattr(self, name).copy() for name in _SUMS}
+        for column in changed.values():
+            column[rows] = 0.0
+        epoch_s = self.epoch_s.copy()
+        epoch_s[rows] = time_s
+        return evolve(self, epoch_s=epoch_s, **changed)
 
     def are_unlike_any_motion(self) -> BoolArray:
         """Return which tracks (n,) have lines that no cubic explains: some of them are of something else."""

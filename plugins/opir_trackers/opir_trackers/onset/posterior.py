@@ -7,7 +7,7 @@ Systems", 1999, 6.2).
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_trackers.configs import HypothesesConfig
@@ -78,7 +78,7 @@ class GroupPosterior:
         decided[open_] = launched | (time_s - mine.epoch_s > mine.horizon_s())
         mixed = open_[mine.are_unlike_any_motion()]
         decided[mixed] = False
-        statistics = statistics.with_probabilities(probability, decided)
+        statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(mixed, time_s) if len(mixed) else statistics
 
     def probabilities(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> FloatArray:
