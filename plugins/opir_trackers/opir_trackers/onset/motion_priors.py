@@ -54,12 +54,16 @@ _IN_FLIGHT = (
 #: Standard deviations of the acceleration aside, m/s², and of the jerk, m/s³, of launches in flight; notional.
 _TILTED_M_S2, _UNSTEADY_M_S3 = 10.0, 0.5
 
-#: Height, m, and velocity, m/s, of bolides, with their deceleration, m/s², and jerk. CNEOS: brightest at 35.2 km
-#: [22-61], entered at 17.3 km/s [11.8-30.2], any direction; the rest is notional.
-_BOLIDE = ((40e3, 20e3), 11e3, 3e3, 3e3)
+#: Mean and standard deviation of the height of bolides, m, and standard deviations aside and upwards of velocity, m/s,
+#: deceleration, m/s², and jerk, m/s³. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
+#: direction; the rest is notional.
+_BOLIDE = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
 
-#: Objects that are none of these, slow ones and fast ones: height, velocity, acceleration and jerk; notional.
-_OTHERS = (((8e3, 6e3), 250.0, 6.0, 0.5), ((60e3, 60e3), 2e3, 30.0, 3.0))
+#: Objects that are none of these, those that fly like aircraft and balloons, and fast ones, as bolides; notional.
+_OTHERS = (
+    ((8e3, 6e3), (250.0, 60.0), (6.0, 3.0), (0.5, 0.5)),
+    ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0)),
+)
 
 
 class _Component(NamedTuple):
@@ -113,8 +117,8 @@ class MotionPriors:
 
 
 def _standing(config: HypothesesConfig) -> list[_Component]:
-    still = _diagonal(((0.0, GROUND_SIGMA_M), config.ground_drift_m_s, 0.0, 0.0))
-    return [_Component(GROUND, 1.0, *still)]
+    drift_m_s = config.ground_drift_m_s
+    return [_drawn(GROUND, 1.0, (0.0, GROUND_SIGMA_M), (drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))]
 
 
 def _from_rest(share: float) -> list[_Component]:
@@ -157,17 +161,10 @@ def _in_flight(share: float) -> list[_Component]:
     return parts
 
 
-def _drawn(
-    group: int, weight: float, height_m: tuple[float, float], speed_m_s: float, force_m_s2: float, jerk_m_s3: float
-) -> _Component:
-    return _Component(group, weight, *_diagonal((height_m, speed_m_s, force_m_s2, jerk_m_s3)))
-
-
-def _diagonal(spread: tuple[tuple[float, float], float, float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return mean and root of a motion, from mean and deviation of its height and the deviations of its rates."""
-    (height_m, sigma_m), *rates = spread
-    mean = np.zeros((ORDERS, 3))
-    mean[0, 2] = height_m
-    root = np.repeat([WIDE_M, *rates], 3)
-    root[2] = sigma_m
-    return mean.ravel(), np.diag(root)
+def _drawn(group: int, weight: float, *spread: tuple[float, float]) -> _Component:
+    """Return a component of given height (mean, standard deviation) and rates (deviations aside and upwards)."""
+    height, *rates = spread
+    mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3))
+    mean[0, 2], root[0] = height[0], (WIDE_M, WIDE_M, height[1])
+    root[1:] = [(aside, aside, upwards) for aside, upwards in rates]
+    return _Component(group, weight, mean.ravel(), np.diag(root.ravel()))
