@@ -66,12 +66,12 @@ def probabilities(seed, copies, lift_m_s2, sensors, until_s):
     posterior = GroupPosterior.of(HypothesesConfig(), np.zeros(sensors), np.ones(sensors))
     # A first estimate is off by the error of a few lines.
     first = place + 500.0 * rng.standard_normal((copies, 3)) + 3000.0 * up
-    statistics = MotionStatistics.fresh(first, 0.0, posterior.prior)
+    statistics = MotionStatistics.fresh(first, 0.0, np.zeros(copies), posterior.prior)
     for second in range(until_s):
         copy, lines = looks(rng, copies, float(second), lift_m_s2, sensors)
-        statistics = statistics.with_lines(copy, lines, np.zeros(copies), posterior.log_clutter)
+        statistics = statistics.with_lines(copy, lines, posterior.log_clutter)
         age_s = np.full(copies, second + 1.0)
-        statistics = posterior.assessed(statistics, age_s, np.full(copies, 1.0 / LOOKS_PER_S))
+        statistics = posterior.assessed(statistics, second + 1.0, age_s, np.full(copies, 1.0 / LOOKS_PER_S))
         yield statistics.probability
 
 

@@ -94,7 +94,7 @@ def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 2600
+    assert sorted(calls[3:12])[-2] <= 2650
     assert np.median(calls[75:]) <= 715
 
 

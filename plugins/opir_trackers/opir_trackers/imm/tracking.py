@@ -167,7 +167,7 @@ class ImmTracking:
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self._longest_of_sensors(self.period_s, table)
-        motion = self.groups.assessed(motion, table.seen_s - table.first_s, pause_s)
+        motion = self.groups.assessed(motion, now.time_s, table.seen_s - table.first_s, pause_s)
         return now.after(now.time_s, now.estimates, table, now.histories, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:
@@ -195,7 +195,7 @@ class ImmTracking:
         then, owner = self.associated(now, end_s, lines)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            motion = then.motion.with_lines(owner, lines, table.first_s, self.groups.log_clutter)
+            motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
             then = then.after(end_s, then.estimates, table, then.histories, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
@@ -322,8 +322,8 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
-        motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, self.groups.prior)
-        motion = motion.with_lines(owner, now.unclaimed, fresh.first_s, self.groups.log_clutter)
+        motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
+        motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
         path = self.filter.predicted_measurements(result.estimates, now.time_s)
         sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)

@@ -40,16 +40,30 @@ _GROWTH_PER_S, _TURN_PER_S, _GRAVITY_M_S2 = 0.02, 0.03, 9.8
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
 
-#: Launches first seen in flight, from how long they have flown, s: mean and standard deviations of the speed over that
-#: time (upwards, aside), m/s², of the height over time squared, m/s², and of acceleration and jerk; notional.
-_FLOWN_S = (12.0, 25.0, 50.0, 100.0, 200.0)
+#: Launches first seen in flight, some 12, 25, 50, 100, 200 and 400 s after lift-off: mean and standard deviation of
+#: height, m, upward velocity, m/s, and upward acceleration, m/s²; standard deviation of the velocity aside; notional.
+_IN_FLIGHT = (
+    ((600.0, 500.0), (100.0, 50.0), (8.0, 6.0), 60.0),
+    ((2500.0, 2e3), (200.0, 100.0), (8.0, 6.0), 150.0),
+    ((10e3, 6e3), (400.0, 200.0), (8.0, 6.0), 400.0),
+    ((40e3, 20e3), (800.0, 350.0), (8.0, 8.0), 900.0),
+    ((120e3, 50e3), (1200.0, 700.0), (2.0, 10.0), 2500.0),
+    ((200e3, 80e3), (500.0, 700.0), (0.0, 10.0), 4000.0),
+)
 
-#: Height, m, and velocity, m/s, of bolides, with their deceleration, m/s², and jerk. CNEOS: brightest at 35.2 km
-#: [22-61], entered at 17.3 km/s [11.8-30.2], any direction; the rest is notional.
-_BOLIDE = ((40e3, 20e3), 11e3, 3e3, 3e3)
+#: Standard deviations of the acceleration aside, m/s², and of the jerk, m/s³, of launches in flight; notional.
+_TILTED_M_S2, _UNSTEADY_M_S3 = 10.0, 0.5
 
-#: Objects that are none of these, slow ones and fast ones: height, velocity, acceleration and jerk; notional.
-_OTHERS = (((6e3, 6e3), 250.0, 10.0, 1.0), ((60e3, 60e3), 2e3, 30.0, 3.0))
+#: Mean and standard deviation of the height of bolides, m, and standard deviations aside and upwards of velocity, m/s,
+#: deceleration, m/s², and jerk, m/s³. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
+#: direction; the rest is notional.
+_BOLIDE = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
+
+#: Objects that are none of these, those that fly like aircraft and balloons, and fast ones, as bolides; notional.
+_OTHERS = (
+    ((8e3, 6e3), (250.0, 60.0), (6.0, 3.0), (0.5, 0.5)),
+    ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0)),
+)
 
 
 class _Component(NamedTuple):
@@ -103,8 +117,8 @@ class MotionPriors:
 
 
 def _standing(config: HypothesesConfig) -> list[_Component]:
-    still = _diagonal(((0.0, GROUND_SIGMA_M), config.ground_drift_m_s, 0.0, 0.0))
-    return [_Component(GROUND, 1.0, *still)]
+    drift_m_s = config.ground_drift_m_s
+    return [_drawn(GROUND, 1.0, (0.0, GROUND_SIGMA_M), (drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))]
 
 
 def _from_rest(share: float) -> list[_Component]:
@@ -139,27 +153,18 @@ def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
 
 def _in_flight(share: float) -> list[_Component]:
     parts = []
-    for flown_s in _FLOWN_S:
-        mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3))
-        mean[:3, 2] = 4.0 * flown_s**2, 8.0 * flown_s, 8.0
-        root[0] = WIDE_M, WIDE_M, 3.0 * flown_s**2
-        root[1] = flown_s * np.array([7.0, 7.0, 5.0])
-        root[2], root[3] = (12.0, 12.0, 10.0), 0.5
-        parts.append(_Component(LAUNCH, share / len(_FLOWN_S), mean.ravel(), np.diag(root.ravel())))
+    for *upwards, aside_m_s in _IN_FLIGHT:
+        mean, root = np.zeros((ORDERS, 3)), np.full((ORDERS, 3), _UNSTEADY_M_S3)
+        root[:3, :2] = np.array([WIDE_M, aside_m_s, _TILTED_M_S2])[:, None]
+        mean[:3, 2], root[:3, 2] = np.array(upwards).T
+        parts.append(_Component(LAUNCH, share / len(_IN_FLIGHT), mean.ravel(), np.diag(root.ravel())))
     return parts
 
 
-def _drawn(
-    group: int, weight: float, height_m: tuple[float, float], speed_m_s: float, force_m_s2: float, jerk_m_s3: float
-) -> _Component:
-    return _Component(group, weight, *_diagonal((height_m, speed_m_s, force_m_s2, jerk_m_s3)))
-
-
-def _diagonal(spread: tuple[tuple[float, float], float, float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return mean and root of a motion, from mean and deviation of its height and the deviations of its rates."""
-    (height_m, sigma_m), *rates = spread
-    mean = np.zeros((ORDERS, 3))
-    mean[0, 2] = height_m
-    root = np.repeat([WIDE_M, *rates], 3)
-    root[2] = sigma_m
-    return mean.ravel(), np.diag(root)
+def _drawn(group: int, weight: float, *spread: tuple[float, float]) -> _Component:
+    """Return a component of given height (mean, standard deviation) and rates (deviations aside and upwards)."""
+    height, *rates = spread
+    mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3))
+    mean[0, 2], root[0] = height[0], (WIDE_M, WIDE_M, height[1])
+    root[1:] = [(aside, aside, upwards) for aside, upwards in rates]
+    return _Component(group, weight, mean.ravel(), np.diag(root.ravel()))

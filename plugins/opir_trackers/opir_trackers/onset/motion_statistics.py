@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import dot
@@ -38,16 +38,26 @@ _SNAP_M_S4 = 0.03
 #: A term s τ⁴ / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
 _LEFT_OUT = _SNAP_M_S4 / (24.0 * 128.0)
 
+#: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
+_ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
+
+#: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line, and biases of two
+#: sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
+_MISFIT_A_LINE, _MISFIT = 6.0, 30.0
+
+#: The columns that are sums over lines.
+_SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
+
 
 @frozen(eq=False, repr=False)
 class MotionStatistics(Columns):
     """Statistics of tracks, one row each, and the latest probabilities of their groups.
 
-    `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up. Up to the
-    horizon of a cubic: `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,) in local axes. Of all lines:
-    `noise_log` (n,) is the log likelihood of the lines as false alarms over that of lines without error. Of all lines:
-    `static_information` (n, 3, 3) and `static_pull` (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows
-    keep theirs.
+    `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up;
+    `epoch_s` (n,) is the time of the first detection. Up to the horizon of a cubic: `information` (n, 7, 3, 3), `pull`
+    (n, 4, 3) and `misfit` (n,) in local axes, number of `lines`, and `noise_log` (n,), the log likelihood of the lines
+    as false alarms over that of lines without error. Of all lines: `static_information` (n, 3, 3) and `static_pull`
+    (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows keep theirs.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType(
@@ -65,9 +75,11 @@ class MotionStatistics(Columns):
     reference_m: FloatArray
     height_m: FloatArray
     axes: FloatArray
+    epoch_s: FloatArray
     information: FloatArray
     pull: FloatArray
     misfit: FloatArray
+    lines: FloatArray
     noise_log: FloatArray
     static_information: FloatArray
     static_pull: FloatArray
@@ -75,19 +87,24 @@ class MotionStatistics(Columns):
     is_decided: BoolArray
 
     @classmethod
-    def fresh(cls, position_m: FloatArray, time_s: float, prior: FloatArray) -> "MotionStatistics":
-        """Return the statistics of tracks without lines, at inertial positions (n, 3), with probabilities (5,)."""
+    def fresh(cls, position_m: FloatArray, time_s: float, epoch_s: FloatArray, prior: FloatArray) -> "MotionStatistics":
+        """Return the statistics of tracks without lines, at inertial positions (n, 3) then, with probabilities (5,).
+
+        `epoch_s` (n,) are the times of their first detections.
+        """
         count = len(position_m)
         reference_m = earth_rotated(position_m, np.full(count, -time_s))
         return cls(
             reference_m=reference_m,
             height_m=ecef_to_geodetic(reference_m).height_m,
             axes=local_axes(reference_m),
+            epoch_s=epoch_s,
             information=np.zeros((count, _POWERS, 3, 3)),
             pull=np.zeros((count, ORDERS, 3)),
             misfit=np.zeros(count),
             static_information=np.zeros((count, 3, 3)),
             static_pull=np.zeros((count, 3)),
+            lines=np.zeros(count),
             noise_log=np.zeros(count),
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
@@ -103,13 +120,11 @@ class MotionStatistics(Columns):
         sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
         return np.asarray((_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25)
 
-    def with_lines(
-        self, owner: IntArray, lines: LinesOfSight, first_s: FloatArray, log_clutter: FloatArray
-    ) -> "MotionStatistics":
+    def with_lines(self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray) -> "MotionStatistics":
         """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
 
-        `first_s` (n,) are the times of the first detections, `log_clutter` (sensors,) the log density of false alarms
-        over the detection probability. Of what is decided to move nothing more is taken in.
+        `log_clutter` (sensors,) is the log density of false alarms over the detection probability. Of what is decided
+        to move nothing more is taken in.
         """
         settled = np.append(self.is_decided & ~self.stands, True)
         mine = (~settled[owner]).nonzero()[0]
@@ -118,34 +133,41 @@ class MotionStatistics(Columns):
         mine = mine[owner[mine].argsort(kind="stable")]
         of, used = owner[mine], lines.take(mine)
         starts = np.flatnonzero(np.diff(of, prepend=-1))
-        since_s = used.time_s - first_s[of]
+        since_s = used.time_s - self.epoch_s[of]
         near = (since_s <= self.horizon_s()[of]) & ~self.is_decided[of]
         weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
         powers = np.where(near[:, None], since_s[:, None] ** np.arange(_POWERS), 0.0)
         pulled = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
-        terms = [
-            (powers[:, :, None] * weight[:, None, :]).reshape(len(mine), -1),
-            (powers[:, :ORDERS, None] * pulled[:, None, :]).reshape(len(mine), -1),
-            np.stack([powers[:, 0] * square, _noise_log(used, log_clutter)], axis=1),
-            weight,
-            pulled,
-        ]
-        ends = np.cumsum([term.shape[1] for term in terms])[:-1]
-        sums = np.split(np.add.reduceat(np.concatenate(terms, axis=1), starts, axis=0), ends, axis=1)
-        rows, change = of[starts], [self.information, self.pull, self.misfit, self.noise_log]
-        change += [self.static_information, self.static_pull]
-        for place, added in enumerate((sums[0], sums[1], sums[2][:, 0], sums[2][:, 1], *sums[3:])):
-            column = change[place].copy()
-            column[rows] += added.reshape(-1, *column.shape[1:])
-            change[place] = column
-        known = self.reference_m, self.height_m, self.axes
-        return MotionStatistics(*known, *change, self.probability, self.is_decided)
+        of_each = [square, np.ones(len(mine)), _noise_log(used, log_clutter)]
+        terms = {
+            "information": powers[:, :, None] * weight[:, None, :],
+            "pull": powers[:, :ORDERS, None] * pulled[:, None, :],
+            **dict(zip(("misfit", "lines", "noise_log"), np.where(near, of_each, 0.0), strict=True)),
+            "static_information": weight,
+            "static_pull": pulled,
+        }
+        changed = {}
+        for name, each in terms.items():
+            column = changed[name] = getattr(self, name).copy()
+            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(-1, *column.shape[1:])
+        return evolve(self, **changed)
 
-    def with_probabilities(self, probability: FloatArray, is_decided: BoolArray) -> "MotionStatistics":
-        """Return the statistics with other probabilities (n, 5), and which of them stay (n,)."""
-        known = self.reference_m, self.height_m, self.axes, self.information, self.pull, self.misfit, self.noise_log
-        return MotionStatistics(*known, self.static_information, self.static_pull, probability, is_decided)
+    def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
+        """Return the statistics with those of some rows begun anew at a time, without lines."""
+        changed = {name: getattr(self, name).copy() for name in _SUMS}
+        for column in changed.values():
+            column[rows] = 0.0
+        epoch_s = self.epoch_s.copy()
+        epoch_s[rows] = time_s
+        return evolve(self, epoch_s=epoch_s, **changed)
+
+    def are_unlike_any_motion(self) -> BoolArray:
+        """Return which tracks (n,) have lines that no cubic explains: some of them are of something else."""
+        information, pull, misfit = self.of_motion()
+        fitted = np.linalg.solve(information + _ANY_MOTION, pull[:, :, None])[:, :, 0]
+        least = misfit - np.sum(pull * fitted, axis=1)
+        return np.asarray(least > _MISFIT_A_LINE * self.lines + _MISFIT)
 
     def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a cubic.

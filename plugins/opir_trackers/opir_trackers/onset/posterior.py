@@ -7,7 +7,7 @@ Systems", 1999, 6.2).
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_trackers.configs import HypothesesConfig
@@ -59,11 +59,13 @@ class GroupPosterior:
         share = np.exp(self.log_rate)
         return np.append(0.0, share / share.sum())
 
-    def assessed(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> MotionStatistics:
-        """Return the statistics with new probabilities of the undecided tracks.
+    def assessed(
+        self, statistics: MotionStatistics, time_s: float, age_s: FloatArray, pause_s: FloatArray
+    ) -> MotionStatistics:
+        """Return the statistics with new probabilities of the undecided tracks at a time.
 
         `age_s` (n,) is the time from the first to the last detection, `pause_s` (n,) the longest scan period of the
-        sensors that see the track.
+        sensors that see the track. Lines that are not of one motion say nothing of it: these statistics begin anew.
         """
         open_ = (~statistics.is_decided).nonzero()[0]
         if not len(open_):
@@ -73,8 +75,11 @@ class GroupPosterior:
         found = probability[open_] = self.probabilities(mine, age_s, pause_s)
         still = found[:, GROUND] + found[:, NOISE]
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
-        decided[open_] = launched | (age_s > mine.horizon_s())
-        return statistics.with_probabilities(probability, decided)
+        decided[open_] = launched | (time_s - mine.epoch_s > mine.horizon_s())
+        mixed = open_[mine.are_unlike_any_motion()]
+        decided[mixed] = False
+        statistics = evolve(statistics, probability=probability, is_decided=decided)
+        return statistics.restarted(mixed, time_s) if len(mixed) else statistics
 
     def probabilities(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> FloatArray:
         """Return the probabilities (n, 5) of the groups."""
