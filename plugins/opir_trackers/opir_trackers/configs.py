@@ -94,7 +94,7 @@ class ThrustConfig:
         unit="m/s²",
         above=0.0,
         maximum=1000.0,
-        source="prior of a new stage, 20 ± 10 m/s², in any direction: root mean square 22; notional",
+        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22; notional",
         help="prior standard deviation of a force in any direction, on each axis",
     )
     free_noise_m_s2: float = number(
