@@ -113,6 +113,13 @@ class ThrustConfig:
         source="several times a burn of 30 to 60 s that flies back: it keeps its direction; notional",
         help="mean time until a force in any direction is one along the velocity again",
     )
+    residual_share: float = number(
+        default=0.05,
+        minimum=0.0,
+        maximum=1.0,
+        source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
+        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
+    )
     jerk_noise_m_s3: float = number(
         default=0.1,
         unit="m/s³/√s",
