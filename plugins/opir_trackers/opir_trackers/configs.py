@@ -94,7 +94,7 @@ class ThrustConfig:
         unit="m/s²",
         above=0.0,
         maximum=1000.0,
-        source="prior of a new stage, 20 ± 10 m/s², in any direction: root mean square 22; notional",
+        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22; notional",
         help="prior standard deviation of a force in any direction, on each axis",
     )
     free_noise_m_s2: float = number(
@@ -112,6 +112,13 @@ class ThrustConfig:
         maximum=1e4,
         source="several times a burn of 30 to 60 s that flies back: it keeps its direction; notional",
         help="mean time until a force in any direction is one along the velocity again",
+    )
+    residual_share: float = number(
+        default=0.05,
+        minimum=0.0,
+        maximum=1.0,
+        source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
+        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
     )
     jerk_noise_m_s3: float = number(
         default=0.1,

@@ -49,11 +49,16 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
+        coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),
         free=_free_of(config.thrust, free),
     )
+
+
+def _follows_bodies(context: TrackerContext) -> bool:
+    return any(sensor.follows_bodies for sensor in context.sensors)
 
 
 def stage_of(thrust: ThrustConfig) -> NewStage:

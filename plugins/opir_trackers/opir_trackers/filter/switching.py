@@ -16,7 +16,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import BOOST, COAST, square_root
+from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian, NewStage, are_free, carried
 from opir_trackers.filter.dynamics import Dynamics
@@ -35,7 +35,8 @@ class ImmFilter:
 
     `rounds` bounds the iterations of an update. `coast_detection` is the probability that a coasting target is detected
     in a slice, relative to a burning one: 1 where a sensor detects bodies after burnout. `memory_s` and `pause_s`
-    govern the detection rate (`mode_mixing.mode_update`).
+    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen force
+    after burnout, as a share of that before (`_with_residual`).
     """
 
     boost: Dynamics
@@ -46,6 +47,7 @@ class ImmFilter:
     memory_s: float = 20.0
     coast_detection: float = 1.0
     pause_s: float = 0.0
+    residual_share: float = 0.0
     stage: NewStage | None = None
     free: FreeBurn | None = None
     burns: BurnModes = field(
@@ -105,10 +107,28 @@ class ImmFilter:
         elif len(rows):
             part = coast[0][rows], coast[1][rows]
             coast = _with_rows(coast, self._carried(self.coast, *part, steps[rows]), rows)
+        if len(rows) and self.residual_share > 0.0:
+            coast = self._with_residual(coast, estimates, rows, step_s)
         if rests.size:
             lit, parts = mode_mixing.relit(estimates.part(rests), coast[0][rests], coast[1][rests], self.burns)
             boost, burns = _with_rows(boost, lit, rests), burn_modes.put(burns, rests, parts)
         return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
+
+    def _with_residual(self, coast: Gaussian, estimates: ModeEstimates, rows: IntArray, step_s: float) -> Gaussian:
+        """Return coasts a step later with the process noise of what still acts after burnout, unseen.
+
+        Thrust fades, stages part: a force below what sensors detect, in any direction. After `RESIDUAL_S` its velocity
+        has a standard deviation of `residual_share` of the old force, times that time.
+        """
+        rows = rows[estimates.detection_rate[rows, 2] < RESIDUAL_S]
+        if not rows.size:
+            return coast
+        force = estimates.burn_mean[rows, 0, COAST : COAST + 3]
+        density = self.residual_share * np.sqrt(RESIDUAL_S * dot(force, force))
+        noise = density[:, None, None] * noise_roots(np.array([step_s]), COAST // 3)
+        still = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
+        root = square_root.time_update(coast[1][rows], still, noise)
+        return _with_rows(coast, (coast[0][rows], root), rows)
 
     def _carried(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
@@ -285,6 +305,9 @@ class ImmFilter:
         np.multiply(apart, np.sqrt(boost * coast), out=side[:, :, -1])
         return boost * estimates.boost_mean[:, :COAST] + coast * estimates.coast_mean, square_root.gram(side)
 
+
+#: Time after the last detection, s, in which a force may act unseen.
+RESIDUAL_S = 5.0
 
 _BURNS, _NONE = np.array([1.0, 0.0]), np.empty(0, dtype=np.int64)
 
