@@ -156,16 +156,18 @@ def reported_tables(summary: Row) -> Iterator[str]:
 
 
 def source_table(summary: Row) -> Table:
-    """Return the table of hot sources that are no targets."""
+    """Return the table of hot sources that are no targets, those taken for launches first."""
     tracks = {row["track_id"]: row for row in summary["tracks"]}
-    return _SOURCE_HEAD, [source_cells(row, tracks) for row in summary["sources"]]
+    rows = sorted(summary["sources"], key=lambda row: not _is_taken(tracks.get(row["track_id"])))
+    return _SOURCE_HEAD, [source_cells(row, tracks) for row in rows]
 
 
 def track_table(summary: Row) -> Table:
-    """Return the table of tracks, with hypotheses if any track has them."""
+    """Return the table of tracks, probable launches first, with hypotheses if any track has them."""
     weighs = any(row["hypotheses"] is not None for row in summary["tracks"])
     head = ("track", "likeliest", "P(launch)", *_WHERE, "end") if weighs else ("track", "type", *_WHERE)
-    return head, [track_cells(row, weighs=weighs) for row in summary["tracks"]]
+    rows = sorted(summary["tracks"], key=lambda row: not _is_probable(row))
+    return head, [track_cells(row, weighs=weighs) for row in rows]
 
 
 def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import pytest
 from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 from two_sides import two_sides_plan
 
-from opir_core.cli.answer_lines import answers, source_cells
+from opir_core.cli.answer_lines import answers, source_cells, source_table, track_table
 from opir_core.cli.run import as_text
 from opir_core.cli.terminal import probability_text
 from opir_core.output import deliver
@@ -83,6 +83,15 @@ def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
     (track,) = tracks_of(fire)
     assert source_cells(SOURCE, {0: track}) == ("F1", "fire", "S-1", "12", "0", "tracker: ground source 0.75")
     assert source_cells(SOURCE, {})[-2:] == ("-", "detections: UNKNOWN, confidence up to 0.90")
+
+
+def test_launches_come_first_in_the_tables() -> None:
+    fire, launch = (tracks_of(stub_hypotheses(**{name: 0.75})) for name in ("ground_source", "SRBM"))
+    tracks = [*({**fire[0], "track_id": number} for number in (0, 1)), {**launch[0], "track_id": 2}]
+    sources = [{**SOURCE, "source_id": f"F{number}", "track_id": number} for number in range(3)]
+    summary = {"targets": [], "sources": sources, "tracks": tracks}
+    assert [row[0] for row in track_table(summary)[1]] == ["2", "0", "1"]
+    assert [row[0] for row in source_table(summary)[1]] == ["F2", "F0", "F1"]
 
 
 def test_an_impact_by_the_paper_s_law_says_so() -> None:
