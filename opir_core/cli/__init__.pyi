@@ -1,5 +1,7 @@
 from opir_core.cli.answer_lines import (
     answers as answers,
+    source_table as source_table,
+    track_table as track_table,
 )
 from opir_core.cli.components import (
     OwnedComponent as OwnedComponent,

@@ -141,20 +141,33 @@ def _region_text(region: Row) -> str:
 
 _SOURCE_HEAD = ("source", "type", "first detected by", "detections", "track", "reported")
 _WHERE = ("from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
+_NUMBERS = {"detections", "track", "from s", "to s"}
+
+#: The head of a table and the cells of its rows.
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 
 def reported_tables(summary: Row) -> Iterator[str]:
-    """Yield the tables of hot sources that are no targets, and of tracks, with hypotheses if any track has them."""
-    rows, weighs = summary["tracks"], any(row["hypotheses"] is not None for row in summary["tracks"])
-    tracks = {row["track_id"]: row for row in rows}
-    yield listed(_SOURCE_HEAD, [source_cells(row, tracks) for row in summary["sources"]], numbers=(3, 4))
-    cells = [track_cells(row, weighs=weighs) for row in rows]
-    if weighs:
-        tracked = listed(("track", "likeliest", "P(launch)", *_WHERE, "end"), cells, numbers=(0, 3, 4))
-    else:
-        tracked = listed(("track", "type", *_WHERE), cells, numbers=(0, 2, 3))
-    is_paper = any(row["impact"] is not None and row["impact"]["method"] == "paper" for row in rows)
-    yield f"{tracked}\nsigma of an impact: the paper's law, without containment" if is_paper else tracked
+    """Yield the tables of hot sources that are no targets, and of tracks, as text."""
+    for head, rows in (source_table(summary), track_table(summary)):
+        yield listed(head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS])
+    if any(row["impact"] is not None and row["impact"]["method"] == "paper" for row in summary["tracks"]):
+        yield "sigma of an impact: the paper's law, without containment"
+
+
+def source_table(summary: Row) -> Table:
+    """Return the table of hot sources that are no targets, those taken for launches first."""
+    tracks = {row["track_id"]: row for row in summary["tracks"]}
+    rows = sorted(summary["sources"], key=lambda row: not _is_taken(tracks.get(row["track_id"])))
+    return _SOURCE_HEAD, [source_cells(row, tracks) for row in rows]
+
+
+def track_table(summary: Row) -> Table:
+    """Return the table of tracks, probable launches first, with hypotheses if any track has them."""
+    weighs = any(row["hypotheses"] is not None for row in summary["tracks"])
+    head = ("track", "likeliest", "P(launch)", *_WHERE, "end") if weighs else ("track", "type", *_WHERE)
+    rows = sorted(summary["tracks"], key=lambda row: not _is_probable(row))
+    return head, [track_cells(row, weighs=weighs) for row in rows]
 
 
 def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:

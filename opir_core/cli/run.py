@@ -198,7 +198,10 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")
-_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
+_TARGET_HEAD = (
+    *("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors"),
+    "type by detections",
+)
 
 
 def _sensor_table(summary: Mapping[str, Any]) -> str:

@@ -32,7 +32,7 @@ Rings = list[FloatArray]
 
 
 def region_texts(column: NDArray[np.object_]) -> list[bytes]:
-    """Return tuples of regions (n,) as JSON arrays of `region_document`; equal ones once."""
+    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones once."""
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:

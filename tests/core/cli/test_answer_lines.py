@@ -5,15 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from two_sides import two_sides_plan
 
-import opir_core as opir
-from opir_core.cli.answer_lines import answers, source_cells
+from opir_core.cli.answer_lines import answers, source_cells, source_table, track_table
 from opir_core.cli.run import as_text
 from opir_core.cli.terminal import probability_text
-from opir_core.interfaces.records import Detections, Tracks
 from opir_core.output import deliver
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import Host, NoConfig, Tracker, TrackerModel, hookimpl
 from opir_core.scene.hypotheses import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
 
@@ -88,6 +85,15 @@ def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
     assert source_cells(SOURCE, {})[-2:] == ("-", "detections: UNKNOWN, confidence up to 0.90")
 
 
+def test_launches_come_first_in_the_tables() -> None:
+    fire, launch = (tracks_of(stub_hypotheses(**{name: 0.75})) for name in ("ground_source", "SRBM"))
+    tracks = [*({**fire[0], "track_id": number} for number in (0, 1)), {**launch[0], "track_id": 2}]
+    sources = [{**SOURCE, "source_id": f"F{number}", "track_id": number} for number in range(3)]
+    summary = {"targets": [], "sources": sources, "tracks": tracks}
+    assert [row[0] for row in track_table(summary)[1]] == ["2", "0", "1"]
+    assert [row[0] for row in source_table(summary)[1]] == ["F2", "F0", "F1"]
+
+
 def test_an_impact_by_the_paper_s_law_says_so() -> None:
     (line,) = sentences(tracks_of(impact_method=1))
     assert line.endswith("to 9.00 N 167.70 E (sigma 30.0 km, the paper's law, without containment)")
@@ -104,64 +110,9 @@ def test_nothing_is_printed_as_certain(chance: float) -> None:
         assert float(text) == pytest.approx(chance, abs=0.00501)
 
 
-class TwoSides(Tracker):
-    """A track for what is north of the equator, a launch, and one for what is south, a fire."""
-
-    cadence_s = 1.0
-
-    def __init__(self, hypotheses: Any) -> None:
-        self._hypotheses = hypotheses
-
-    def associate(self, detections: Detections) -> Any:
-        return np.where(detections.line_of_sight_ecef[:, 2] > 0.0, 0, 1).astype(np.int64)
-
-    def step(self, tick_s: float, detections: Detections) -> Tracks:
-        names = [each.name for each in self._hypotheses]
-        chances = np.zeros((2, len(names)))
-        chances[0, names.index("ICBM")], chances[0, names.index("none of these")] = 0.9, 0.1
-        chances[1, names.index("ground source")], chances[1, names.index("SRBM")] = 0.998, 0.002
-        place = np.radians([[34.7, -120.6, 0.0], [-20.0, -80.0, 0.0]])
-        return stub_estimates(
-            2, self._hypotheses, tick_s=tick_s, track=np.arange(2), hypothesis_probability=chances, launch=place
-        )
-
-
-class TwoSidesPlugin:
-    @hookimpl
-    def opir_trackers(self) -> Any:
-        yield TrackerModel(
-            name="two-sides",
-            summary="north and south",
-            config=NoConfig,
-            build=lambda _config, context: TwoSides(context.hypotheses),
-        )
-
-
-SCENE: dict[str, Any] = {
-    "scene": "a launch and a fire",
-    "epoch": "2026-04-01T03:00:00Z",
-    "duration_s": 60.0,
-    "seed": 3,
-    "sensors": [{"model": "generic-scanner", "id": "A", "orbital_slot_deg": -100.0}],
-    "targets": [
-        {
-            "id": "T1",
-            "type": "ICBM",
-            "launch": {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 0.0},
-            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-        }
-    ],
-    "sources": [{"id": "F", "model": "fires", "at": [{"lat_deg": -20.0, "lon_deg": -80.0}]}],
-    "detection": "snr",
-    "tracker": "two-sides",
-}
-
-
 @pytest.mark.slow
 def test_sources_are_in_a_table_of_their_own_without_ignition_and_latency() -> None:
-    host = Host.discover()
-    host.register(TwoSidesPlugin())
-    plan = compile_plan(opir.scene_from_mapping(SCENE, host=host), host)
+    plan = two_sides_plan()
     outcome = deliver(plan)
     summary = outcome.summary
     assert [row["target_id"] for row in summary["targets"]] == ["T1"]
