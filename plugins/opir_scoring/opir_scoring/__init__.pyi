@@ -35,7 +35,9 @@ from opir_scoring.impacts import (
     PHASES as PHASES,
     ImpactScores as ImpactScores,
     impact_scores as impact_scores,
+    main_regions as main_regions,
     phase_scores as phase_scores,
+    regions_given as regions_given,
 )
 from opir_scoring.proper_scores import (
     brier_scores as brier_scores,
@@ -43,6 +45,9 @@ from opir_scoring.proper_scores import (
     log_scores as log_scores,
     open_set_rate as open_set_rate,
     reliability as reliability,
+)
+from opir_scoring.region_points import (
+    region_energy_m as region_energy_m,
 )
 from opir_scoring.scorecard_tables import (
     scorecard_text as scorecard_text,

@@ -174,10 +174,8 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     is_over = tracks.tick_s >= evidence.plan.targets.burnout_s[target]
     for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
         regions = tracks.impact_regions[row]
-        conditions = _conditions(regions, is_over[row])
-        main, true = ([each for each in regions if each.condition == name] for name in conditions)
-        contained[row], area_km2[row] = _regions(main, impact[row])
-        contained_given[row], area_given_km2[row] = _regions(true, impact[row])
+        contained[row], area_km2[row] = _regions(main_regions(regions), impact[row])
+        contained_given[row], area_given_km2[row] = _regions(regions_given(regions, is_over[row]), impact[row])
         brier[row] = _condition_brier(regions, is_over[row])
         samples[row] = np.min([each.effective_samples for each in regions])
     contained[np.isnan(impact[:, 0])] = contained_given[np.isnan(impact[:, 0])] = np.nan
@@ -206,11 +204,20 @@ def _impacts(evidence: RunEvidence, target: IntArray) -> FloatArray:
     return np.array(places, dtype=np.float64).reshape(-1, 3)
 
 
-def _conditions(regions: Sequence[ImpactRegion], is_over: bool) -> tuple[str, str]:
-    """Return the main condition of regions, and the one that is true of the target."""
-    names = {region.condition for region in regions}
+def main_regions(regions: Sequence[ImpactRegion]) -> list[ImpactRegion]:
+    """Return the regions of the most probable condition, which come first."""
+    return [region for region in regions if region.condition == regions[0].condition]
+
+
+def regions_given(regions: Sequence[ImpactRegion], is_over: bool) -> list[ImpactRegion]:
+    """Return the regions whose condition is true of a target whose last burn is over, or not.
+
+    These are the regions "burn over" or "relights"; where these are missing, those that presume neither.
+    """
     true = _BURN_OVER if is_over else _RELIGHTS
-    return regions[0].condition, true if true in names else _COMES_DOWN
+    return [each for each in regions if each.condition == true] or [
+        each for each in regions if each.condition == _COMES_DOWN
+    ]
 
 
 def _condition_brier(regions: Sequence[ImpactRegion], is_over: bool) -> float:

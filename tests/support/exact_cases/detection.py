@@ -446,6 +446,8 @@ LEFT_OUT = {
             "closed forms and another library (tests/against/test_against_crps_of_scoringrules.py)",
         ),
         **dict.fromkeys(["open_set_rate", "reliability"], "counts (tests/plugins/scoring/test_hypothesis_scores.py)"),
+        **dict.fromkeys(["main_regions", "regions_given"], "chooses records"),
+        "region_energy_m": "areas to 1 % (tests/plugins/scoring/test_impact_scores.py)",
         **dict.fromkeys(["add_score_settings", "score_settings", "scorecard_text"], "texts"),
         **dict.fromkeys(["GEOMETRIES", "OLDEST_S", "PHASES", "USUAL_SETTINGS"], "a constant"),
     },
