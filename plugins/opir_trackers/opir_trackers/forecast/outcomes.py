@@ -67,19 +67,19 @@ class Outcomes:
         return [number for number, one in enumerate(self.hypotheses) if one.group == group]
 
     @cached_property
-    def _ranges(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _ranges(self) -> tuple[FloatArray, FloatArray]:
         """Return the limits (classes, 2) of the missiles' ranges, m, and the shares (classes,) of their priors."""
         missiles = [self.hypotheses[number] for number in self.columns("missile")]
         limits = np.array([_limits_m(one) for one in missiles]).reshape(-1, 2)
         priors = np.array([self.model.data["classes"].get(one.name, 1.0) for one in missiles])
-        return limits, priors, np.log(limits[:, 1] / limits[:, 0])
+        return limits, priors
 
     def missiles(self, range_m: FloatArray) -> FloatArray:
         """Return the densities (p, classes) of missile classes at ranges (p,), over that of all boosts; 0 at nan.
 
-        Each class is log-uniform over its ranges; where classes overlap, they share.
+        Ranges are log-uniform between the least and the greatest; classes that cover a range share it.
         """
-        limits, priors, width = self._ranges
+        limits, priors = self._ranges
         inside = (range_m[:, None] >= limits[:, 0]) & (range_m[:, None] <= limits[:, 1])
         share = np.where(inside, priors, 0.0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-9) * np.log(limits[:, 1].max() / limits[:, 0].min())
@@ -92,7 +92,7 @@ class Outcomes:
     @property
     def unknown_range(self) -> FloatArray:
         """Return the densities (classes,) of missile classes, over that of all boosts, where the range is unknown."""
-        _, priors, _ = self._ranges
+        _, priors = self._ranges
         share: FloatArray = priors / priors.sum()
         return share
 

@@ -7,25 +7,31 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
+from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.forecaster import LaunchForecasts
 from opir_trackers.imm.track_management import TrackTable
 
 
 class ReportedTracks(NamedTuple):
-    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group probabilities."""
+    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group probabilities.
+
+    `end` (n,) are codes into `TRACK_ENDS` of tracks that ended since the last tick.
+    """
 
     tracks: Tracks
     estimates: ModeEstimates
     reports: FloatArray
     groups: FloatArray
+    end: ByteArray
 
 
-def with_launches(tracks: Tracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
+def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
     """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
+    tracks = told.tracks
     no_launch = np.flatnonzero(~launched)
     launch, covariance = tracks.launch, tracks.launch_covariance
     if len(no_launch):
@@ -41,7 +47,7 @@ def with_launches(tracks: Tracks, found: LaunchForecasts, launched: BoolArray) -
         impact_regions=found.impact_regions,
         probability_burning=found.probability_burning,
         probability_relights=found.probability_relights,
-        end=found.end.astype(np.uint8),
+        end=np.where(told.end > 0, told.end, found.end).astype(np.uint8),
     )
 
 
@@ -92,6 +98,19 @@ def type_evidence(reports: IntArray, evidence: FloatArray) -> FloatArray:
     """Return log likelihoods (n, types) of the last report of each sensor, (n, sensors), by `type_log_likelihoods`."""
     log: FloatArray = evidence[np.arange(len(evidence)), reports].sum(axis=1)
     return log
+
+
+def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
+    """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor, (n, sensors).
+
+    The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once. UNKNOWN has
+    probability 1 without a report, else 0.
+    """
+    log = type_evidence(reports, evidence)
+    share = np.exp(log - log.max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
+    silent = np.all((reports < 0) | (reports == UNKNOWN_TYPE), axis=1)[:, None]
+    return np.concatenate([np.where(silent, 0.0, share), silent], axis=1)
 
 
 #: Probability of a report that a confusion matrix excludes.

@@ -10,7 +10,8 @@ from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.imm.report import with_launches
-from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
@@ -49,7 +50,11 @@ class ImmTracker(Tracker):
         told = self._tracking.reported_tracks(self._now)
         launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
         found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
-        return self._composition.composed(with_launches(told.tracks, found, launched), told.groups, found.given_launch)
+        tracks = with_launches(told, found, launched)
+        if np.count_nonzero(found.end):
+            # Nothing new can come of them.
+            self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
+        return self._composition.composed(tracks, told.groups, found.given_launch)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.
