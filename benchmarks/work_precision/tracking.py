@@ -25,8 +25,8 @@ from opir_scoring.gospa_metric import gospa
 from opir_testing.doubles import stub_sensor
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.histories import Histories
-from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.imm.tracking import ImmTracking
 from peers import installed, is_installed
 from tracking_page import (
