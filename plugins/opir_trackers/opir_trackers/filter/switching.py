@@ -35,8 +35,8 @@ class ImmFilter:
 
     `rounds` bounds the iterations of an update. `coast_detection` is the probability that a coasting target is detected
     in a slice, relative to a burning one: 1 where a sensor detects bodies after burnout. `memory_s` and `pause_s`
-    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen force
-    after burnout, as a share of that before (`_with_residual`).
+    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen
+    force after burnout, as a share of that before (`_with_residual`).
     """
 
     boost: Dynamics
