@@ -15,7 +15,9 @@ from opir_core.flight.forces import Forces, ZonalField
 #: A sphere of next to no mass: what is left is the force.
 NOWHERE = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=1.0))
 STAGE = NewStage(force_m_s2=20.0, force_sigma_m_s2=10.0, growth_per_s=0.01, growth_sigma_per_s=0.01, every_s=40.0)
-FREE = FreeBurn(FreeThrust(2.5, 0.001, Forces(zonal=())), force_sigma_m_s2=22.0, relit=0.1, lasts_s=300.0, surprise=10.0)
+FREE = FreeBurn(
+    FreeThrust(2.5, 0.001, Forces(zonal=())), force_sigma_m_s2=22.0, relit=0.1, lasts_s=300.0, surprise=10.0
+)
 MODES = BurnModes(Thrust(np.radians(3.0), 30.0, 0.5, 0.001, Forces(zonal=())), STAGE, FREE)
 #: A coast at 1.5 km/s, 90 km high, known as after a minute of looks of two sensors.
 COAST = np.array([6.47e6, 0.0, 0.0, 700.0, 472.0 + 1300.0, 0.0])
