@@ -1,4 +1,4 @@
-"""States of `imm` on ascents that share no code with it: throttled first stages, long second ones, burns that fly back."""
+"""States of `imm` on ascents that share no code with it: throttled stages, long second ones, burns that fly back."""
 
 import numpy as np
 import pytest
