@@ -34,10 +34,9 @@ _COAST_DETECTION = 0.01
 _PAUSE_SCANS = 4.0
 
 
-#: Looks that move both modes of a burn along the velocity by this squared distance, in standard deviations, start a
-#: free one: of ordinary boosts one slice in 500 does it (the looks of a slice know less than its prior, so half of the
-#: slices move by less than 0.6).
-_SURPRISE = 6.0
+#: Squared innovation of the position of both modes along the velocity, in standard deviations, at which a free burn is
+#: started: one slice in 50 exceeds it by chance (χ² of 3 degrees of freedom).
+_SURPRISE = 10.0
 
 
 def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:

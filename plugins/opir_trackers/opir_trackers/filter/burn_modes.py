@@ -62,8 +62,7 @@ class FreeBurn:
     """A force in any direction: its motion and the standard deviation of each axis at its start, m/s².
 
     `relit` is the probability that a burn after the dark is one, `lasts_s` the mean time until a free burn is a steady
-    one. `surprise` is that at which looks start it: the least squared distance that they move both other modes, in
-    standard deviations.
+    one. `surprise` is the squared innovation of the position, in standard deviations, at which looks start it.
     """
 
     motion: Dynamics
@@ -87,7 +86,28 @@ class FreeBurn:
 
 
 #: Time, s, for which a force may have had another direction before looks show it.
-_UNNOTICED_S = 2.0
+_UNNOTICED_S = 4.0
+
+#: Squared distance, in standard deviations of the prior, by which looks move an estimate that is tested for surprise:
+#: one slice in ten of ordinary boosts.
+_MOVED = 1.5
+
+#: Probability that a burn whose looks surprise is free. Notional.
+_TURNS = 0.02
+
+#: Share of the prior covariance of the position that counts as learnt where looks teach nothing.
+_LEAST_LEARNT = 1e-3
+
+
+def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
+    """Return the squared innovations (n,) of positions, in standard deviations: χ² of 3 degrees of freedom at most.
+
+    Looks move an estimate by as much as they shrink its covariance.
+    """
+    spread, left = (square_root.gram(square_root.inverse_root(each[1])[:, :3]) for each in (before, after))
+    moved = (after[0] - before[0])[:, :3]
+    learnt = spread - left + _LEAST_LEARNT * spread
+    return dot(moved, np.linalg.solve(learnt, moved[:, :, None])[:, :, 0])
 
 
 def _of_path(root: FloatArray) -> FloatArray:
@@ -194,16 +214,17 @@ class BurnModes:
     def _with_surprised(self, free: FreeBurn, before: Burns, boost: Gaussian, burns: Burns) -> tuple[Gaussian, Burns]:
         """Return burns with a free mode where looks moved steady burn and staging by more than is likely."""
         moved = matvec(before[1][:, 0], burns[0][:, 0] - before[0][:, 0])
-        rows = (dot(moved, moved) > free.surprise).nonzero()[0]
-        if rows.size:
-            moved = matvec(before[1][rows, 1], burns[0][rows, 1] - before[0][rows, 1])
-            rows = rows[dot(moved, moved) > free.surprise]
+        rows = (dot(moved, moved) > _MOVED).nonzero()[0]
+        for part in (0, 1):
+            if rows.size:
+                pairs = [(each[0][rows, part], each[1][rows, part]) for each in (before, burns)]
+                rows = rows[_surprise(*pairs) > free.surprise]
         if not rows.size:
             return boost, burns
         mean, root, share = (column.copy() for column in burns)
         mean[rows, 2], root[rows, 2] = free.turned(boost[0][rows], boost[1][rows], self._growth)
-        share[rows, :2] *= 1.0 - free.relit
-        share[rows, 2] = free.relit
+        share[rows, :2] *= 1.0 - _TURNS
+        share[rows, 2] = _TURNS
         opened: Burns = mean, root, share
         return moments(opened), opened
 
