@@ -196,6 +196,12 @@ BENCHMARKS = (
         words("--launches 4 --sources 4 --seeds 1"),
     ),
     Benchmark(
+        "left_out_classes",
+        "Does `none of these` rise for a class left out, and is every probability right?",
+        "left_out_classes.py",
+        words("--launches 3 --sources 8"),
+    ),
+    Benchmark(
         "kepler",
         "Two-body arcs: run time against error",
         "work_precision/kepler.py",

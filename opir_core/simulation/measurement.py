@@ -57,7 +57,7 @@ class Classified:
 
     reported_type: NDArray[np.uint8]
     log_posterior: FloatArray
-    columns: Mapping[str, FloatArray]
+    columns: Mapping[str, Any]
 
     @classmethod
     def of(cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int) -> "Classified":

@@ -391,8 +391,17 @@ def test_a_detection_model_that_measures_irradiance_brings_its_classifier(detect
     del mapping["classification"]
     scene = opir.scene_from_mapping(mapping)
     assert scene.classification.name == name
+    plain = opir.scene_from_mapping({**mapping, "detection": "constant"}, overrides=[f"detection={detection}"])
+    assert plain.classification.name == name
     assert opir.scene_from_mapping(scene_mapping(scene)) == scene
     assert opir.scene_from_mapping({**mapping, "classification": "none"}).classification.name == "none"
+
+
+def test_a_setting_of_the_default_classifier_is_overridden() -> None:
+    mapping = bench_scene(detection={"model": "snr"})
+    del mapping["classification"]
+    scene = opir.scene_from_mapping(mapping, overrides=["classification.launches=8"])
+    assert (scene.classification.name, scene.classification.config.launches) == ("spectral", 8)
 
 
 def test_a_prior_tells_how_many_launches_it_expects() -> None:
