@@ -1,5 +1,7 @@
 from opir_core.cli.answer_lines import (
     answers as answers,
+    source_table as source_table,
+    track_table as track_table,
 )
 from opir_core.cli.components import (
     OwnedComponent as OwnedComponent,
@@ -17,6 +19,7 @@ from opir_core.cli.scene_arguments import (
 from opir_core.cli.terminal import (
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,
+    probability_text as probability_text,
     progress as progress,
     table as table,
 )

@@ -36,10 +36,10 @@ def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
 
 #: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
 #: profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top, after 49 to 73 s.
-_BEFORE_S, _TIMES = 80.0, 80
+BEFORE_S, _TIMES = 80.0, 80
 
 #: Prior probability that a launch is detected from the ground at the next look; others are hidden by clouds at first.
-_AT_ONCE = 0.5
+AT_ONCE = 0.5
 
 #: Standard deviations of the height of launch sites above the ellipsoid, m, and of the velocity at ignition, m/s.
 _SITE_M, _REST_M_S = 100.0, 1.0
@@ -48,11 +48,11 @@ _SITE_M, _REST_M_S = 100.0, 1.0
 _LAUNCHED = 25.0
 
 #: Edges of the time intervals before the first detection, s.
-_EDGES_S = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
+_EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
 
 #: Prior probability of a late detection in each interval.
-_LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
+_LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
 
 #: Variances of the height of a site, m², and of the velocity at rest, m²/s².
 _AT_REST = np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
@@ -83,7 +83,7 @@ def launches(
     starts = _rest_likelihood(predicted, when, noise, biased)
     soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
     log = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
-    log += np.log(_AT_ONCE * soon + _LATER)
+    log += np.log(AT_ONCE * soon + _LATER)
     chance = np.exp(log - log.max(axis=1, keepdims=True))
     chance /= chance.sum(axis=1, keepdims=True)
     place, covariance = _moment_matched(*_places(starts, when), when, chance)

@@ -14,7 +14,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.plugin import TARGET_TYPES, Detections, Sensor
+from opir_core.plugin import TARGET_TYPES, Detections, Sensor, TrackerContext
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
 #: Detection probability of a sensor that states none for a type.
@@ -43,6 +43,14 @@ def expected_detection_rate(sensors: Sequence[Sensor]) -> float:
     """Return the expected detections per second of a target in view of all sensors, mean over types."""
     schedule = SensorSchedule.of(sensors, least=0.01, most=1.0)
     return float(np.sum(schedule.detection_probability.mean(axis=1) / schedule.period_s))
+
+
+def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
+    """Return the false alarms (sensors,) per scan and steradian of the field of regard; `assumed` where unknown."""
+    if context.false_alarms_per_scan is None:
+        return np.full(len(context.sensors), assumed)
+    half_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
+    return np.asarray(np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad))))
 
 
 #: Prior standard deviation of a position in directions that lines do not determine, m.

@@ -3,15 +3,16 @@
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.estimation import COAST, Motion, dot
 from opir_core.flight import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
-from opir_trackers.filter.burn_modes import NewStage
+from opir_trackers.filter.burn_modes import FreeBurn, NewStage
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
@@ -33,6 +34,12 @@ _COAST_DETECTION = 0.01
 _PAUSE_SCANS = 4.0
 
 
+#: Looks that move both modes of a burn along the velocity by this squared distance, in standard deviations, start a
+#: free one: of ordinary boosts one slice in 500 does it (the looks of a slice know less than its prior, so half of the
+#: slices move by less than 0.6).
+_SURPRISE = 6.0
+
+
 def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
@@ -42,16 +49,27 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
+        coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),
+        free=_free_of(config.thrust, free),
     )
+
+
+def _follows_bodies(context: TrackerContext) -> bool:
+    return any(sensor.follows_bodies for sensor in context.sensors)
 
 
 def stage_of(thrust: ThrustConfig) -> NewStage:
     """Return what a new stage begins with: what a new track begins with."""
     force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
     return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s)
+
+
+def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:
+    motion = FreeThrust(thrust.free_noise_m_s2, thrust.growth_noise_per_s, forces)
+    return FreeBurn(motion, thrust.free_sigma_m_s2, thrust.free_share, thrust.free_s, _SURPRISE)
 
 
 def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
@@ -85,10 +103,39 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
     root[:, range(3, size), range(3, size)] = 1.0 / deviation
-    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
-    weight = np.tile([burning, 1.0 - burning], (count, 1))
+    weight = _first_weights(count, config)
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+
+
+def standing_estimates(
+    before: ModeEstimates, position_m: FloatArray, covariance: FloatArray, speed_sigma_m_s: float, config: ImmConfig
+) -> ModeEstimates:
+    """Return estimates (n,) of sources that stand on the ground, in place of those of their tracks.
+
+    `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances the weight.
+    """
+    count, size = before.boost_mean.shape
+    mean, root = before.boost_mean.copy(), np.zeros((count, size, size))
+    cubed = dot(position_m, position_m)[:, None] ** 1.5
+    mean[:, :3] = position_m
+    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack([-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1)
+    mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
+    mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
+    root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+    root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
+    root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
+    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    return ModeEstimates(_first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate)
+
+
+def _first_weights(count: int, config: ImmConfig) -> FloatArray:
+    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
+    return np.tile([burning, 1.0 - burning], (count, 1))
+
+
+#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to none.
+_STANDING_SIGMA = 0.01
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:

@@ -25,7 +25,8 @@ def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_know
     evidence = evidence_of_run(run_of_plan(plan), plan)
     owners = ownership(evidence)
     assert sorted(owners.target.tolist()) == [0, 1, 2]
-    told = evidence.tracks.take(np.flatnonzero(evidence.tracks.tick_s % 20.0 == 0.0))
+    launched = (evidence.tracks.tick_s % 20.0 == 0.0) & (evidence.tracks.probability_launch > 0.5)
+    told = evidence.tracks.take(np.flatnonzero(launched))
     target = owners.target[np.searchsorted(owners.track, told.track)]
     away = told.state - true_states_ecef(plan, target, told.tick_s)
     known = np.flatnonzero(np.isfinite(away).all(axis=1))

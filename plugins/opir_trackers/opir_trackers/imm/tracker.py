@@ -9,7 +9,10 @@ from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
+from opir_trackers.imm.report import with_launches
 from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.onset.composition import Composition
+from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -24,7 +27,8 @@ class ImmTracker(Tracker):
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
-        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces)
+        self._composition = Composition.of(context.hypotheses)
+        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces, context.hypotheses)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
@@ -42,7 +46,10 @@ class ImmTracker(Tracker):
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        return self._forecaster.with_impacts(*self._tracking.reported_tracks(self._now))
+        told = self._tracking.reported_tracks(self._now)
+        launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
+        return self._composition.composed(with_launches(told.tracks, found, launched), told.groups, found.given_launch)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

@@ -11,14 +11,16 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
-from opir_core.plugin import Detections, TrackerContext, Tracks
+from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
@@ -33,12 +35,15 @@ from opir_trackers.imm.histories import (
 )
 from opir_trackers.imm.history_assignment import assigned_histories
 from opir_trackers.imm.neighbours import with_neighbours
-from opir_trackers.imm.report import tracks_of, type_evidence, type_log_likelihoods, type_posterior
+from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
-from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight, no_measurements
-from opir_trackers.sensors import Biases
-from opir_trackers.track_priors import filter_of, prior_estimates
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_lines_of_sight, no_measurements
+from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
+from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
+from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.sensors import Biases, clutter_per_sr
+from opir_trackers.track_priors import filter_of, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
 
 
@@ -47,7 +52,7 @@ class TrackerState:
     """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
 
     `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
-    the recent scans in which tracks were detected.
+    the recent scans in which tracks were detected. `motion` (rows of the table) says what each track is.
     """
 
     time_s: float
@@ -61,10 +66,18 @@ class TrackerState:
     )
     next_number: int = 0
     sightings: SharedDetections = field(factory=SharedDetections.empty)
+    motion: MotionStatistics = field(factory=MotionStatistics.empty)
 
-    def after(self, time_s: float, estimates: ModeEstimates, table: TrackTable, histories: Histories) -> "TrackerState":
+    def after(
+        self,
+        time_s: float,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        histories: Histories,
+        motion: MotionStatistics | None = None,
+    ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        known = self.ambiguous, self.next_number, self.sightings
+        known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
         return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known)
 
     @classmethod
@@ -94,6 +107,8 @@ class ImmTracking:
     boost_history_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
+    groups: GroupPosterior
+    hypotheses: tuple[Hypothesis, ...]
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
@@ -118,6 +133,10 @@ class ImmTracking:
             boost_history_s=min(smooth_boost_s(look_m, float(period_s.min(initial=1.0))), LONGEST_S),
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
             silence_limit_s=track_management.longest_silence_s(context.sensors, config.recent_scans),
+            groups=GroupPosterior.of(
+                config.hypotheses, clutter_per_sr(context, config.false_alarms_per_sr), model.detection_probability
+            ),
+            hypotheses=context.hypotheses,
         )
 
     def start(self) -> TrackerState:
@@ -136,11 +155,39 @@ class ImmTracking:
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
-            return self._after_slice(now, tick_s, lines, reported)
+            return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported)))
         cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
         for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
             now = self._after_slice(now, end, lines.take(slice(first, last)), reported[first:last])
-        return now
+        return self._standing(self._assessed(now))
+
+    def _assessed(self, now: TrackerState) -> TrackerState:
+        """Return the state with the probabilities of what each track is."""
+        table, motion = now.table, now.motion
+        if not len(motion) or motion.is_decided.all():
+            return now
+        pause_s = self._longest_of_sensors(self.period_s, table)
+        motion = self.groups.assessed(motion, now.time_s, table.seen_s - table.first_s, pause_s)
+        return now.after(now.time_s, now.estimates, table, now.histories, motion)
+
+    def _standing(self, now: TrackerState) -> TrackerState:
+        """Return the state with the tracks that are ground sources for good where they stand, whatever the filter says.
+
+        Lines of what rises from there leave their gate and initiate a track of their own.
+        """
+        rows = np.flatnonzero(now.motion.is_decided & now.motion.stands)
+        if not len(rows):
+            return now
+        where = self._static_estimates(now.motion.take(rows), now.time_s)
+        drift_m_s = self.config.hypotheses.ground_drift_m_s
+        still = standing_estimates(now.estimates.take(rows), *where, drift_m_s, self.config)
+        return evolve(now, estimates=now.estimates.put(rows, still))
+
+    def _static_estimates(self, motion: MotionStatistics, time_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return inertial positions (n, 3) and covariances (n, 3, 3) of sources that stand on the ground."""
+        position, covariance = motion.static_estimates(GROUND_SIGMA_M, WIDE_M)
+        turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
+        return position @ turn.T, turn @ covariance @ turn.T
 
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
@@ -148,7 +195,8 @@ class ImmTracking:
         then, owner = self.associated(now, end_s, lines)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            then = then.after(end_s, then.estimates, table, then.histories)
+            motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
+            then = then.after(end_s, then.estimates, table, then.histories, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
@@ -274,6 +322,8 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
+        motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
+        motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
         path = self.filter.predicted_measurements(result.estimates, now.time_s)
         sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
@@ -287,6 +337,7 @@ class ImmTracking:
             reported=now.reported[left],
             histories=now.histories.joined(evolve(begun, number=number)),
             next_number=now.next_number + count,
+            motion=MotionStatistics.concatenate([now.motion, motion]),
         )
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
@@ -306,6 +357,9 @@ class ImmTracking:
             rows = fast_uncertain.nonzero()[0]
             if len(rows):
                 now = evolve(now, estimates=self.association.with_velocity_prior(now.estimates, rows))
+            rows = (below_ground & (now.estimates.weight[:, 0] > 0.5)).nonzero()[0]
+            if len(rows):
+                now = evolve(now, estimates=self.filter.above_ground(now.estimates, rows))
             unseen = silent_s > self._longest_of_sensors(self.silence_limit_s, table)
             drop |= track_management.are_idle(table, uncertain, needed, unseen)
             drop |= below_ground & track_management.have_come_down(place, covariance, unseen)
@@ -320,25 +374,48 @@ class ImmTracking:
             return now
         keep = (~drop).nonzero()[0]
         histories = now.histories.of(np.isin(now.histories.number, table.number[keep]))
-        return evolve(now, estimates=now.estimates.take(keep), table=table.take(keep), histories=histories)
+        kept = now.estimates.take(keep), table.take(keep), now.motion.take(keep)
+        return evolve(now, estimates=kept[0], table=kept[1], motion=kept[2], histories=histories)
 
     def _longest_of_sensors(self, time_s: FloatArray, table: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
         longest: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
         return longest
 
-    def reported_tracks(self, now: TrackerState) -> tuple[Tracks, ModeEstimates, FloatArray]:
-        """Return the tracks with enough detections, without impacts, their estimates, and type log likelihoods."""
+    def reported_tracks(self, now: TrackerState) -> ReportedTracks:
+        """Return the tracks with enough detections, without impacts, and what their forecast and composition need."""
         confirmed = now.table.hits >= 2 * self.needed_scans
-        estimates, table = self.reported_estimates(now), now.table
+        estimates, table, motion = self.reported_estimates(now), now.table, now.motion
         if np.count_nonzero(confirmed) < len(confirmed):
-            estimates, table = estimates.take(confirmed), table.take(confirmed)
+            estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
         estimates = self._with_neighbours(estimates, now.time_s, table)
-        state, covariance = self.association.moments(estimates)
+        state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
-        tracks = tracks_of(state, covariance, table, now.time_s, self._types(table))
-        return tracks, estimates, type_evidence(table.reports, self.type_log_likelihood)
+        tracks = tracks_of(state, covariance, table, now.time_s)
+        types = type_evidence(table.reports, self.type_log_likelihood)
+        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
+        return ReportedTracks(tracks, estimates, reports, motion.probability)
+
+    def _with_static_states(
+        self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return inertial states (n, 6) and covariances (n, 6, 6), as mixtures with those of sources that stand."""
+        rows = (motion.probability[:, GROUND] > RARE).nonzero()[0]
+        if not len(rows):
+            return state, covariance
+        position, spread = self._static_estimates(motion.take(rows), time_s)
+        still, around = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6))
+        still[:, :3], around[:, :3, :3] = position, spread
+        still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
+        around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
+        share = motion.probability[rows, GROUND, None]
+        apart, both = still - state[rows], share[:, :, None]
+        state, covariance = state.copy(), covariance.copy()
+        state[rows] += share * apart
+        spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
+        covariance[rows] = both * around + (1.0 - both) * covariance[rows] + spread
+        return state, covariance
 
     def _with_neighbours(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable
@@ -356,11 +433,6 @@ class ImmTracking:
         wider = covariance.copy()
         wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, table.reports >= 0)
         return wider
-
-    def _types(self, table: track_management.TrackTable) -> FloatArray:
-        """Return the type probabilities (n, types), recomputed for new reports."""
-        reports, type_log_likelihood = table.reports, self.type_log_likelihood
-        return self.association.cached("types", lambda one, _: type_posterior(one, type_log_likelihood), reports, 0.0)
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
