@@ -31,11 +31,11 @@ def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
     """
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     targets = summary["targets"]
-    lines = [_answer(row, tracks.get(row["track_id"])) for row in targets[:most]]
+    lines = [_sentence(row, "target", _seen(row), tracks) for row in targets[:most]]
     if len(targets) > most:
         lines.append(f"... and {len(targets) - most} more targets")
     taken = [row for row in summary["sources"] if _is_taken(tracks.get(row["track_id"]))]
-    lines += [_false_launch(row, tracks[row["track_id"]]) for row in taken[:most]]
+    lines += [_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]]
     return [*lines, f"... and {len(taken) - most} more sources taken for launches"] if len(taken) > most else lines
 
 
@@ -44,19 +44,18 @@ def _is_taken(track: Row | None) -> bool:
     return track is not None and (track["probability_launch"] or 0.0) >= _PROBABLE
 
 
-def _false_launch(source: Row, track: Row) -> str:
-    name = f"{source['source_id']} ({source['source_type']})"
-    return "; ".join([f"{name}: taken for a launch", says_text(source, track), *_fate(track), *_places(track)])
+def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
+    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that was not."""
+    name, track = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})", tracks.get(row["track_id"])
+    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)]) if seen else f"{name}: not detected"
 
 
-def _answer(target: Row, track: Row | None) -> str:
-    name = f"{target['target_id']} ({target['target_type']})"
-    if target["latency_s"] is None:
-        return f"{name}: not detected"
+def _seen(target: Row) -> str:
     latency_s, end_to_end_s = target["latency_s"], target["end_to_end_latency_s"]
+    if latency_s is None:
+        return ""
     late = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
-    seen = f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
-    return "; ".join([f"{name}: {seen}", says_text(target, track), *_fate(track), *_places(track)])
+    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
 
 
 def says_text(seen: Row, track: Row | None) -> str:
@@ -82,27 +81,16 @@ def _is_probable(track: Row) -> bool:
     return track["probability_launch"] is None or track["probability_launch"] >= _PROBABLE
 
 
-def _fate(track: Row | None) -> Iterator[str]:
-    """Yield the probabilities that a probable launch comes down and that it stays in orbit, the likelier first."""
+def _flight(track: Row | None) -> Iterator[str]:
+    """Yield whether a probable launch comes down or stays in orbit, the likelier first, and from where to where."""
     if track is None or not _is_probable(track):
         return
-    both = (("comes down", track["probability_comes_down"]), ("in orbit", track["probability_orbit"]))
-    known = sorted(((chance, words) for words, chance in both if chance is not None), reverse=True)
-    for chance, words in known:
-        if chance >= _MINOR:
-            yield f"{words}: {probability_text(chance)}"
-
-
-def _places(track: Row | None) -> list[str]:
-    """Return the estimated launch and impact points of what is probably a launch, as far as there are any."""
-    if track is None or not _is_probable(track):
-        return []
-    launch, impact = track["launch"], track["impact"]
-    parts = [f"from {place_text(launch)}{spread_text(launch)}"] if launch is not None else []
-    if impact is not None:
-        spread = spread_text(impact, ", the paper's law, without containment")
-        parts.append(f"to {place_text(impact)}{spread}")
-    return [" ".join(parts)] if parts else []
+    both = ((track["probability_comes_down"] or 0.0, "comes down"), (track["probability_orbit"] or 0.0, "in orbit"))
+    yield from (f"{words}: {probability_text(chance)}" for chance, words in sorted(both)[::-1] if chance >= _MINOR)
+    law = ", the paper's law, without containment"
+    points = (("from", track["launch"]), ("to", track["impact"]))
+    places = [f"{words} {place_text(point)}{spread_text(point, law)}" for words, point in points if point is not None]
+    yield from [" ".join(places)] if places else []
 
 
 def point_text(point: Row | None) -> str:

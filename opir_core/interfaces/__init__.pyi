@@ -10,7 +10,6 @@ from opir_core.interfaces.contract import (
 )
 from opir_core.interfaces.impact_regions import (
     IMPACT_CONDITIONS as IMPACT_CONDITIONS,
-    probability_comes_down as probability_comes_down,
 )
 from opir_core.interfaces.protocols import (
     Radiometer as Radiometer,
@@ -22,4 +21,7 @@ from opir_core.interfaces.records import (
     IMPACT_METHODS as IMPACT_METHODS,
     TRACK_CONTAINMENTS as TRACK_CONTAINMENTS,
     TRACK_ENDS as TRACK_ENDS,
+)
+from opir_core.interfaces.weighed_tracks import (
+    hypothesis_columns as hypothesis_columns,
 )

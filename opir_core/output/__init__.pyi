@@ -15,11 +15,7 @@ from opir_core.output.events.encoder_input import (
     only_encodable as only_encodable,
 )
 from opir_core.output.events.estimates import (
-    HYPOTHESIS_SUMS as HYPOTHESIS_SUMS,
     burnout_texts as burnout_texts,
-    comes_down as comes_down,
-    end_names as end_names,
-    hypothesis_shares as hypothesis_shares,
     impact_texts as impact_texts,
     launch_texts as launch_texts,
     state_texts as state_texts,

@@ -13,16 +13,8 @@ from msgspec import UNSET, Meta, UnsetType
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
-from opir_core.output.events.estimates import (
-    HYPOTHESIS_SUMS,
-    PAPER,
-    are_on_earth,
-    comes_down,
-    end_names,
-    hypothesis_shares,
-    paper_sigma_m,
-    time_texts,
-)
+from opir_core.interfaces.weighed_tracks import hypothesis_columns
+from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
 from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -118,9 +110,7 @@ def track_records(
         "available_at": _timestamps(tracks.available_s, epoch_us),
         "target_type": [None if share is None else max(share, key=share.__getitem__) for share in types],
         "type_probability": types,
-        "hypotheses": hypothesis_shares(tracks, hypotheses),
-        **{name: _known(getattr(tracks, name)) for name in HYPOTHESIS_SUMS},
-        "probability_comes_down": comes_down(tracks),
+        **hypothesis_columns(tracks, hypotheses),
         "position_ecef_m": _known(tracks.state[:, :3]),
         "velocity_ecef_m_s": _known(tracks.state[:, 3:]),
         "covariance": _known(tracks.state_covariance),
@@ -131,7 +121,6 @@ def track_records(
         "impact_regions": map(msgspec.Raw, region_texts(tracks.impact_regions)),
         "probability_burning": _known(tracks.probability_burning),
         "probability_relights": _known(tracks.probability_relights),
-        "end": end_names(tracks),
     }
     names = tuple(columns)
     return [

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.impact_regions import probability_comes_down
-from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Tracks
+from opir_core.interfaces.records import IMPACT_METHODS, Tracks
+from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.scene.scene import REPORTED_TYPES
 
 
@@ -33,7 +33,12 @@ class LatestTracks:
         """Return one row of plain values per track, in the order of their numbers."""
         latest = self._latest.take(np.argsort(self._latest.track, kind="stable"))
         launch, impact = (_semi_major_km(latest, name) for name in ("launch", "impact"))
-        return [self._row(latest, place, launch[place], impact[place]) for place in range(len(latest))]
+        columns = hypothesis_columns(latest, self._hypotheses)
+        weighed = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return [
+            {**self._row(latest, place, launch[place], impact[place]), **_likeliest(row["hypotheses"]), **row}
+            for place, row in enumerate(weighed)
+        ]
 
     def _row(self, latest: Tracks, place: int, launch_km: float, impact_km: float) -> Mapping[str, Any]:
         track, chance = int(latest.track[place]), latest.type_probability[place]
@@ -44,29 +49,14 @@ class LatestTracks:
             "last_s": float(latest.tick_s[place]),
             "reported_type": REPORTED_TYPES[int(np.nanargmax(chance))] if is_typed else None,
             "type_probability": float(np.nanmax(chance)) if is_typed else None,
-            **self._weighed(latest, place),
-            "end": TRACK_ENDS[latest.end[place]] or None,
             "launch": _point(latest.launch[place], launch_km),
             "impact": _impact(latest, place, impact_km),
         }
 
-    def _weighed(self, latest: Tracks, place: int) -> Mapping[str, Any]:
-        """Return what a track may be, with probabilities; None where its tracker weighs no hypotheses."""
-        chances = latest.hypothesis_probability[place]
-        if not len(chances) or not np.isfinite(chances).all():
-            return dict.fromkeys(("hypotheses", "likeliest_hypothesis", "hypothesis_probability", *_SUMS, _COMES_DOWN))
-        shares = dict(zip(self._hypotheses, chances.tolist(), strict=True))
-        likeliest = max(shares, key=shares.__getitem__)
-        return {
-            "hypotheses": shares,
-            "likeliest_hypothesis": likeliest,
-            "hypothesis_probability": shares[likeliest],
-            **{name: _number(getattr(latest, name)[place]) for name in _SUMS},
-            _COMES_DOWN: _number(probability_comes_down(latest.impact_regions[place])),
-        }
 
-
-_SUMS, _COMES_DOWN = ("probability_launch", "probability_missile", "probability_orbit"), "probability_comes_down"
+def _likeliest(hypotheses: Mapping[str, float] | None) -> Mapping[str, Any]:
+    chance, name = max((chance, name) for name, chance in hypotheses.items()) if hypotheses else (None, None)
+    return {"likeliest_hypothesis": name, "hypothesis_probability": chance}
 
 
 def _number(value: float) -> float | None:

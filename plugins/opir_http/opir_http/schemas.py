@@ -7,7 +7,7 @@ from attrs import fields
 
 from opir_core.builtin import BallisticConfig
 from opir_core.interfaces import IMPACT_CONDITIONS, IMPACT_METHODS, TRACK_ENDS
-from opir_core.output import HYPOTHESIS_SUMS, detection_schema
+from opir_core.output import detection_schema
 from opir_core.plugin import REPORTED_TYPES, FieldInfo
 from opir_core.reading import ID_RULE
 from opir_core.scene import (
@@ -187,7 +187,7 @@ def track() -> Schema:
             "burnout": state,
             "hypotheses": or_null({"type": "object", "additionalProperties": share})
             | {"description": "probability of each of what the object may be; null if the tracker weighs none"},
-            **dict.fromkeys((*HYPOTHESIS_SUMS, "probability_comes_down"), share),
+            **{f"probability_{name}": share for name in ("launch", "missile", "orbit", "comes_down")},
             "end": {"enum": [*TRACK_ENDS[1:], None], "description": "how the track ended; null for one that goes on"},
             "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], "items": False})
             | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},

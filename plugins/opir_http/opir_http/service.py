@@ -34,8 +34,9 @@ class Service:
         self.run, self.settings = run, settings
         bounds = settings.history, settings.maximum_tracks
         _, render = chosen_renderer(run.plan.host)
-        names = run.plan.reported_types, render, run.plan.hypothesis_names
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, *names)
+        plan = run.plan
+        sensors, epoch_us, names = plan.sensors, run.scene.epoch_us, plan.hypothesis_names
+        self.feed = Feed(sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

@@ -11,12 +11,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces import hypothesis_columns
 from opir_core.output import (
-    HYPOTHESIS_SUMS,
     burnout_texts,
-    comes_down,
-    end_names,
-    hypothesis_shares,
     impact_texts,
     launch_texts,
     region_texts,
@@ -108,12 +105,10 @@ class TrackDocuments:
             [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
             map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
             map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
-            hypothesis_shares(tracks, self._hypotheses, 4),
-            *(_rounded(getattr(tracks, name), 4) for name in HYPOTHESIS_SUMS),
-            [chance if chance is None else round(chance, 4) for chance in comes_down(tracks)],
-            end_names(tracks),
         )
-        return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
+        weighed = hypothesis_columns(tracks, self._hypotheses, 4)
+        names = (*_NAMES, *weighed)
+        return [dict(zip(names, values, strict=True)) for values in zip(*columns, *weighed.values(), strict=True)]
 
 
 _NAMES = (
@@ -131,10 +126,6 @@ _NAMES = (
     "type_probability",
     "state",
     "burnout",
-    "hypotheses",
-    *HYPOTHESIS_SUMS,
-    "probability_comes_down",
-    "end",
 )
 
 

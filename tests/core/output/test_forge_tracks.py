@@ -30,7 +30,7 @@ CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US, hypotheses
 PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
 SUMS = ("track_probability_launch", "track_probability_missile", "track_probability_orbit")
-WEIGHED = ("track_hypotheses", *SUMS, "track_end")
+WEIGHED = ("track_hypotheses", *SUMS, "track_probability_comes_down", "track_end")
 ADDED = ("track_state", "burnout", "track_type_probability", *WEIGHED, "track_available_at")
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
@@ -82,7 +82,7 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
         state, burnout, types, *weighed, available = (event.pop(name) for name in ADDED)
         assert event == json.loads(without)
         if row < 0:
-            assert (state, burnout, types, available, weighed) == (None, None, None, None, [None] * 5)
+            assert (state, burnout, types, available, weighed) == (None, None, None, None, [None] * 6)
             continue
         assert available == time_texts(estimates.available_s[row : row + 1], EPOCH_US)[0]
         told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
