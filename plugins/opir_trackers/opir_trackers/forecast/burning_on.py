@@ -12,7 +12,7 @@ from opir_core.interfaces import Columns
 from opir_trackers.forecast.vehicles import STAGES
 
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
-STEPS, TILT_S = 5, 30.0
+STEPS, TILT_S = 4, 30.0
 
 #: Ends of the steps as shares of a burn: short ones first, while a slow boost turns fast.
 _SHARES = (np.arange(STEPS + 1) / STEPS) ** 2
@@ -37,10 +37,13 @@ class Steering(Columns):
     steer_phase: FloatArray
 
     def leads(self, time_s: FloatArray) -> FloatArray:
-        """Return the angles (...), rad, at times since ignition."""
-        part = np.clip((time_s - self.rise_s) / self.over_s, 0.0, 1.0)
-        steer = self.steer_rad * np.sin(self.steer_rate * time_s + self.steer_phase)
-        lead: FloatArray = self.lead_rad * np.sin(np.pi * part) ** 2 + np.where(part > 0.0, steer, 0.0)
+        """Return the angles (n,), rad, at times since ignition (n,)."""
+        part = (time_s - self.rise_s) / self.over_s
+        lead: FloatArray = self.steer_rad * np.sin(self.steer_rate * time_s + self.steer_phase)
+        lead[part <= 0.0] = 0.0
+        # Most have pitched over.
+        rows = np.flatnonzero((part > 0.0) & (part < 1.0))
+        lead[rows] += self.lead_rad[rows] * np.sin(np.pi * part[rows]) ** 2
         return lead
 
 
@@ -58,7 +61,7 @@ def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
     return Steering(
         rise_s=uniform("vertical_rise_s"),
         over_s=log_uniform("pitch_over_s"),
-        lead_rad=np.radians(uniform("pitch_over_deg")),
+        lead_rad=np.radians(log_uniform("pitch_over_deg")),
         steer_rad=np.radians(rng.normal(size=count) * log_uniform("steer_sigma_deg")),
         steer_rate=2.0 * np.pi / log_uniform("steer_period_s"),
         steer_phase=rng.uniform(0.0, 2.0 * np.pi, count),

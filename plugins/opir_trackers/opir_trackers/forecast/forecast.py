@@ -25,14 +25,19 @@ from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.particles import AGAIN, BURNING, OVER, Particles, burning_particles, dark_particles
 from opir_trackers.forecast.regions import regions
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import NONE, SPACE, STAGES, VehicleModel
+from opir_trackers.forecast.vehicles import FAMILIES, NONE, SPACE, STAGES, VehicleModel
 from opir_trackers.lines_of_sight import earth_rotated
 
-#: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles.
-TILT_RAD = np.radians([0.3, 4.0])
+#: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles. And
+#: its share sidewards: boosts keep to their plane. Notional.
+TILT_RAD, SIDEWARDS = np.radians([0.3, 4.0]), 0.5
 
 #: A tilt of the filter counts up to this angle, rad, above this speed, m/s.
 _TILT_MOST, _FAST_M_S = np.radians(15.0), 150.0
+
+#: Programs that each particle chooses from; how well the filter knows the angle of the thrust, rad, and the share of it
+#: by which it is wrong, as it expects none.
+CHOICES, _STRIDE, _LEAD_RAD, _LEAD_SHARE = 8, 61, np.radians(1.5), 0.25
 
 #: A burn that leads this far below the ground, m, is none.
 _BELOW_M = 300.0
@@ -43,8 +48,8 @@ _WIDE_M = 200e3
 #: A condition with less probability, or with fewer effective samples, has no region.
 LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
 
-#: A mode that is less probable gets no particles; a condition that is less probable does not count.
-_LEAST_MODE = 0.01
+#: A mode that is less probable gets no particles; a particle with a lesser share of the largest weight does not count.
+_LEAST_MODE, _LEAST_WEIGHT = 0.01, 1e-4
 
 
 class Forecasts(NamedTuple):
@@ -110,7 +115,8 @@ class _Fates(NamedTuple):
     """What becomes of particles (p,): inertial states at the ends of their burns, times and places of impact, ranges.
 
     `place` (p, 2) and `when_s`, since the scene's start, are nan where nothing falls; `range_m` is nan too without a
-    launch. `reach` (p,) is the relative probability of an orbit, `flies` says whether the burn stays above the ground.
+    launch. `origin` (p, 2) is the place of the particle's track now. `reach` (p,) is the relative probability of an
+    orbit, `flies` says whether the burn stays above the ground.
     """
 
     state: FloatArray
@@ -120,6 +126,7 @@ class _Fates(NamedTuple):
     range_m: FloatArray
     reach: FloatArray
     flies: BoolArray
+    origin: FloatArray
 
 
 def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s: float, forces: Forces) -> _Fates:
@@ -127,9 +134,10 @@ def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s:
     reach = np.zeros(len(particles))
     mine = np.flatnonzero(space & (particles.lit > 0))
     reach[mine] = outcomes.reaching(particles.state[mine], particles.take(mine))
-    steering = _steering(outcomes.model).take(particles.draw)
-    tilt = _tilts()[:, :, particles.draw].copy()
-    tilt += _DECAY[:, :, None, None] * _own_tilts(particles, steering)
+    angle = _thrust_angles(particles)
+    steering = _steered(_steering(outcomes.model), particles, angle)
+    own = angle - np.where(particles.lit == 1, steering.leads(particles.since_s), 0.0)[:, None] * [1.0, 0.0]
+    tilt = _tilts()[:, :, particles.draw] + _DECAY[:, :, None, None] * np.clip(own, -_TILT_MOST, _TILT_MOST)
     # What falls of a space launcher has failed, at any time.
     flown = particles.cut_off(np.where(space, _SHARES[particles.draw], 1.0))
     out, later_s, least_m = flown_on(particles.state, flown, steering, tilt)
@@ -140,7 +148,7 @@ def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s:
     dark = space & (particles.lit == 0)
     reach[dark] = np.where(np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"])
     flies = space | (least_m > local_radius_m(out) - _BELOW_M)
-    return _Fates(out, time_s + later_s, place, when_s, range_m, reach, flies)
+    return _Fates(out, time_s + later_s, place, when_s, range_m, reach, flies, _below(particles, time_s))
 
 
 def _hypotheses(
@@ -170,7 +178,18 @@ def _hypotheses(
         weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
     weight[np.ix_(broad, columns["none"])] = 1.0
     weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
-    return weight * (particles.weight * fates.flies)[:, None]
+    return weight * (particles.weight * _of_flying(particles, fates.flies))[:, None]
+
+
+def _of_flying(particles: Particles, flies: BoolArray) -> FloatArray:
+    """Return factors (p,): 0 for burns into the ground, more for others, so that each family keeps its weight.
+
+    A program that ends in the ground is a bad draw, and says nothing against its family.
+    """
+    group = (particles.track * len(FAMILIES) + particles.family) * 3 + particles.lit
+    drawn, left = np.bincount(group, particles.weight), np.bincount(group, particles.weight * flies)
+    factor: FloatArray = np.where(left[group] > 0.0, flies * drawn[group] / np.maximum(left[group], 1e-300), 1.0)
+    return factor
 
 
 def _normalised(weight: FloatArray, particles: Particles, burning: FloatArray) -> FloatArray:
@@ -194,7 +213,9 @@ def _gathered(
     nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
     given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
     orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
-    falls = np.where(np.isfinite(fates.when_s), weight.sum(axis=1) - orbit - glide, 0.0)
+    # What is none of these comes down anywhere, or not: it has no region.
+    ballistic = np.isfinite(fates.when_s) & (particles.family != NONE)
+    falls = np.where(ballistic, weight.sum(axis=1) - orbit - glide, 0.0)
     found = Forecasts(
         given,
         np.full((count, 3), np.nan),
@@ -208,7 +229,7 @@ def _gathered(
     )
     edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()
     for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
-        glided = gliders.reached(outcomes, fates.state[rows], fates.out_s[rows], glide[rows])
+        glided = gliders.reached(outcomes, fates.state[rows], fates.out_s[rows], glide[rows], falls[rows])
         impacts = _by_condition(particles.lit[rows], burning[number], rows, fates, falls, glided, forces)
         found.regions[number] = tuple(region for one in impacts for region in one.regions)
         if impacts:
@@ -255,16 +276,16 @@ def _conditional(
     samples = probability**2 / float(np.sum(weight * weight) + np.sum(glides * glides))
     if samples < LEAST_SAMPLES:
         return None
-    kept = np.flatnonzero(weight > 1e-6 * weight.max(initial=0.0))
+    kept = np.flatnonzero(weight > _LEAST_WEIGHT * weight.max(initial=0.0))
     points, when_s, share = fates.place[rows][kept], fates.when_s[rows][kept], weight[kept]
     if not forces.is_kepler and len(kept):
         points = _shifted(points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces)
-    if glided is not None and glides.sum() > LEAST_PROBABILITY * probability:
+    if glided is not None and glides.any():
         which = np.flatnonzero(glides > 0.0)
         points = np.concatenate([points, glided.place[which]])
         when_s, share = np.concatenate([when_s, glided.when_s[which]]), np.concatenate([share, glides[which]])
     share = share / share.sum()
-    found = regions(points, share, condition, probability, samples)
+    found = regions(points, share, condition, probability, samples, fates.origin[rows.start])
     return _Impacts(probability, found, _moments(points, when_s, share))
 
 
@@ -276,6 +297,9 @@ def _steering(model: VehicleModel) -> Steering:
 
 #: Shares of the remaining burn after which failed launches go dark, by draw.
 _SHARES = np.random.default_rng(4).random(BURNING + OVER + AGAIN)
+
+#: Numbers by which programs are chosen, by draw.
+_PICKS = np.random.default_rng(6).random(BURNING + OVER + AGAIN)
 
 _KEEP = np.exp(-10.0 / TILT_S)
 
@@ -293,14 +317,15 @@ def _tilts() -> FloatArray:
     tilt = np.zeros_like(noise)
     for step in range(len(tilt)):
         tilt[step] = _KEEP * (tilt[step - 1] if step else 0.0) + np.sqrt(1.0 - _KEEP * _KEEP) * noise[step]
-    angles: FloatArray = (tilt * sigma).reshape(STAGES, STEPS, size, 2)
+    angles: FloatArray = (tilt * sigma * [1.0, SIDEWARDS]).reshape(STAGES, STEPS, size, 2)
     return angles
 
 
-def _own_tilts(particles: Particles, steering: Steering) -> FloatArray:
-    """Return the present angles (p, 2), rad, of the thrust from its program, downwards and sidewards; 0 in the dark."""
+def _thrust_angles(particles: Particles) -> FloatArray:
+    """Return the angles (p, 2), rad, of the thrust from the velocity, downwards and sidewards; 0 in the dark or
+    slow."""
     rows = np.flatnonzero(particles.lit == 1)
-    tilt = np.zeros((len(particles), 2))
+    angle = np.zeros((len(particles), 2))
     state, force = particles.state[rows], particles.force[rows]
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
@@ -308,10 +333,20 @@ def _own_tilts(particles: Particles, steering: Steering) -> FloatArray:
     down = np.cross(velocity, side)
     ahead = np.maximum(dot(force, velocity) / speed, 1.0)
     parts = [dot(force, axis) / np.sqrt(dot(axis, axis) + 1.0) for axis in (down, side)]
-    angle = np.arctan2(np.stack(parts, axis=1), ahead[:, None])
-    angle[:, 0] -= steering.take(rows).leads(particles.since_s[rows])
-    tilt[rows] = np.where((speed > _FAST_M_S)[:, None], np.clip(angle, -_TILT_MOST, _TILT_MOST), 0.0)
-    return tilt
+    angle[rows] = np.arctan2(np.stack(parts, axis=1), ahead[:, None]) * (speed > _FAST_M_S)[:, None]
+    return angle
+
+
+def _steered(every: Steering, particles: Particles, angle: FloatArray) -> Steering:
+    """Return the programs (p,) of particles: of some draws for each, one that fits the present angle of its thrust."""
+    choice = (particles.draw[:, None] + _STRIDE * np.arange(CHOICES)) % len(every)
+    leads = every.take(choice.ravel()).leads(np.repeat(particles.since_s, CHOICES)).reshape(choice.shape)
+    sigma = _LEAD_RAD + _LEAD_SHARE * np.abs(leads)
+    away = (angle[:, :1] - leads) / sigma
+    weight = np.where((particles.lit == 1)[:, None], np.exp(-0.5 * away * away) / sigma + 1e-9, 1.0)
+    total = np.cumsum(weight, axis=1)
+    picked = np.sum(total < total[:, -1:] * _PICKS[particles.draw, None], axis=1).clip(0, CHOICES - 1)
+    return every.take(choice[np.arange(len(choice)), picked])
 
 
 def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -321,6 +356,14 @@ def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     speed = np.sqrt(dot(velocity, velocity))
     climb = dot(state[:, :3], velocity) / np.maximum(radius * speed, 1.0)
     return radius - local_radius_m(state), np.arcsin(np.clip(climb, -1.0, 1.0)), speed
+
+
+def _below(particles: Particles, time_s: float) -> FloatArray:
+    """Return the latitudes and longitudes (p, 2), rad, below the first particles of each one's track now."""
+    first = np.searchsorted(particles.track, np.unique(particles.track))
+    now = ecef_to_geodetic(earth_rotated(particles.state[first, :3], np.full(len(first), -time_s)))
+    place = np.stack([now.latitude_rad, now.longitude_rad], axis=1)
+    return place[np.cumsum(np.diff(particles.track, prepend=particles.track[:1]) > 0)]
 
 
 def local_radius_m(state: FloatArray) -> FloatArray:

@@ -16,8 +16,8 @@ from opir_trackers.lines_of_sight import earth_rotated
 #: Ratios of lift to drag about that of the class, shares of the reach, and standard deviation of the turn, rad.
 _LIFT, _SHARE, _TURN_RAD = (0.6, 1.6), (0.3, 1.1), np.radians(15.0)
 
-#: Gliders less probable than this have no reach.
-_LEAST = 0.01
+#: Gliders less probable than this, beside what falls, do not widen the regions of what falls.
+_LEAST = 0.25
 
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -30,13 +30,17 @@ class GlideEnds(NamedTuple):
     weight: FloatArray
 
 
-def reached(outcomes: Outcomes, state: FloatArray, out_s: FloatArray, weight: FloatArray) -> GlideEnds | None:
+def reached(
+    outcomes: Outcomes, state: FloatArray, out_s: FloatArray, weight: FloatArray, falls: FloatArray
+) -> GlideEnds | None:
     """Return where gliders come down whose burns end with inertial states (p, 6) at times; None if improbable.
+
+    `weight` (p,) are the particles' weights as gliders, `falls` (p,) those as what falls.
 
     The range of an equilibrium glide from speed v to w is R/2 · L/D · ln((1 - w²/c²) / (1 - v²/c²)), c the speed of an
     orbit (Eggers, Allen and Neice, NACA TR 1381, 1958).
     """
-    if not weight.sum() > _LEAST:
+    if not weight.sum() > _LEAST * (weight.sum() + falls.sum()):
         return None
     after = [outcomes.hypotheses[number].target_class for number in outcomes.columns("glide")]
     lifts = [one.after_burnout for one in after if one and isinstance(one.after_burnout, EquilibriumGlide)]

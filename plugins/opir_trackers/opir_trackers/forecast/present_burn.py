@@ -13,7 +13,7 @@ from opir_core.arrays import FloatArray
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO
 
 #: Cells of the burn time between now and its longest value, and that value in standard deviations of its law.
-CELLS, LONGEST = 24, 3.5
+CELLS, LONGEST = 16, 3.5
 
 #: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no stage.
 _LEAST_MASS, _LEAST_SHARE, _LEAST_FORCE = 0.02, 0.1, 0.5

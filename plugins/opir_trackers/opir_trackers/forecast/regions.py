@@ -27,8 +27,66 @@ LEAST_M = 100.0
 
 _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 
+#: Length added to distances before their logarithm, m; directions of points whose mean is longer than this are one;
+#: share of the points that may be near.
+NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
+
 #: Least and largest ratio of a kernel's width to that of the first density.
 _LOCAL = 0.1, 2.0
+
+
+#: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
+_FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
+
+
+class Plane:
+    """The map of points: kernels are normal in metres."""
+
+    def curved(self, point: FloatArray) -> FloatArray:
+        """Return the coordinates (n, 2) of points of the map (n, 2), m."""
+        return point
+
+    def flat(self, curved: FloatArray) -> FloatArray:
+        """Return the points of the map, m, of coordinates."""
+        return curved
+
+    def stretch(self, curved: FloatArray) -> FloatArray:
+        """Return the areas (n,) on the ground of a unit of the coordinates."""
+        return np.ones(curved.shape[:-1])
+
+
+class LogPolar(Plane):
+    """Logarithm of the distance from the map's centre, and bearing: what burns on spreads in proportion to its
+    range."""
+
+    def __init__(self, bearing: float) -> None:
+        self._bearing = bearing
+
+    def curved(self, point: FloatArray) -> FloatArray:
+        """Return logarithm and bearing, rad, from the mean one."""
+        turn = np.arctan2(point[..., 1], point[..., 0]) - self._bearing
+        distance = np.sqrt(np.sum(point * point, axis=-1))
+        return np.stack([np.log(distance + NEAR_M), np.arctan2(np.sin(turn), np.cos(turn))], axis=-1)
+
+    def flat(self, curved: FloatArray) -> FloatArray:
+        """Return the points of the map, m."""
+        distance, angle = np.maximum(np.exp(curved[..., 0]) - NEAR_M, 0.0), curved[..., 1] + self._bearing
+        return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1)
+
+    def stretch(self, curved: FloatArray) -> FloatArray:
+        """Return the areas, m²."""
+        total = np.exp(curved[..., 0])
+        angle = np.clip(total - NEAR_M, NEAR_M, _FARTHEST_M) / EARTH_EQUATORIAL_RADIUS_M
+        area: FloatArray = EARTH_EQUATORIAL_RADIUS_M * np.sin(angle) * total
+        return area
+
+
+def coordinates(plane: FloatArray, weight: FloatArray) -> Plane:
+    """Return the coordinates for points of a map (n, 2), m: polar ones if they lie in one direction, not near."""
+    distance = np.sqrt(np.sum(plane * plane, axis=1))
+    x, y = weight @ (plane / np.maximum(distance, 1.0)[:, None])
+    gathered = np.hypot(x, y) > _GATHERED and weight[distance < 2.0 * NEAR_M].sum() < _FEW
+    return LogPolar(float(np.arctan2(y, x))) if gathered else Plane()
 
 
 def regions(
@@ -37,19 +95,29 @@ def regions(
     condition: str = IMPACT_CONDITIONS[0],
     probability: float = 1.0,
     samples: float = np.nan,
+    origin: FloatArray | None = None,
 ) -> tuple[ImpactRegion, ...]:
     """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,).
 
-    They presume a condition with a probability, and rest on so many effective samples.
+    They presume a condition with a probability, and rest on so many effective samples. `origin` (2,) is where the
+    points have come from; by default their own middle.
     """
-    chart = AzimuthalEquidistant.about(weight @ unit_vectors(place))
+    chart = AzimuthalEquidistant.about(
+        weight @ unit_vectors(place) if origin is None else unit_vectors(origin[None])[0]
+    )
     plane = chart.points(place)
-    mean = weight @ plane
-    away = plane - mean
+    frame = Plane() if origin is None else coordinates(plane, weight)
+    curved = frame.curved(plane)
+    mean = weight @ curved
+    away = curved - mean
     spread = (weight[:, None] * away).T @ away
-    variance, axes = np.linalg.eigh(spread + LEAST_M**2 * np.eye(2))
-    scale = np.sqrt(variance)
-    unit = away @ axes / scale
+    least = LEAST_M**2 / frame.stretch(mean)
+    variance, axes = (
+        np.linalg.eigh(spread + least * np.eye(2)) if type(frame) is Plane else (spread.diagonal(), np.eye(2))
+    )
+    turned = away @ axes
+    scale = np.maximum(_robust_sigmas(turned, weight, np.sqrt(variance)), np.sqrt(least))
+    unit = turned / scale
     width = float(np.sum(weight * weight) ** (1.0 / 6.0))
     squares = _squared_distances(unit)
     pilot = _density(squares, np.full(len(unit), width), weight)
@@ -57,8 +125,9 @@ def regions(
     widths = width * np.clip(np.sqrt(np.exp(mean_log) / pilot), *_LOCAL)
     x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
     along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
-    density = (along * weight) @ across.T
-    at = _density(squares, widths, weight)
+    nodes = mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * scale) @ axes.T
+    density = (along * weight) @ across.T / frame.stretch(nodes)
+    at = _density(squares, widths, weight) / frame.stretch(curved)
     order = np.argsort(-at, kind="stable")
     held = np.cumsum(weight[order])
     levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
@@ -66,11 +135,25 @@ def regions(
     found = []
     for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
         shapes = _filled(generator, level)
-        polygons = [[_on_earth(mean + (ring * scale) @ axes.T) for ring in rings] for rings in shapes]
+        polygons = [[_on_earth(frame.flat(mean + (ring * scale) @ axes.T)) for ring in rings] for rings in shapes]
         area_m2 = sum(map_area_m2(rings[0]) - sum(map(map_area_m2, rings[1:])) for rings in polygons)
         places = tuple(tuple(chart.places(ring) for ring in rings) for rings in polygons)
         found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre, condition, probability, samples))
     return tuple(found)
+
+
+def _robust_sigmas(away: FloatArray, weight: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the lesser one of standard deviations (2,) and quartiles' distances over 1.349 (Silverman, 3.4.2).
+
+    A few points far away do not widen the kernels of the others.
+    """
+    order = np.argsort(away, axis=0, kind="stable")
+    sums = np.cumsum(weight[order], axis=0)
+    low, high = (
+        np.array([away[order[min(int(np.searchsorted(sums[:, k], share)), len(away) - 1), k], k] for k in (0, 1)])
+        for share in (0.25, 0.75)
+    )
+    return np.minimum(sigma, np.where(high > low, (high - low) / 1.349, sigma))
 
 
 def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
@@ -107,10 +190,6 @@ def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> Flo
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:
     kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
     return kernel
-
-
-#: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
-_FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
 
 
 def _on_earth(ring: FloatArray) -> FloatArray:
