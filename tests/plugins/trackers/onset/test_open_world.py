@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from opir_core.scoring.containments import nees
 
 import opir_core as opir
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.scoring.containments import nees
 
 FIRES = [(33.5, 55.2), (34.0, 56.0), (36.0, 52.0)]
 SCENE = {
