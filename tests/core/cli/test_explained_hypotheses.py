@@ -17,7 +17,7 @@ SCENE = "examples/first_light.yaml"
     [
         ((), False),
         (("tracker=imm",), True),
-        (("detection=snr",), False),
+        (("detection=snr", "classification=paper"), False),
         (("detection=snr", "classification=spectral"), True),
     ],
 )

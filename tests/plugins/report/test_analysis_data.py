@@ -133,7 +133,9 @@ def test_confidences_are_of_all_detections_of_launches() -> None:
     assert (data["detections"] * data["type_right"]).sum() == pytest.approx(right)
     assert np.all((data["low"] <= data["median"]) & (data["median"] <= data["high"]))
     assert data["high"].max() <= run.detections.confidence.max()
-    assert data["track_type_probability"][-1] == pytest.approx(run.summary["tracks"][0]["type_probability"], abs=0.05)
+    last_s = data["since_ignition_s"][-1] + run.plan.targets.ignition_s[0]
+    in_force = np.flatnonzero((run.tracks.track == 0) & (run.tracks.tick_s <= last_s))[-1]
+    assert data["track_type_probability"][-1] == pytest.approx(run.tracks.type_probability[in_force].max())
 
 
 @pytest.mark.slow
