@@ -65,6 +65,18 @@ def test_fires_are_sources_that_stand_and_the_launch_is_found(tracks):
 
 
 @pytest.mark.slow
+def test_false_alarms_make_no_tracks():
+    """Two scanners with 17 false alarms a scan: some repeat within a gate, and what they make is noise."""
+    more = {"preset": "heritage", "confirmation_detections": 1, "confirmation_scans": 1}
+    sensors = [{"model": "DSP", "id": f"D{slot}", "orbital_slot_deg": slot, **more} for slot in (20.0, 70.0)]
+    fire = [{"id": "fires", "model": "fires", "at": [{"lat_deg": FIRES[0][0], "lon_deg": FIRES[0][1]}]}]
+    changes = {"sensors": sensors, "targets": [], "sources": fire, "duration_s": 300}
+    found = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
+    assert len(np.unique(found.track)) == 1
+    assert found.hypothesis_probability[-1, 1] > 0.99
+
+
+@pytest.mark.slow
 def test_every_report_has_the_whole_table(tracks):
     table = tracks.hypothesis_probability
     assert table.shape == (len(tracks), len(opir.compile_plan(opir.scene_from_mapping(SCENE)).hypotheses))
