@@ -267,6 +267,13 @@ BENCHMARKS = (
         needs=("opir_trackers",),
     ),
     Benchmark(
+        "simulation_calibration",
+        "Is what imm reports calibrated on flights of its own prior?",
+        "simulation_calibration.py",
+        ("--flights", "3"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "salvos",
         "How far apart must launches of a salvo be to have tracks of their own?",
         "salvos.py",

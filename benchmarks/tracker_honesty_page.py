@@ -28,7 +28,7 @@ A velocity is above its bound until a new stage has shown itself: `imm` must exp
 many there are. It knows no class, so the bound of class profiles is out of its reach.
 
 Flights are gravity turns of one to three stages, integrated by SciPy, and class profiles of `ballistic`, over 150 to
-12 000 km. The tracker's prior (`boost_priors.json`) knows neither. Each is a scene of its own, seen by two SBIRS-GEO,
+12 000 km. The tracker's prior (`vehicles.json`) knows neither. Each is a scene of its own, seen by two SBIRS-GEO,
 or one; default settings. Marks are 25, 50, 75 and 95 % of the time from ignition to the last burnout, and 5 and 20 s
 after it. The tracker does not know how much of a burn is over, so its 50 % region cannot hold half of the impacts at
 each mark; over all marks together it holds {half:.0f} %.

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.arrays import FloatArray
-from opir_core.flight.conic_impact import kepler_impact
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.flight.conic_impact import ON_SURFACE_M, kepler_impact
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.kepler import propagate_kepler
 
@@ -53,7 +53,8 @@ def _integrated(*arguments: Any) -> Any:
     from opir_core.flight.integration import columns_of, integrations
 
     columns = columns_of(*arguments)
-    return columns, integrations(columns, arguments[4])
+    going = np.where(_have_come_down(columns), 0.0, columns.duration)
+    return columns, integrations(columns._replace(duration=going), arguments[4])
 
 
 #: The default longest time of flight, s.
@@ -109,7 +110,8 @@ def impact_states_eci(
 
     States are inertial, in the axes of ECEF at the start, and so is the point of impact:
     `opir_core.geometry.eci_to_ecef` of it and its `duration_s` is the place on the ground, hundreds of kilometres
-    further west. Leading axes broadcast. A start on or below the surface must first rise through it. The step that
+    further west. Leading axes broadcast. A start below the height that descends has come down: time 0, at the start.
+    One that ascends, as from a launch site below the ellipsoid, must first rise through the height. The step that
     crosses the height is shortened until it ends within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m.
     `tolerance_m` is as in `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally
     larger below.
@@ -131,8 +133,22 @@ def impact_states_eci(
         hit = reason[part] == ImpactReason.IMPACT
         duration[part] = np.where(hit, ends.elapsed, np.nan)
         position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
+    (here,) = _have_come_down(columns).nonzero()
+    duration[here], reason[here] = 0.0, ImpactReason.IMPACT
+    position[here], velocity[here] = columns.position[:, here].T, columns.velocity[:, here].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
+
+
+def _have_come_down(columns: Any) -> BoolArray:
+    """Return which arcs start below the height and descend."""
+    from opir_core.flight.gravity_and_drag import height_and_climb
+
+    with np.errstate(all="ignore"):
+        inverse_radius = 1.0 / np.sqrt(np.sum(columns.position * columns.position, axis=0))
+        height, climb = height_and_climb(columns.position, columns.velocity, inverse_radius)
+    down: BoolArray = (height < columns.target - ON_SURFACE_M) & (climb < 0.0) & np.isfinite(columns.duration)
+    return down
 
 
 #: The reasons, by the `IntegrationResult` of an integration.

@@ -10,6 +10,7 @@ from opir_core.interfaces.contract import (
 )
 from opir_core.interfaces.impact_regions import (
     IMPACT_CONDITIONS as IMPACT_CONDITIONS,
+    probability_comes_down as probability_comes_down,
 )
 from opir_core.interfaces.protocols import (
     Radiometer as Radiometer,

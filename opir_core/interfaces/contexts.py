@@ -120,12 +120,14 @@ class RendererContext:
 class EncoderContext:
     """The context of an encoder; `reported_types` are the names of the detections' codes.
 
-    `render` joins lines from columns for the core's encoders; None is the reference.
+    `hypotheses` are the names of what a hot object may be, in the order of `Tracks.hypothesis_probability`. `render`
+    joins lines from columns for the core's encoders; None is the reference.
     """
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
     reported_types: tuple[str, ...] = REPORTED_TYPES
+    hypotheses: tuple[str, ...] = ()
     render: Renderer | None = field(default=None, eq=False)
 
 

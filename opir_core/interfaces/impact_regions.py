@@ -1,6 +1,7 @@
 """Regions on the ground that contain an impact with a stated probability."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from attrs import frozen
@@ -67,3 +68,12 @@ class ImpactRegion:
             slope = (x1 - x0)[crosses] / (y1 - y0)[crosses]
             inside ^= bool(np.count_nonzero(x0[crosses] + (y - y0[crosses]) * slope > x) % 2)
         return inside
+
+
+def probability_comes_down(regions: Iterable[ImpactRegion]) -> float:
+    """Return the probability that the target of regions comes down; nan without regions.
+
+    It is that of the condition of this name, else the sum of the others, which exclude each other.
+    """
+    chances = {region.condition: region.probability for region in regions}
+    return chances.get(IMPACT_CONDITIONS[0], sum(chances.values())) if chances else math.nan

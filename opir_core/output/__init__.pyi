@@ -15,7 +15,11 @@ from opir_core.output.events.encoder_input import (
     only_encodable as only_encodable,
 )
 from opir_core.output.events.estimates import (
+    HYPOTHESIS_SUMS as HYPOTHESIS_SUMS,
     burnout_texts as burnout_texts,
+    comes_down as comes_down,
+    end_names as end_names,
+    hypothesis_shares as hypothesis_shares,
     impact_texts as impact_texts,
     launch_texts as launch_texts,
     state_texts as state_texts,
@@ -40,6 +44,7 @@ from opir_core.output.events.text import (
 from opir_core.output.geojson import (
     DECIMALS as DECIMALS,
     geometry_of as geometry_of,
+    region_figures as region_figures,
     region_texts as region_texts,
 )
 from opir_core.output.pump import (
@@ -47,6 +52,9 @@ from opir_core.output.pump import (
 )
 from opir_core.output.run_files import (
     TruthFile as TruthFile,
+)
+from opir_core.output.saved_runs import (
+    read_run as read_run,
 )
 from opir_core.output.sink_thread import (
     SinkStatus as SinkStatus,

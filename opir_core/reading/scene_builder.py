@@ -161,8 +161,15 @@ class SceneBuilder:
                     parts[key] = read(values[key])
         for key, (hook, default) in CHOICES.items():
             with self.collector.at(key_step(key)):
-                parts[key] = self._model(hook, values.get(key), key, default)
+                parts[key] = self._model(hook, values.get(key), key, self._default(key, default, parts))
         return parts
+
+    def _default(self, key: str, default: str, parts: Mapping[str, Any]) -> str:
+        """Return the name that a key has if the scene names none; a detection model may bring its classifier."""
+        detection = parts.get("detection") if key == "classification" else None
+        if detection is None:
+            return default
+        return self.components.component(detection.hook, detection.name, detection.path).classifier or default
 
     def _model(self, hook: str, node: Node | None, key: str, default: str) -> Choice:
         if node is None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks, Window
+from opir_core.interfaces.impact_regions import probability_comes_down
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS, Tracks, Window
 from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (
     METRE_DECIMALS,
@@ -28,6 +29,8 @@ from opir_core.scene.scene import REPORTED_TYPES
 
 #: Containment probabilities of the other two ellipses of an event; that of the first is `CONTAINMENT`.
 OTHER_CONTAINMENTS = (0.5, 0.9)
+#: Sums of a track's hypotheses.
+HYPOTHESIS_SUMS = ("probability_launch", "probability_missile", "probability_orbit")
 #: The code of the impact method without a stated containment.
 PAPER = IMPACT_METHODS.index("paper")
 
@@ -80,7 +83,10 @@ class TrackState(msgspec.Struct):
     ellipsoid_sigmas: list[float] | None
 
 
-_TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_available_at":%b,'
+_TRACK_FIELDS = (
+    b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_hypotheses":%b,"track_probability_launch":%b,'
+    b'"track_probability_missile":%b,"track_probability_orbit":%b,"track_end":%b,"track_available_at":%b,'
+)
 _encode = msgspec.json.Encoder().encode
 
 
@@ -177,15 +183,21 @@ def _ellipses(
     ]
 
 
-def track_fields(window: Window, epoch_us: int) -> Looked:
-    """Return state, burnout, type probability and availability of each detection's track, of its estimate's tick."""
+def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Looked:
+    """Return what is estimated of each detection's track but launch and impact, of its estimate's tick.
+
+    `hypotheses` are the names of the columns of `hypothesis_probability`.
+    """
     rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
     used = window.estimates.take(rows[rows >= 0])
-    unknown = [_TRACK_FIELDS % (b"null", b"null", b"null", b"null")] * (len(rows) - len(used))
+    unknown = [_TRACK_FIELDS % ((b"null",) * _TRACK_FIELDS.count(b"%b"))] * (len(rows) - len(used))
     columns = (
         state_texts(used, epoch_us),
         burnout_texts(used, epoch_us),
         type_texts(used),
+        map(_encode, hypothesis_shares(used, hypotheses, RATIO_DECIMALS)),
+        *(map(_encode, _plain(rounded(getattr(used, name), RATIO_DECIMALS))) for name in HYPOTHESIS_SUMS),
+        map(_encode, end_names(used)),
         map(_encode, time_texts(used.available_s, epoch_us)),
     )
     known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
@@ -211,6 +223,36 @@ def type_texts(tracks: Tracks) -> list[bytes]:
         _encode(dict(zip(REPORTED_TYPES, share, strict=True)) if here else None)
         for here, share in zip(finite.tolist(), shares, strict=True)
     ]
+
+
+def hypothesis_shares(
+    tracks: Tracks, hypotheses: Sequence[str], decimals: int | None = None
+) -> list[dict[str, float] | None]:
+    """Return the probability of each hypothesis (n,) by name, perhaps rounded; None where the tracker weighs none."""
+    chances = tracks.hypothesis_probability
+    if not chances.shape[1]:
+        return [None] * len(tracks)
+    shares = (chances if decimals is None else rounded(chances, decimals)).tolist()
+    return [
+        dict(zip(hypotheses, share, strict=True)) if here else None
+        for here, share in zip(_is_finite(chances).tolist(), shares, strict=True)
+    ]
+
+
+def end_names(tracks: Tracks) -> list[str | None]:
+    """Return how tracks (n,) ended, None for those that go on."""
+    return [TRACK_ENDS[code] or None for code in tracks.end.tolist()]
+
+
+def comes_down(tracks: Tracks) -> list[float | None]:
+    """Return the probabilities (n,) that targets come down, by their regions; None without regions or hypotheses."""
+    weighed = _is_finite(tracks.hypothesis_probability) & (tracks.hypothesis_probability.shape[1] > 0)
+    rows = zip(weighed.tolist(), tracks.impact_regions.tolist(), strict=True)
+    return [probability_comes_down(regions) if here and regions else None for here, regions in rows]
+
+
+def _plain(column: FloatArray) -> list[float | None]:
+    return [value if here else None for value, here in zip(column.tolist(), np.isfinite(column).tolist(), strict=True)]
 
 
 def _state_texts(

@@ -34,7 +34,8 @@ class Service:
         self.run, self.settings = run, settings
         bounds = settings.history, settings.maximum_tracks
         _, render = chosen_renderer(run.plan.host)
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types, render)
+        names = run.plan.reported_types, render, run.plan.hypothesis_names
+        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, *names)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

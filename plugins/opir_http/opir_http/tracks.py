@@ -3,6 +3,7 @@
 import math
 from array import array
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -11,7 +12,11 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.output import (
+    HYPOTHESIS_SUMS,
     burnout_texts,
+    comes_down,
+    end_names,
+    hypothesis_shares,
     impact_texts,
     launch_texts,
     region_texts,
@@ -30,10 +35,13 @@ Position = tuple[str, float, float, float]
 
 
 class TrackDocuments:
-    """The latest estimate of each track, at most `most`: those not updated for longest are removed."""
+    """The latest estimate of each track, at most `most`: those not updated for longest are removed.
 
-    def __init__(self, epoch_us: int, most: int = 1_000) -> None:
-        self._epoch_us, self.most = epoch_us, most
+    `hypotheses` are the names of the run's hypotheses.
+    """
+
+    def __init__(self, epoch_us: int, most: int = 1_000, hypotheses: Sequence[str] = ()) -> None:
+        self._epoch_us, self.most, self._hypotheses = epoch_us, most, hypotheses
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
         #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
         self._trails: dict[int, array[float]] = {}
@@ -100,6 +108,10 @@ class TrackDocuments:
             [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
             map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
             map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
+            hypothesis_shares(tracks, self._hypotheses, 4),
+            *(_rounded(getattr(tracks, name), 4) for name in HYPOTHESIS_SUMS),
+            [chance if chance is None else round(chance, 4) for chance in comes_down(tracks)],
+            end_names(tracks),
         )
         return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
 
@@ -119,6 +131,10 @@ _NAMES = (
     "type_probability",
     "state",
     "burnout",
+    "hypotheses",
+    *HYPOTHESIS_SUMS,
+    "probability_comes_down",
+    "end",
 )
 
 

@@ -82,6 +82,44 @@ class ThrustConfig:
     growth_noise_per_s: float = number(
         default=0.001, unit="1/s/√s", minimum=0.0, maximum=1.0, help="process-noise density of that rate"
     )
+    free_share: float = number(
+        default=0.1,
+        minimum=0.0,
+        maximum=0.5,
+        source="notional: one burn in ten after the dark, or after looks that no boost explains",
+        help="probability that a burn after the dark has a force in any direction (a stage that flies back)",
+    )
+    free_sigma_m_s2: float = number(
+        default=22.0,
+        unit="m/s²",
+        above=0.0,
+        maximum=1000.0,
+        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22; notional",
+        help="prior standard deviation of a force in any direction, on each axis",
+    )
+    free_noise_m_s2: float = number(
+        default=2.5,
+        unit="m/s²/√s",
+        above=0.0,
+        maximum=1000.0,
+        source="a force of 40 m/s² that loses a third in 30 s as engines are shut down one by one; notional",
+        help="process-noise density of a force in any direction, on each axis",
+    )
+    free_s: float = number(
+        default=300.0,
+        unit="s",
+        above=0.0,
+        maximum=1e4,
+        source="several times a burn of 30 to 60 s that flies back: it keeps its direction; notional",
+        help="mean time until a force in any direction is one along the velocity again",
+    )
+    residual_share: float = number(
+        default=0.05,
+        minimum=0.0,
+        maximum=1.0,
+        source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
+        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
+    )
     jerk_noise_m_s3: float = number(
         default=0.1,
         unit="m/s³/√s",

@@ -9,9 +9,10 @@ from opir_core.flight import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
-from opir_trackers.filter.burn_modes import NewStage
+from opir_trackers.filter.burn_modes import FreeBurn, NewStage
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
@@ -33,6 +34,12 @@ _COAST_DETECTION = 0.01
 _PAUSE_SCANS = 4.0
 
 
+#: Looks that move both modes of a burn along the velocity by this squared distance, in standard deviations, start a
+#: free one: of ordinary boosts one slice in 500 does it (the looks of a slice know less than its prior, so half of the
+#: slices move by less than 0.6).
+_SURPRISE = 6.0
+
+
 def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
@@ -42,16 +49,27 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
+        coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),
+        free=_free_of(config.thrust, free),
     )
+
+
+def _follows_bodies(context: TrackerContext) -> bool:
+    return any(sensor.follows_bodies for sensor in context.sensors)
 
 
 def stage_of(thrust: ThrustConfig) -> NewStage:
     """Return what a new stage begins with: what a new track begins with."""
     force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
     return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s)
+
+
+def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:
+    motion = FreeThrust(thrust.free_noise_m_s2, thrust.growth_noise_per_s, forces)
+    return FreeBurn(motion, thrust.free_sigma_m_s2, thrust.free_share, thrust.free_s, _SURPRISE)
 
 
 def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:

@@ -231,8 +231,9 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 
 @pytest.mark.slow
 def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from opir_scoring.evidence import evidence_of_files, evidence_of_run
+
     from opir_core.output.delivery import deliver
-    from opir_core.scoring.evidence import evidence_of_files, evidence_of_run
 
     monkeypatch.chdir(tmp_path)
     plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))

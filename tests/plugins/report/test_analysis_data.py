@@ -14,13 +14,12 @@ from opir_report.plots.latency import confirmed_by, latency_curves, pair_latenci
 from opir_report.plots.scores import score_rows
 from opir_report.plots.signal import signals
 from opir_report.run_facts import RunFacts
+from opir_scoring import evidence_of_run, scorecard, scorecard_text
+from opir_scoring.evidence import true_states_ecef
 from reported_runs import empty_run, example_run, scored_run
 from scored_scene import SCENE
 
 import opir_core as opir
-from opir_core.cli.score import scorecard_text
-from opir_core.scoring import evidence_of_run, scorecard
-from opir_core.scoring.evidence import true_states_ecef
 
 
 @pytest.fixture(autouse=True)

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from opir_scoring import evidence_of_run
+from opir_scoring.containments import nees
+from opir_scoring.evidence import ownership, true_states_ecef
 from opir_trackers.imm.track_management import are_below_ground, are_uncertain, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
-from opir_core.scoring import evidence_of_run
-from opir_core.scoring.containments import nees
-from opir_core.scoring.evidence import ownership, true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 SCENE = EXAMPLES / "pacific_test_range.yaml"

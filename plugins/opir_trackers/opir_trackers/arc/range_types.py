@@ -1,4 +1,4 @@
-"""Probabilities of target types by range; the least ranges of the types are those of `boost_priors.json`."""
+"""Probabilities of target types by range; the least ranges of the types are those of `vehicles.json`."""
 
 from math import erf
 
@@ -7,12 +7,12 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.plugin import TARGET_TYPES
 from opir_core.scene import UNKNOWN_TYPE
-from opir_trackers.forecast.prior_boosts import priors
+from opir_trackers.forecast.vehicles import vehicle_model
 
 
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """Return probabilities (n, 4) over `REPORTED_TYPES` for ranges with errors; UNKNOWN where the range is nan."""
-    least_km = priors()["least_ranges_km"]
+    least_km = vehicle_model().data["least_ranges_km"]
     order = [TARGET_TYPES.index(name) for name in least_km]
     edges_m = [1e3 * each for each in list(least_km.values())[1:]]
     below = np.array(

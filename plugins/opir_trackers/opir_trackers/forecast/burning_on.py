@@ -1,13 +1,15 @@
 """Particles flown on through the burns that remain to them, and down to the ground."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms
+from opir_core.interfaces import Columns
+from opir_trackers.forecast.vehicles import STAGES
 
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
 STEPS, TILT_S = 5, 30.0
@@ -19,39 +21,89 @@ _SHARES = (np.arange(STEPS + 1) / STEPS) ** 2
 _LEAST_MASS = 0.05
 
 
-@frozen(eq=False)
-class RemainingBurns:
-    """What remains of the boosts of particles (p,): `wait_s` to the next ignition and the burns (p, STAGES).
+@frozen(eq=False, repr=False)
+class Steering(Columns):
+    """By which angle the thrust of boosts (n,) leads the velocity downwards, by the time since the first ignition.
 
-    `programs` have the angles by which the thrust leads the velocity, by the time since ignition, `since_s` (p,) now.
-    `scale` (p,) is the ratio of a particle's acceleration to that of its boost, for the burn that goes on.
+    It is vertical for `rise_s`, leads by up to `lead_rad` over the next `over_s` (pitch-over), and by `steer_rad`
+    sin(`steer_rate` t + `steer_phase`) from then on.
+    """
+
+    rise_s: FloatArray
+    over_s: FloatArray
+    lead_rad: FloatArray
+    steer_rad: FloatArray
+    steer_rate: FloatArray
+    steer_phase: FloatArray
+
+    def leads(self, time_s: FloatArray) -> FloatArray:
+        """Return the angles (...), rad, at times since ignition."""
+        part = np.clip((time_s - self.rise_s) / self.over_s, 0.0, 1.0)
+        steer = self.steer_rad * np.sin(self.steer_rate * time_s + self.steer_phase)
+        lead: FloatArray = self.lead_rad * np.sin(np.pi * part) ** 2 + np.where(part > 0.0, steer, 0.0)
+        return lead
+
+
+def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
+    """Return `count` draws of the prior in data as in `vehicles.json`."""
+    rng = np.random.default_rng(seed)
+
+    def uniform(name: str) -> FloatArray:
+        return rng.uniform(*data[name], count)
+
+    def log_uniform(name: str) -> FloatArray:
+        low, high = data[name]
+        return low * (high / low) ** rng.random(count)
+
+    return Steering(
+        rise_s=uniform("vertical_rise_s"),
+        over_s=log_uniform("pitch_over_s"),
+        lead_rad=np.radians(uniform("pitch_over_deg")),
+        steer_rad=np.radians(rng.normal(size=count) * log_uniform("steer_sigma_deg")),
+        steer_rate=2.0 * np.pi / log_uniform("steer_period_s"),
+        steer_phase=rng.uniform(0.0, 2.0 * np.pi, count),
+    )
+
+
+@frozen(eq=False, repr=False)
+class RemainingBurns(Columns):
+    """What remains of the boosts of particles (p,), from now on.
+
+    Ignitions `start_s`, burn times, first accelerations and growths c are (p, STAGES), burns of 0 s where there is
+    none; an acceleration is A / (1 - c s) after s seconds. `since_s` (p,) is the time since the first ignition.
     """
 
     start_s: FloatArray
     burn_s: FloatArray
     acceleration_m_s2: FloatArray
     growth_per_s: FloatArray
-    programs: BoostPrograms
     since_s: FloatArray
 
+    @property
+    def ideal_speed_m_s(self) -> FloatArray:
+        """Return the speed (p,), m/s, that the thrust has yet to gain: A ln(1/(1 - c B)) / c."""
+        growth = np.where(np.abs(self.growth_per_s) < 1e-6, 1e-6, self.growth_per_s)
+        gained = -np.log(np.maximum(1.0 - growth * self.burn_s, _LEAST_MASS)) / growth
+        total: FloatArray = np.sum(self.acceleration_m_s2 * gained, axis=1)
+        return total
 
-def remaining(programs: BoostPrograms, since_s: FloatArray, scale: FloatArray) -> RemainingBurns:
-    """Return what remains of programs (p,) after times since ignition (p,)."""
-    starts = programs.starts_s - since_s[:, None]
-    done = np.clip(-starts, 0.0, programs.burn_s)
-    left = programs.burn_s - done
-    shrink = 1.0 - programs.growth_per_s * done
-    on = (done > 0.0) & (left > 0.0)
-    size = programs.acceleration_m_s2 / shrink * np.where(on, scale[:, None], 1.0)
-    return RemainingBurns(np.maximum(starts, 0.0), left, size, programs.growth_per_s / shrink, programs, since_s)
+    def cut_off(self, share: FloatArray) -> "RemainingBurns":
+        """Return the burns if the thrust ends for good after a share (p,) of the burn time that remains."""
+        before = np.cumsum(self.burn_s, axis=1) - self.burn_s
+        left = (share * self.burn_s.sum(axis=1))[:, None] - before
+        return evolve(self, burn_s=np.clip(left, 0.0, self.burn_s))
 
 
-def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return inertial states (p, 6) at the end of the last burn, and how long after now (p,), s.
+def flown_on(
+    state: FloatArray, burns: RemainingBurns, steering: Steering, tilt: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return inertial states (p, 6) at the end of the last burn, how long after now (p,), s, and least distances.
+
+    These (p,), m, are from the Earth's centre, at the ends of steps.
 
     `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and sidewards, in each step.
     """
-    now = np.zeros(len(state))
+    now, least = np.zeros(len(state)), np.full(len(state), np.inf)
     # Components are rows here: numbers that are added lie side by side.
     state = np.ascontiguousarray(state[:, :6].T)
     for stage in range(STAGES):
@@ -59,7 +111,7 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
         rows = np.flatnonzero(length > 0.0)
         if not len(rows):
             continue
-        part = _Thrust(burns, rows, stage)
+        part = _Thrust(burns, steering.take(rows), rows, stage)
         here, when = state[:, rows], now[rows]
         dark = burns.start_s[rows, stage] - when
         if np.count_nonzero(dark > 1e-9):
@@ -70,26 +122,22 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
             here = _step(
                 here, when + start * length[rows], (end - start) * length[rows], part, tilt[stage, number, rows]
             )
+            least[rows] = np.minimum(least[rows], np.sqrt(_dot(here[:3], here[:3])))
         state[:, rows] = here
-        now = now.copy()
         now[rows] = when + length[rows]
-    return np.ascontiguousarray(state.T), now
+    return np.ascontiguousarray(state.T), now, least
 
 
 class _Thrust:
     """The thrust of some particles in one stage."""
 
-    def __init__(self, burns: RemainingBurns, rows: IntArray, stage: int) -> None:
+    def __init__(self, burns: RemainingBurns, steering: Steering, rows: IntArray, stage: int) -> None:
         self.size, self.growth = burns.acceleration_m_s2[rows, stage], burns.growth_per_s[rows, stage]
-        self.start, self.since, self.programs = (
-            burns.start_s[rows, stage],
-            burns.since_s[rows],
-            burns.programs.take(rows),
-        )
+        self.start, self.since, self.steering = burns.start_s[rows, stage], burns.since_s[rows], steering
 
     def at(self, time_s: FloatArray, tilt: FloatArray, aside: FloatArray) -> "_Push":
         """Return what of the thrust no state changes; `aside` (p,) is the tangent of the tilt sidewards."""
-        lead = np.tan(self.programs.leads(self.since + time_s) + tilt[:, 0])
+        lead = np.tan(self.steering.leads(self.since + time_s) + tilt[:, 0])
         size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), _LEAST_MASS)
         return _Push(size, lead, aside, 1.0 + lead * lead + aside * aside)
 

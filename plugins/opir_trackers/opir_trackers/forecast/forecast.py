@@ -1,230 +1,333 @@
-"""Impacts of tracks as regions: an ensemble of what a target may be and may still do, flown on to the ground.
+"""What launched tracks are and where they come down: one weighted ensemble of particles for each.
 
-A part of the particles burns, in proportion to the probability of the filter's modes; the others are dark now. Each
-follows a boost of the prior that fits its track (`matching`): it flies on through the burns that remain, or none, and
-falls. So a region of a dark target includes relights as long as a gap between stages may last, and one of a burning
-target all burnouts that its motion allows.
+A part of the particles burns, in proportion to the filter's probability of a burn; the others are dark now, with or
+without another burn to come. All fly on, and fall, reach an orbit or glide. Hypotheses, regions, and the probabilities
+of relights and of coming down are sums over the same weights.
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from opir_core.arrays import FloatArray, IntArray, ObjectArray
-from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation.square_root import inverse_root
+from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
+from opir_core.estimation import dot
 from opir_core.flight import Forces
 from opir_core.geometry import AzimuthalEquidistant, ecef_to_geodetic, great_circle_m, unit_vectors
-from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_core.plugin import TARGET_TYPES
+from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
+from opir_core.plugin import ImpactRegion
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast import matching
-from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
-from opir_trackers.forecast.prior_boosts import STAGES, class_codes, longest_gap_s, prior_boosts
+from opir_trackers.filter.thrust import air_velocity
+from opir_trackers.forecast import gliders
+from opir_trackers.forecast.burning_on import STEPS, TILT_S, Steering, drawn_steering, flown_on
+from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.particles import AGAIN, BURNING, OVER, Particles, burning_particles, dark_particles
 from opir_trackers.forecast.regions import regions
+from opir_trackers.forecast.stage_history import StageHistory
+from opir_trackers.forecast.vehicles import NONE, SPACE, STAGES, VehicleModel
 from opir_trackers.lines_of_sight import earth_rotated
-
-#: Particles of a track.
-PARTICLES = 256
 
 #: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles.
 TILT_RAD = np.radians([0.3, 4.0])
 
-#: A boost goes on with at least and at most this share of the acceleration of the prior's one.
-_SCALES = 0.7, 1.4
+#: A tilt of the filter counts up to this angle, rad, above this speed, m/s.
+_TILT_MOST, _FAST_M_S = np.radians(15.0), 150.0
 
-#: Width of the kernel of the range, of its logarithm, and a region above which forces other than a point mass's do not
-#: count, m.
-RANGE, _WIDE_M = 0.3, 200e3
+#: A burn that leads this far below the ground, m, is none.
+_BELOW_M = 300.0
 
-#: Times since ignition from this on mark particles without a boost.
-_NO_BOOST_S = 1e5
+#: A region above this size, m, is not moved by forces other than a point mass's.
+_WIDE_M = 200e3
 
-#: Modes less probable than this get no particles.
+#: A condition with less probability, or with fewer effective samples, has no region.
+LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
+
+#: A mode that is less probable gets no particles; a condition that is less probable does not count.
 _LEAST_MODE = 0.01
-
-#: A region is known if this share of the particles comes down.
-_LEAST_DOWN = 0.5
 
 
 class Forecasts(NamedTuple):
-    """Impacts of tracks (n,): latitude_rad, longitude_rad, time_s with covariance and radii as in `Tracks`, regions.
+    """What tracks (n,) are, given that they were launched, and where they come down.
 
-    `probability_relights` (n,), and `by_class` (n, classes): the probability of the classes by range.
+    `given_launch` (n, H) are the probabilities of the hypotheses: 0 for those that are no launch, but `none`. `impact`
+    and its moments are those of the most probable condition, whose `regions` come first. The probabilities are of a
+    burn now, of another one later, of coming down, and of an orbit in which nothing burns any more.
     """
 
+    given_launch: FloatArray
     impact: FloatArray
     covariance: FloatArray
     sigmas: FloatArray
     regions: ObjectArray
     probability_burning: FloatArray
     probability_relights: FloatArray
-    by_class: FloatArray
-
-
-class _Particles(NamedTuple):
-    """States (p, 10 or 6) of one track's particles, programs, times since ignition, ratios of force, and dark ones."""
-
-    state: FloatArray
-    boost: IntArray
-    since_s: FloatArray
-    scale: FloatArray
+    probability_comes_down: FloatArray
+    in_orbit: FloatArray
 
 
 def forecasts(
+    outcomes: Outcomes,
     estimates: ModeEstimates,
+    history: StageHistory,
     dark_s: FloatArray,
     launch: FloatArray,
-    launch_sigma_s: FloatArray,
-    type_log_likelihood: FloatArray,
+    log_likelihood: FloatArray,
     time_s: float,
     forces: Forces,
 ) -> Forecasts:
-    """Return the forecasts of tracks (n,) with launches (n, 3), nan where unknown, at a time.
+    """Return the forecasts of tracks (n,) with stages and launches (n, 3), nan where unknown, at a time.
 
-    `dark_s` (n,) is the time since the burn ended, if it did, `type_log_likelihood` (n, types) that of the types that
-    sensors reported.
+    `dark_s` (n,) is the time since the burn ended, if it did, `log_likelihood` (n, H) that of what sensors reported.
     """
-    count, prior = len(estimates), prior_boosts()
-    parts, relights = list[_Particles](), np.zeros(count)
-    for number in range(count):
-        since = time_s - float(launch[number, 2]), float(launch_sigma_s[number])
-        some, relights[number] = _particles(
-            estimates, number, since, float(dark_s[number]), type_log_likelihood[number]
-        )
-        parts.append(some)
-    track = np.repeat(np.arange(count), [len(some.boost) for some in parts])
-    boost, since_s, scale = (
-        np.concatenate([getattr(some, name) for some in parts]) for name in ("boost", "since_s", "scale")
-    )
-    state = np.concatenate([some.state for some in parts])
-    burns = remaining(prior.programs.take(boost), since_s, scale)
-    tilts = np.concatenate([_tilts()[:, :, : len(some.boost)] for some in parts], axis=2)
-    out, later_s = flown_on(state, burns, tilts)
+    particles, burning, relights = _ensemble(outcomes, estimates, history, dark_s, time_s)
+    fates = _fates(outcomes, particles, launch, time_s, forces)
+    weight = _hypotheses(outcomes, particles, fates, relights, log_likelihood)
+    weight = _normalised(weight, particles, burning)
+    return _gathered(outcomes, particles, fates, weight, burning, forces)
+
+
+def _ensemble(
+    outcomes: Outcomes, estimates: ModeEstimates, history: StageHistory, dark_s: FloatArray, time_s: float
+) -> tuple[Particles, FloatArray, FloatArray]:
+    """Return the particles, in order of tracks, the probabilities (n,) of a burn, and of a relight by family."""
+    burning = estimates.weight[:, 0].copy()
+    burning[burning < _LEAST_MODE], burning[burning > 1.0 - _LEAST_MODE] = 0.0, 1.0
+    model, prior, relights = outcomes.model, outcomes.families, np.zeros((len(burning), len(outcomes.families)))
+    parts = []
+    on, off = np.flatnonzero(burning > 0.0), np.flatnonzero(burning < 1.0)
+    if len(on):
+        part = burning_particles(model, estimates.take(on), history.take(on), prior, time_s)
+        parts.append(part.of_tracks(on))
+    if len(off):
+        part, relights[off] = dark_particles(model, estimates.take(off), history.take(off), prior, dark_s[off], time_s)
+        parts.append(part.of_tracks(off))
+    every = Particles.concatenate(parts)
+    return every.take(np.argsort(every.track, kind="stable")), burning, relights
+
+
+class _Fates(NamedTuple):
+    """What becomes of particles (p,): inertial states at the ends of their burns, times and places of impact, ranges.
+
+    `place` (p, 2) and `when_s`, since the scene's start, are nan where nothing falls; `range_m` is nan too without a
+    launch. `reach` (p,) is the relative probability of an orbit, `flies` says whether the burn stays above the ground.
+    """
+
+    state: FloatArray
+    out_s: FloatArray
+    place: FloatArray
+    when_s: FloatArray
+    range_m: FloatArray
+    reach: FloatArray
+    flies: BoolArray
+
+
+def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s: float, forces: Forces) -> _Fates:
+    space = particles.family == SPACE
+    reach = np.zeros(len(particles))
+    mine = np.flatnonzero(space & (particles.lit > 0))
+    reach[mine] = outcomes.reaching(particles.state[mine], particles.take(mine))
+    steering = _steering(outcomes.model).take(particles.draw)
+    tilt = _tilts()[:, :, particles.draw].copy()
+    tilt += _DECAY[:, :, None, None] * _own_tilts(particles, steering)
+    # What falls of a space launcher has failed, at any time.
+    flown = particles.cut_off(np.where(space, _SHARES[particles.draw], 1.0))
+    out, later_s, least_m = flown_on(particles.state, flown, steering, tilt)
     place, when_s = _impacts(out, time_s + later_s, forces)
-    range_m = great_circle_m(np.where(np.isfinite(launch), launch, 0.0)[track], place)
-    weight = np.where(
-        np.isfinite(launch[track, 0]) & (since_s < _NO_BOOST_S), _fits(range_m, prior.range_m[boost]), 1.0
+    known = np.isfinite(launch[:, 0])
+    start = np.where(known[:, None], launch, 0.0)[particles.track]
+    range_m = np.where(known[particles.track], great_circle_m(start, place), np.nan)
+    dark = space & (particles.lit == 0)
+    reach[dark] = np.where(np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"])
+    flies = space | (least_m > local_radius_m(out) - _BELOW_M)
+    return _Fates(out, time_s + later_s, place, when_s, range_m, reach, flies)
+
+
+def _hypotheses(
+    outcomes: Outcomes, particles: Particles, fates: _Fates, relights: FloatArray, log_likelihood: FloatArray
+) -> FloatArray:
+    """Return the weights (p, H) of hypotheses for each particle; those of failed space launchers are of `none`."""
+    missile, _, glide, _ = outcomes.groups.tolist()
+    columns = {group: outcomes.columns(group) for group in ("missile", "orbit", "glide", "none")}
+    weight = np.zeros((len(particles), len(outcomes.hypotheses)))
+    space, broad = particles.family == SPACE, particles.family == NONE
+    first = ~space & ~broad
+    if missile + glide > 0.0:
+        share = missile / (missile + glide)
+        unknown = np.isnan(fates.range_m) & np.isfinite(fates.when_s)
+        by_class = outcomes.missiles(fates.range_m)
+        by_class[unknown] = outcomes.unknown_range
+        weight[np.ix_(first, columns["missile"])] = share * by_class[first]
+        if columns["glide"]:
+            each = outcomes.gliding(*features(fates.state)) * (1.0 - share) / len(columns["glide"])
+            weight[np.ix_(first, columns["glide"])] = each[first, None]
+    if columns["orbit"]:
+        # A stage that has gone out may have been the last one of a failure.
+        failure = outcomes.model.data["failure_probability"]
+        weight[np.ix_(space, columns["orbit"])] = ((1.0 - failure) * fates.reach / len(columns["orbit"]))[space, None]
+        over = space & (particles.lit == 0)
+        lost = np.where(over, np.where(np.isfinite(fates.when_s), 1.0 + relights[particles.track, SPACE], 0.0), 1.0)
+        weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
+    weight[np.ix_(broad, columns["none"])] = 1.0
+    weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
+    return weight * (particles.weight * fates.flies)[:, None]
+
+
+def _normalised(weight: FloatArray, particles: Particles, burning: FloatArray) -> FloatArray:
+    """Return weights (p, H) that sum to the probability of the filter over the burning, and the dark ones of a
+    track."""
+    lit = (particles.lit == 1).astype(np.int64)
+    group = 2 * particles.track + lit
+    total = np.bincount(group, weight.sum(axis=1), 2 * len(burning))
+    goal = np.stack([1.0 - burning, burning], axis=1).ravel()
+    scaled: FloatArray = weight * (goal / np.maximum(total, 1e-300))[group, None]
+    return scaled
+
+
+def _gathered(
+    outcomes: Outcomes, particles: Particles, fates: _Fates, weight: FloatArray, burning: FloatArray, forces: Forces
+) -> Forecasts:
+    count = len(burning)
+    given = np.stack([np.bincount(particles.track, column, count) for column in weight.T], axis=1)
+    whole = given.sum(axis=1, keepdims=True)
+    # No particle explains the track: none of these does.
+    nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
+    given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
+    orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
+    falls = np.where(np.isfinite(fates.when_s), weight.sum(axis=1) - orbit - glide, 0.0)
+    found = Forecasts(
+        given,
+        np.full((count, 3), np.nan),
+        np.full((count, 3, 3), np.nan),
+        np.full((count, 3), np.nan),
+        np.empty(count, dtype=np.object_),
+        burning,
+        np.bincount(particles.track, weight.sum(axis=1) * (particles.lit == 2), count),
+        np.bincount(particles.track, falls + glide, count),
+        np.bincount(particles.track, orbit * (particles.lit == 0), count),
     )
-    weight = np.where(np.isfinite(when_s), weight, 0.0)
-    bent = out if not forces.is_kepler else None
-    return _gathered(track, place, when_s, weight, range_m, estimates, relights, bent, time_s + later_s, forces)
+    edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()
+    for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
+        glided = gliders.reached(outcomes, fates.state[rows], fates.out_s[rows], glide[rows])
+        impacts = _by_condition(particles.lit[rows], burning[number], rows, fates, falls, glided, forces)
+        found.regions[number] = tuple(region for one in impacts for region in one.regions)
+        if impacts:
+            found.impact[number], found.covariance[number], found.sigmas[number] = impacts[0].moments
+    return found
 
 
-def _fits(range_m: FloatArray, prior_m: FloatArray) -> FloatArray:
-    """Return weights (p,) of ranges about those of their boosts: a feature with a kernel, like those at the tick."""
-    away = np.log(np.maximum(range_m, 1e3) / prior_m) / RANGE
-    weight: FloatArray = np.exp(-0.5 * away * away)
-    return weight
+def _by_condition(lit: IntArray, burning: float, *rest: Any) -> "list[_Impacts]":
+    """Return the impacts of a track under each condition, the most probable first.
+
+    What probably burns comes down or not. What is dark comes down as it is, or burns on: again, or still.
+    """
+    if burning > 0.5:
+        sets = [(IMPACT_CONDITIONS[0], np.ones(len(lit), dtype=np.bool_))]
+    else:
+        sets = [(IMPACT_CONDITIONS[1], lit == 0), (IMPACT_CONDITIONS[2], lit > 0)]
+    impacts = (_conditional(condition, mine, *rest) for condition, mine in sets)
+    return sorted((one for one in impacts if one is not None), key=lambda one: -one.probability)
 
 
-def _particles(
-    estimates: ModeEstimates, number: int, since: tuple[float, float], dark_s: float, types: FloatArray
-) -> tuple[_Particles, float]:
-    """Return the particles of a track with the time since ignition and its error, and the probability of a relight."""
-    burning = float(estimates.weight[number, 0])
-    burning = 0.0 if burning < _LEAST_MODE else 1.0 if burning > 1.0 - _LEAST_MODE else burning
-    count = round(PARTICLES * burning)
-    parts, relights = list[_Particles](), 0.0
-    if count:
-        parts.append(_burning(estimates, number, since, types, count))
-    if count < PARTICLES:
-        dark, share = _dark(estimates, number, since, dark_s, types, PARTICLES - count)
-        parts.append(dark)
-        relights = share * (1.0 - burning)
-    return _Particles(*(np.concatenate(column) for column in zip(*parts, strict=True))), relights
+class _Impacts(NamedTuple):
+    """Regions and moments of the impacts under a condition, and its probability."""
+
+    probability: float
+    regions: tuple[ImpactRegion, ...]
+    moments: tuple[FloatArray, FloatArray, FloatArray]
 
 
-def _burning(
-    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray, count: int
-) -> _Particles:
-    prior = prior_boosts()
-    state, side = estimates.boost_mean[number], inverse_root(estimates.boost_root[number : number + 1])[0]
-    parts = matching.parts_of(state, side)
-    log = (prior.log_weight + types[prior.class_code])[prior.boost]
-    matches = matching.matched(prior, log, parts, since, 4)
-    if not len(matches.row):
-        return _ballistic(state[:6], side[:6], count)
-    picked = _picked(matches.probability, count)
-    row = matches.row[picked]
-    normal = _normal()[:count, : len(state) + 4]
-    states = matching.drawn_states(parts, matches.part[picked], prior.features[row], normal, matches.width)
-    scale = np.clip(matching.features_of(states)[:, 3] / prior.features[row, 3], *_SCALES)
-    return _Particles(states[:, :6], prior.boost[row], prior.time_s[row], scale)
-
-
-def _dark(
-    estimates: ModeEstimates, number: int, since: tuple[float, float], dark_s: float, types: FloatArray, count: int
-) -> tuple[_Particles, float]:
-    prior, ends = prior_boosts(), prior_boosts().ends
-    state, side = estimates.coast_mean[number], inverse_root(estimates.coast_root[number : number + 1])[0]
-    hits, spell, silent_s = estimates.detection_rate[number].tolist()
-    if dark_s > longest_gap_s() and silent_s < dark_s:
-        # Seen in free flight for so long, it needs no prior.
-        return _ballistic(state, side, count), 0.0
-
-    def burnt_out(states: FloatArray) -> FloatArray:
-        return _moved_back(states, dark_s)
-
-    parts = matching.parts_of(state, side, burnt_out)
-    gap = prior.programs.gap_s[ends.boost, ends.stage]
-    final = (ends.stage == STAGES - 1) | (
-        prior.programs.burn_s[ends.boost, np.minimum(ends.stage + 1, STAGES - 1)] == 0.0
-    )
-    log = np.where(final | (gap >= dark_s), (prior.log_weight + types[prior.class_code])[ends.boost], -np.inf)
-    burned = since[0] - dark_s, float(np.hypot(since[1], spell / max(hits, 1.0) + 1.0))
-    matches = matching.matched(ends, log, parts, burned, 3)
-    if not len(matches.row):
-        return _ballistic(state, side, count), 0.0
-    picked = _picked(matches.probability, count)
-    row = matches.row[picked]
-    normal = _normal()[PARTICLES - count :, : len(state) + 3]
-    chosen = ends.features[row, :3]
-    states = matching.drawn_states(parts, matches.part[picked], chosen, normal, matches.width, burnt_out)
-    relights = float(np.sum(matches.probability[~final[matches.row]]))
-    return _Particles(states, ends.boost[row], ends.time_s[row] + dark_s, np.ones(count)), relights
-
-
-def _ballistic(state: FloatArray, side: FloatArray, count: int) -> _Particles:
-    """Return particles that no boost of the prior fits: in free flight."""
-    states = state + _normal()[:count, : side.shape[1]] @ side.T
-    return _Particles(states, np.zeros(count, dtype=np.int64), np.full(count, 1e6), np.ones(count))
-
-
-def _moved_back(state: FloatArray, span_s: float) -> FloatArray:
-    """Return free flights' states (n, 6) a few seconds before, to the second power of time."""
-    place, velocity = state[:, :3], state[:, 3:6]
-    pull = -EARTH_MU_M3_S2 / np.sum(place * place, axis=1, keepdims=True) ** 1.5 * place
-    return np.concatenate([place - span_s * velocity + 0.5 * span_s * span_s * pull, velocity - span_s * pull], axis=1)
-
-
-def _picked(probability: FloatArray, count: int) -> IntArray:
-    """Return indices drawn in proportion to probabilities, at equal steps, in a fixed random order."""
-    steps = (np.arange(count) + 0.5) / count
-    chosen = np.minimum(np.searchsorted(np.cumsum(probability), steps), len(probability) - 1)
-    return chosen[np.argsort(_normal()[:count, -1], kind="stable")]
+def _conditional(
+    condition: str,
+    mine: BoolArray,
+    rows: slice,
+    fates: _Fates,
+    falls: FloatArray,
+    glided: "gliders.GlideEnds | None",
+    forces: Forces,
+) -> _Impacts | None:
+    """Return the impacts of a track's particles `mine`, or None if they are improbable or too few count."""
+    weight = np.where(mine, falls[rows], 0.0)
+    glides = np.zeros(0) if glided is None else np.where(mine, glided.weight, 0.0)
+    probability = float(weight.sum() + glides.sum())
+    if not probability > LEAST_PROBABILITY:
+        return None
+    samples = probability**2 / float(np.sum(weight * weight) + np.sum(glides * glides))
+    if samples < LEAST_SAMPLES:
+        return None
+    kept = np.flatnonzero(weight > 1e-6 * weight.max(initial=0.0))
+    points, when_s, share = fates.place[rows][kept], fates.when_s[rows][kept], weight[kept]
+    if not forces.is_kepler and len(kept):
+        points = _shifted(points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces)
+    if glided is not None and glides.sum() > LEAST_PROBABILITY * probability:
+        which = np.flatnonzero(glides > 0.0)
+        points = np.concatenate([points, glided.place[which]])
+        when_s, share = np.concatenate([when_s, glided.when_s[which]]), np.concatenate([share, glides[which]])
+    share = share / share.sum()
+    found = regions(points, share, condition, probability, samples)
+    return _Impacts(probability, found, _moments(points, when_s, share))
 
 
 @cache
-def _normal() -> FloatArray:
-    """Return standard normal numbers (particles, 20): the same for all tracks and ticks, so regions change smoothly."""
-    return np.random.default_rng(1).normal(size=(PARTICLES, 20))
+def _steering(model: VehicleModel) -> Steering:
+    """Return the steering of all draws."""
+    return drawn_steering(BURNING + OVER + AGAIN, model.data, 3)
+
+
+#: Shares of the remaining burn after which failed launches go dark, by draw.
+_SHARES = np.random.default_rng(4).random(BURNING + OVER + AGAIN)
+
+_KEEP = np.exp(-10.0 / TILT_S)
+
+#: What is left of a present tilt (STAGES, STEPS) in each step.
+_DECAY = _KEEP ** (1.0 + np.arange(STAGES * STEPS).reshape(STAGES, STEPS))
 
 
 @cache
 def _tilts() -> FloatArray:
-    """Return angles (STAGES, STEPS, particles, 2), rad: first-order Gauss-Markov processes from step to step."""
+    """Return angles (STAGES, STEPS, draws, 2), rad: Gauss-Markov processes from step to step that begin at 0."""
     rng = np.random.default_rng(2)
-    sigma = np.exp(rng.uniform(np.log(TILT_RAD[0]), np.log(TILT_RAD[1]), PARTICLES))[:, None]
-    noise = rng.normal(size=(STAGES * STEPS, PARTICLES, 2))
-    keep = np.exp(-10.0 / TILT_S)
-    tilt = np.empty_like(noise)
-    tilt[0] = noise[0]
-    for step in range(1, len(tilt)):
-        tilt[step] = keep * tilt[step - 1] + np.sqrt(1.0 - keep * keep) * noise[step]
-    angles: FloatArray = (tilt * sigma).reshape(STAGES, STEPS, PARTICLES, 2)
+    size = BURNING + OVER + AGAIN
+    sigma = np.exp(rng.uniform(*np.log(TILT_RAD), size))[:, None]
+    noise = rng.normal(size=(STAGES * STEPS, size, 2))
+    tilt = np.zeros_like(noise)
+    for step in range(len(tilt)):
+        tilt[step] = _KEEP * (tilt[step - 1] if step else 0.0) + np.sqrt(1.0 - _KEEP * _KEEP) * noise[step]
+    angles: FloatArray = (tilt * sigma).reshape(STAGES, STEPS, size, 2)
     return angles
+
+
+def _own_tilts(particles: Particles, steering: Steering) -> FloatArray:
+    """Return the present angles (p, 2), rad, of the thrust from its program, downwards and sidewards; 0 in the dark."""
+    rows = np.flatnonzero(particles.lit == 1)
+    tilt = np.zeros((len(particles), 2))
+    state, force = particles.state[rows], particles.force[rows]
+    velocity = air_velocity(state)
+    speed = np.sqrt(dot(velocity, velocity) + 1.0)
+    side = np.cross(velocity, state[:, :3])
+    down = np.cross(velocity, side)
+    ahead = np.maximum(dot(force, velocity) / speed, 1.0)
+    parts = [dot(force, axis) / np.sqrt(dot(axis, axis) + 1.0) for axis in (down, side)]
+    angle = np.arctan2(np.stack(parts, axis=1), ahead[:, None])
+    angle[:, 0] -= steering.take(rows).leads(particles.since_s[rows])
+    tilt[rows] = np.where((speed > _FAST_M_S)[:, None], np.clip(angle, -_TILT_MOST, _TILT_MOST), 0.0)
+    return tilt
+
+
+def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return heights m, flight-path angles rad and speeds m/s through the air of inertial states (p, 6)."""
+    radius = np.sqrt(dot(state[:, :3], state[:, :3]))
+    velocity = air_velocity(state)
+    speed = np.sqrt(dot(velocity, velocity))
+    climb = dot(state[:, :3], velocity) / np.maximum(radius * speed, 1.0)
+    return radius - local_radius_m(state), np.arcsin(np.clip(climb, -1.0, 1.0)), speed
+
+
+def local_radius_m(state: FloatArray) -> FloatArray:
+    """Return the radius (p,), m, of the ellipsoid below states (p, 6), to 50 m: a(1 - f sin² φ)."""
+    sine = state[:, 2] / np.sqrt(dot(state[:, :3], state[:, :3]))
+    radius: FloatArray = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING * sine * sine)
+    return radius
 
 
 def _impacts(
@@ -243,39 +346,6 @@ def _impacts(
     when = time_s + flight
     down = ecef_to_geodetic(earth_rotated(fell, -when))
     return np.stack([down.latitude_rad, down.longitude_rad], axis=1), when
-
-
-def _gathered(
-    track: IntArray,
-    place: FloatArray,
-    when_s: FloatArray,
-    weight: FloatArray,
-    range_m: FloatArray,
-    estimates: ModeEstimates,
-    relights: FloatArray,
-    bent: FloatArray | None,
-    out_s: FloatArray,
-    forces: Forces,
-) -> Forecasts:
-    """Return forecasts from particles (p,) with weights, ranges, and, under other forces, states at times `out_s`."""
-    count = len(estimates)
-    impact, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    sigmas, found = np.full((count, 3), np.nan), np.empty(count, dtype=np.object_)
-    found.fill(())
-    by_class = np.zeros((count, len(TARGET_TYPES)))
-    edges = np.searchsorted(track, np.arange(count + 1))
-    for number in range(count):
-        mine = np.arange(edges[number], edges[number + 1])
-        mine = mine[weight[mine] > 0.0]
-        if len(mine) < _LEAST_DOWN * PARTICLES:
-            continue
-        points, share = place[mine], weight[mine] / weight[mine].sum()
-        by_class[number] = np.bincount(class_codes(range_m[mine]), share, len(TARGET_TYPES))
-        if bent is not None:
-            points = _shifted(points, share, bent[mine], out_s[mine], forces)
-        found[number] = regions(points, share)
-        impact[number], covariance[number], sigmas[number] = _moments(points, when_s[mine], share)
-    return Forecasts(impact, covariance, sigmas, found, estimates.weight[:, 0], relights, by_class)
 
 
 def _shifted(

@@ -1,105 +1,165 @@
-"""When impacts of tracks are forecast anew, and the tracks with the latest forecast."""
+"""When forecasts of tracks are made anew, and the latest of each."""
 
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from opir_core.flight import Forces
-from opir_core.plugin import TARGET_TYPES, ImpactRegion, Tracks
-from opir_core.scene import UNKNOWN_TYPE
+from opir_core.plugin import Hypothesis, ImpactRegion, Tracks
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast.prior_boosts import longest_gap_s
+from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.stage_history import StageHistory
+from opir_trackers.forecast.vehicles import VehicleModel, vehicle_model
+
+#: A dark gap longer than this, s, is none: nothing new can come of a silent track.
+LONGEST_GAP_S = 90.0
+
+#: Probability of an orbit in which nothing burns any more that ends a track.
+_IN_ORBIT = 0.95
+
+#: Codes of `Tracks.end`: none, impact, orbit.
+_GOES_ON, _IMPACT, _ORBIT = range(3)
 
 
 class _Latest(NamedTuple):
     """The latest forecast of a track."""
 
     tick_s: float
-    dark_since_s: float
+    is_dark: bool
+    given_launch: FloatArray
     impact: FloatArray
     covariance: FloatArray
     sigmas: FloatArray
     regions: tuple[ImpactRegion, ...]
     probability_relights: float
-    by_class: FloatArray
+    probability_comes_down: float
+    in_orbit: float
+
+
+@frozen(eq=False)
+class LaunchForecasts:
+    """The latest forecasts of tracks (n,), given that they were launched.
+
+    `given_launch` (n, H) are over the hypotheses: zero but for launches and `none`, each row sums to one. The other
+    columns are those of `Tracks`; `end` says of which tracks nothing new can come, and why.
+    """
+
+    given_launch: FloatArray
+    impact: FloatArray
+    impact_covariance: FloatArray
+    impact_sigmas: FloatArray
+    impact_regions: ObjectArray
+    probability_burning: FloatArray
+    probability_relights: FloatArray
+    probability_comes_down: FloatArray
+    end: IntArray
 
 
 class Forecaster:
     """The latest forecasts of tracks, renewed every `every_s` and where a target stops or starts to burn."""
 
-    def __init__(self, every_s: float, forces: Forces) -> None:
+    def __init__(
+        self, every_s: float, forces: Forces, hypotheses: tuple[Hypothesis, ...], model: VehicleModel | None = None
+    ) -> None:
         self._every_s, self._forces = every_s, forces
+        self._outcomes = Outcomes(model or vehicle_model(), hypotheses)
         self._latest: dict[int, _Latest] = {}
+        self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
 
-    def with_impacts(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> Tracks:
-        """Return tracks with impacts, regions and probabilities, given their estimates (same rows).
+    def launch_forecasts(
+        self,
+        tracks: Tracks,
+        estimates: ModeEstimates,
+        log_likelihood: FloatArray,
+        is_launch: BoolArray | None = None,
+    ) -> LaunchForecasts:
+        """Return the forecasts of tracks (n,), given their estimates (same rows); to be called at each tick.
 
-        `types` (n, types) are the log likelihoods of reported types. Types follow from the ranges of the forecast; of a
-        track without a launch point or a forecast, those of the reports remain.
+        `log_likelihood` (n, H) is that of what sensors reported. Tracks that are no launch by `is_launch` (n,) have no
+        forecast: the prior of hypotheses, and no region.
         """
-        if not len(tracks):
-            self._latest.clear()
-            return tracks
+        wanted = np.ones(len(tracks), dtype=np.bool_) if is_launch is None else is_launch
         numbers = tracks.track.tolist()
+        tick_s = float(tracks.tick_s[0]) if numbers else 0.0
+        launch_sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
+        history = self._history.of(tracks.track, tick_s)
+        self._history = history.updated(estimates, tracks.launch[:, 2], launch_sigma_s, tick_s)
         silent_s, dark = estimates.detection_rate[:, 2].tolist(), (estimates.weight[:, 0] <= 0.5).tolist()
-        tick_s = float(tracks.tick_s[0])
-        due = [row for row, number in enumerate(numbers) if self._is_due(number, tick_s, silent_s[row], dark[row])]
+        due = [
+            row
+            for row, number in enumerate(numbers)
+            if wanted[row] and self._is_due(number, tick_s, silent_s[row], dark[row])
+        ]
         if due:
-            rows = np.array(due)
-            self._renew(tracks.take(rows), estimates.take(rows), types[rows])
-        self._latest = {number: self._latest[number] for number in numbers}
-        latest = [self._latest[number] for number in numbers]
-        found = np.empty(len(latest), dtype=np.object_)
+            self._renew(np.array(due), tracks, estimates, log_likelihood)
+        nothing = self._nothing()
+        self._latest = {number: self._latest[number] for number in numbers if number in self._latest}
+        latest = [self._latest.get(number, nothing) if wanted[row] else nothing for row, number in enumerate(numbers)]
+        return self._columns(latest, estimates, tick_s, np.array(silent_s))
+
+    def _nothing(self) -> _Latest:
+        """Return the forecast of what has none."""
+        place = np.full(3, np.nan)
+        return _Latest(
+            -np.inf, False, self._outcomes.prior, place, np.full((3, 3), np.nan), place, (), 0.0, np.nan, 0.0
+        )
+
+    def _columns(
+        self, latest: list[_Latest], estimates: ModeEstimates, tick_s: float, silent_s: FloatArray
+    ) -> LaunchForecasts:
+        count, size = len(latest), len(self._outcomes.hypotheses)
+        regions = np.empty(count, dtype=np.object_)
         for row, one in enumerate(latest):
-            found[row] = one.regions
-        by_class = np.array([one.by_class for one in latest])
-        type_probability = tracks.type_probability.copy()
-        known = by_class.any(axis=1) & np.isfinite(tracks.launch[:, 0])
-        type_probability[known, : len(TARGET_TYPES)], type_probability[known, UNKNOWN_TYPE] = by_class[known], 0.0
-        return evolve(
-            tracks,
-            impact=np.array([one.impact for one in latest]),
-            impact_covariance=np.array([one.covariance for one in latest]),
-            impact_sigmas=np.array([one.sigmas for one in latest]),
-            impact_regions=found,
-            type_probability=type_probability,
-            probability_burning=estimates.weight[:, 0],
-            probability_relights=np.array([one.probability_relights for one in latest]),
+            regions[row] = one.regions
+        impact = np.array([one.impact for one in latest]).reshape(count, 3)
+        in_orbit = np.array([one.in_orbit for one in latest])
+        silent = silent_s > LONGEST_GAP_S
+        end = np.where(silent & (in_orbit > _IN_ORBIT), _ORBIT, _GOES_ON)
+        down = impact[:, 2] + 3.0 * np.sqrt(np.array([one.covariance[2, 2] for one in latest])) < tick_s
+        end = np.where(silent & down, _IMPACT, end)
+        return LaunchForecasts(
+            np.array([one.given_launch for one in latest]).reshape(count, size),
+            impact,
+            np.array([one.covariance for one in latest]).reshape(count, 3, 3),
+            np.array([one.sigmas for one in latest]).reshape(count, 3),
+            regions,
+            estimates.weight[:, 0],
+            np.array([one.probability_relights for one in latest]),
+            np.array([one.probability_comes_down for one in latest]),
+            end,
         )
 
     def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
         """Return whether a track needs a new forecast: not one that nothing can change any more."""
         latest = self._latest.get(number)
-        if latest is None or is_dark != (latest.dark_since_s < np.inf):
+        if latest is None or is_dark != latest.is_dark:
             return True
         since_s = tick_s - latest.tick_s
-        return since_s >= self._every_s - 1e-6 and silent_s - since_s < longest_gap_s()
+        return since_s >= self._every_s - 1e-6 and silent_s - since_s < LONGEST_GAP_S
 
-    def _renew(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> None:
+    def _renew(self, rows: IntArray, tracks: Tracks, estimates: ModeEstimates, log: FloatArray) -> None:
         from opir_trackers.forecast.forecast import forecasts
 
         tick_s = float(tracks.tick_s[0])
-        sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
-        hits, spell, silent_s = estimates.detection_rate.T
+        part, history = estimates.take(rows), self._history.take(rows)
+        hits, spell, silent_s = part.detection_rate.T
         # The burn ended when detections did, if these are of plumes; or when the filter said so.
-        dark_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
-        since_s = np.where(estimates.weight[:, 0] > 0.5, np.inf, tick_s - dark_s)
-        for row, number in enumerate(tracks.track.tolist()):
-            known = self._latest.get(number)
-            if known is not None:
-                since_s[row] = min(since_s[row], known.dark_since_s) if np.isfinite(since_s[row]) else np.inf
-        dark_s = np.where(np.isfinite(since_s), tick_s - since_s, dark_s)
-        found = forecasts(estimates, dark_s, tracks.launch, sigma_s, types, tick_s, self._forces)
-        for row, number in enumerate(tracks.track.tolist()):
+        quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
+        dark_s = np.where(np.isfinite(history.dark_since_s), tick_s - history.dark_since_s, quiet_s)
+        found = forecasts(self._outcomes, part, history, dark_s, tracks.launch[rows], log[rows], tick_s, self._forces)
+        dark = (part.weight[:, 0] <= 0.5).tolist()
+        for row, number in enumerate(tracks.track[rows].tolist()):
             self._latest[number] = _Latest(
                 tick_s,
-                float(since_s[row]),
+                dark[row],
+                found.given_launch[row],
                 found.impact[row],
                 found.covariance[row],
                 found.sigmas[row],
                 found.regions[row],
                 float(found.probability_relights[row]),
-                found.by_class[row],
+                float(found.probability_comes_down[row]),
+                float(found.in_orbit[row]),
             )

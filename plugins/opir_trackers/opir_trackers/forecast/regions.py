@@ -16,11 +16,14 @@ from contourpy import FillType, contour_generator
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import AzimuthalEquidistant, map_area_m2, unit_vectors
-from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 64, 3.0
+
+#: Least standard deviation of the points along any axis, m: no forecast is better known.
+LEAST_M = 100.0
 
 _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 
@@ -28,15 +31,23 @@ _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 _LOCAL = 0.1, 2.0
 
 
-def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
-    """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,)."""
+def regions(
+    place: FloatArray,
+    weight: FloatArray,
+    condition: str = IMPACT_CONDITIONS[0],
+    probability: float = 1.0,
+    samples: float = np.nan,
+) -> tuple[ImpactRegion, ...]:
+    """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,).
+
+    They presume a condition with a probability, and rest on so many effective samples.
+    """
     chart = AzimuthalEquidistant.about(weight @ unit_vectors(place))
     plane = chart.points(place)
     mean = weight @ plane
     away = plane - mean
     spread = (weight[:, None] * away).T @ away
-    # A least width of a metre, so that one point has a region too.
-    variance, axes = np.linalg.eigh(spread + np.eye(2))
+    variance, axes = np.linalg.eigh(spread + LEAST_M**2 * np.eye(2))
     scale = np.sqrt(variance)
     unit = away @ axes / scale
     width = float(np.sum(weight * weight) ** (1.0 / 6.0))
@@ -58,7 +69,7 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
         polygons = [[_on_earth(mean + (ring * scale) @ axes.T) for ring in rings] for rings in shapes]
         area_m2 = sum(map_area_m2(rings[0]) - sum(map(map_area_m2, rings[1:])) for rings in polygons)
         places = tuple(tuple(chart.places(ring) for ring in rings) for rings in polygons)
-        found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre))
+        found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre, condition, probability, samples))
     return tuple(found)
 
 

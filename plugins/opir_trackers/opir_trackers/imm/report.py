@@ -1,58 +1,58 @@
 """Reported tracks of `imm`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.forecast.forecaster import LaunchForecasts
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.onset.motion_statistics import LAUNCH
-
-#: Returns tracks with impacts, from tracks, their estimates and log likelihoods of reported types.
-Forecast = Callable[[Tracks, ModeEstimates, FloatArray], Tracks]
 
 
 class ReportedTracks(NamedTuple):
-    """Tracks without impacts, their estimates, log likelihoods (n, types) of reported types and group probabilities."""
+    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group probabilities.
+
+    `end` (n,) are codes into `TRACK_ENDS` of tracks that ended since the last tick.
+    """
 
     tracks: Tracks
     estimates: ModeEstimates
-    types: FloatArray
+    reports: FloatArray
     groups: FloatArray
-
-    def take(self, rows: IntArray) -> "ReportedTracks":
-        """Return some of the rows."""
-        records = self.tracks.take(rows), self.estimates.take(rows)
-        return ReportedTracks(*records, self.types[rows], self.groups[rows])
+    end: ByteArray
 
 
-def with_launches(told: ReportedTracks, forecast: Forecast, least_probability: float) -> Tracks:
-    """Return tracks with the forecasts of those that are launches with the least probability or more.
+def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
+    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
+    tracks = told.tracks
+    no_launch = np.flatnonzero(~launched)
+    launch, covariance = tracks.launch, tracks.launch_covariance
+    if len(no_launch):
+        launch, covariance = launch.copy(), covariance.copy()
+        launch[no_launch], covariance[no_launch] = np.nan, np.nan
+    return evolve(
+        tracks,
+        launch=launch,
+        launch_covariance=covariance,
+        impact=found.impact,
+        impact_covariance=found.impact_covariance,
+        impact_sigmas=found.impact_sigmas,
+        impact_regions=found.impact_regions,
+        probability_burning=found.probability_burning,
+        probability_relights=found.probability_relights,
+        end=np.where(told.end > 0, told.end, found.end).astype(np.uint8),
+    )
 
-    Others have no launch point and no predicted impact.
-    """
-    launched = told.groups[:, LAUNCH] >= least_probability
-    rows, others = np.flatnonzero(launched), np.flatnonzero(~launched)
-    if not len(others):
-        return forecast(told.tracks, told.estimates, told.types)
-    mine, rest = told.take(rows), told.tracks.take(others)
-    rest = evolve(rest, launch=_unknown(len(others), 3), launch_covariance=_unknown(len(others), 3, 3))
-    both = Tracks.concatenate([forecast(mine.tracks, mine.estimates, mine.types), rest])
-    return both.take(np.argsort(np.concatenate([rows, others])))
 
-
-def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float, types: FloatArray) -> Tracks:
-    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without impacts.
-
-    `types` (n, types) are the type probabilities.
-    """
+def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float) -> Tracks:
+    """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without type and impact."""
     count = len(state)
     impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
     state, covariance = earth_fixed(state, covariance, time_s)
@@ -67,7 +67,7 @@ def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time
         impact_covariance=impact[:, 1:4],
         impact_sigmas=impact[:, 4],
         state_sigmas=impact[:, 5],
-        type_probability=types,
+        type_probability=_unknown(count, len(REPORTED_TYPES)),
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],
     )

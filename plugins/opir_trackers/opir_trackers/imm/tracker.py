@@ -10,8 +10,10 @@ from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.imm.report import with_launches
-from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
+from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -27,7 +29,7 @@ class ImmTracker(Tracker):
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
         self._composition = Composition.of(context.hypotheses)
-        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces)
+        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces, context.hypotheses)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
@@ -46,8 +48,13 @@ class ImmTracker(Tracker):
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
         told = self._tracking.reported_tracks(self._now)
-        tracks = with_launches(told, self._forecaster.with_impacts, self._tracking.config.least_launch_probability)
-        return self._composition.composed(tracks, told.groups, self._composition.given_types(tracks.type_probability))
+        launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
+        tracks = with_launches(told, found, launched)
+        if np.count_nonzero(found.end):
+            # Nothing new can come of them.
+            self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
+        return self._composition.composed(tracks, told.groups, found.given_launch)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

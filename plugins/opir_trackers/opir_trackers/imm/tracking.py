@@ -8,18 +8,20 @@ from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
-from opir_core.plugin import Detections, TrackerContext
+from opir_core.interfaces import TRACK_ENDS
+from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
@@ -34,10 +36,11 @@ from opir_trackers.imm.histories import (
 )
 from opir_trackers.imm.history_assignment import assigned_histories
 from opir_trackers.imm.neighbours import with_neighbours
-from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods, type_posterior
-from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
+from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.state import EndedTracks, TrackerState
+from opir_trackers.imm.track_management import duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchPoints, launches, updated_points
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_lines_of_sight, no_measurements
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_measurements
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
@@ -45,50 +48,13 @@ from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
 
-
-@frozen(eq=False)
-class TrackerState:
-    """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
-
-    `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
-    the recent scans in which tracks were detected. `motion` (rows of the table) says what each track is.
-    """
-
-    time_s: float
-    estimates: ModeEstimates
-    table: TrackTable
-    unclaimed: LinesOfSight
-    reported: IntArray
-    histories: Histories = field(factory=Histories.none)
-    ambiguous: tuple[IntArray, ModeEstimates] = field(
-        factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
-    )
-    next_number: int = 0
-    sightings: SharedDetections = field(factory=SharedDetections.empty)
-    motion: MotionStatistics = field(factory=MotionStatistics.empty)
-
-    def after(
-        self,
-        time_s: float,
-        estimates: ModeEstimates,
-        table: TrackTable,
-        histories: Histories,
-        motion: MotionStatistics | None = None,
-    ) -> "TrackerState":
-        """Return the state at a time with its tracks updated."""
-        known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
-        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known)
-
-    @classmethod
-    def first(cls, sensors: int) -> "TrackerState":
-        """Return the state before the first detection, for a number of sensors."""
-        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))
-
-
 #: The launch point is estimated for tracks no older than this, s.
 _YOUNG_S = 10.0
 
 _NOBODY = np.array([-1])
+
+#: Codes of ends.
+IMPACT, LOST = TRACK_ENDS.index("impact"), TRACK_ENDS.index("lost")
 
 
 @frozen(eq=False)
@@ -107,6 +73,7 @@ class ImmTracking:
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
+    hypotheses: tuple[Hypothesis, ...]
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
@@ -134,6 +101,7 @@ class ImmTracking:
             groups=GroupPosterior.of(
                 config.hypotheses, clutter_per_sr(context, config.false_alarms_per_sr), model.detection_probability
             ),
+            hypotheses=context.hypotheses,
         )
 
     def start(self) -> TrackerState:
@@ -149,6 +117,7 @@ class ImmTracking:
     ) -> TrackerState:
         """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
         lines = self.lines_of_sight(detections) if cached is None else cached
+        now = now if now.ended is None else evolve(now, ended=None)
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
@@ -345,6 +314,7 @@ class ImmTracking:
         config, place, needed = self.config, state[:, :3], 3 * self.needed_scans
         silent_s = now.time_s - table.seen_s
         drop = (silent_s > config.silence_s) | (now.motion.is_decided & now.motion.are_noise)
+        down = np.zeros(len(table), dtype=np.bool_)
         uncertain, below_ground = (
             track_management.are_uncertain(covariance, config.lost_sigma_m),
             track_management.are_below_ground(place),
@@ -354,9 +324,13 @@ class ImmTracking:
             rows = fast_uncertain.nonzero()[0]
             if len(rows):
                 now = evolve(now, estimates=self.association.with_velocity_prior(now.estimates, rows))
+            rows = (below_ground & (now.estimates.weight[:, 0] > 0.5)).nonzero()[0]
+            if len(rows):
+                now = evolve(now, estimates=self.filter.above_ground(now.estimates, rows))
             unseen = silent_s > self._longest_of_sensors(self.silence_limit_s, table)
             drop |= track_management.are_idle(table, uncertain, needed, unseen)
-            drop |= below_ground & track_management.have_come_down(place, covariance, unseen)
+            down = below_ground & track_management.have_come_down(place, covariance, unseen)
+            drop |= down
         if len(state) > 1:
             now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
             wider = self._with_biases(now.estimates, now.time_s, table, covariance)
@@ -366,10 +340,10 @@ class ImmTracking:
             drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits)
         if not np.count_nonzero(drop):
             return now
-        keep = (~drop).nonzero()[0]
-        histories = now.histories.of(np.isin(now.histories.number, table.number[keep]))
-        kept = now.estimates.take(keep), table.take(keep), now.motion.take(keep)
-        return evolve(now, estimates=kept[0], table=kept[1], motion=kept[2], histories=histories)
+        gone = np.flatnonzero(drop & self.confirmed(now))
+        end = np.where(down[gone], IMPACT, LOST).astype(np.uint8)
+        ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
+        return evolve(now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended)
 
     def _longest_of_sensors(self, time_s: FloatArray, table: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
@@ -386,13 +360,20 @@ class ImmTracking:
         estimates, table, motion = self.reported_estimates(now), now.table, now.motion
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
+        last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
+        if now.ended is not None:
+            last = now.ended.and_others(last)
+            order = np.argsort(last.table.number, kind="stable")
+            estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
+            last = EndedTracks(estimates, table, motion, last.end[order])
         estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
-        tracks = tracks_of(state, covariance, table, now.time_s, self._types(table))
-        evidence = type_evidence(table.reports, self.type_log_likelihood)
-        return ReportedTracks(tracks, estimates, evidence, motion.probability)
+        tracks = tracks_of(state, covariance, table, now.time_s)
+        types = type_evidence(table.reports, self.type_log_likelihood)
+        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
+        return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
 
     def _with_static_states(
         self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
@@ -430,11 +411,6 @@ class ImmTracking:
         wider = covariance.copy()
         wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, table.reports >= 0)
         return wider
-
-    def _types(self, table: track_management.TrackTable) -> FloatArray:
-        """Return the type probabilities (n, types), recomputed for new reports."""
-        reports, type_log_likelihood = table.reports, self.type_log_likelihood
-        return self.association.cached("types", lambda one, _: type_posterior(one, type_log_likelihood), reports, 0.0)
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.

@@ -8,12 +8,14 @@ import pytest
 from geographiclib.geodesic import Geodesic
 from numpy.typing import NDArray
 from opir_photons.classification import synthetic_looks
-from opir_photons.classification.synthetic_looks import PROFILES, low_discrepancy_points
+from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstwo, uniform
 
-from opir_core.flight.boost import boost_profile
+from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
 from opir_core.geometry import Geodetic
+
+PROFILES = [name for names in PROFILES_BY_TYPE.values() for name in names]
 
 #: Radius of the sphere that launches are placed on, m, and of a geostationary orbit and a low one.
 RADIUS_M = 6.371e6

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from opir_scoring.containments import nees
+from opir_scoring.evidence import true_states_ecef
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity, with_velocity_prior
 
 import opir_core as opir
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.planning.plan import compile_plan
-from opir_core.scoring.containments import nees
-from opir_core.scoring.evidence import true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 

@@ -1,0 +1,187 @@
+"""The stages that each track has shown: ignitions, burnouts and their figures, kept from tick to tick.
+
+A stage ends in the dark, when the filter says that the burn is over, or hot, when its mode `staging` wins and the force
+has dropped: a smaller engine pushes what is left. A force that changes by less, or rises, is a throttled engine.
+"""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation import dot
+from opir_core.interfaces import Columns
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.thrust import air_velocity
+from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES
+
+#: A hot stage begins with at most this share of the force before.
+DROP = 0.75
+
+#: Least burn of a stage, s: what seems shorter belongs to the same stage.
+LEAST_BURN_S = 12.0
+
+#: Standard deviations of an ignition, s: after a gap, in hot staging, of a track without a launch.
+RELIT_S, STAGED_S, UNKNOWN_S = 0.7, 2.0, 30.0
+
+#: Staging that is less, and more probable than this: a steady burn, and a new stage.
+_STEADY, _STAGED = 0.2, 0.5
+
+#: Longest silence, s, after which an estimate still shows the burn.
+_FRESH_S = 1.5
+
+
+@frozen(eq=False, repr=False)
+class StageHistory(Columns):
+    """What is known of the stages of tracks (n,).
+
+    `logs` (n, STAGES, 4) are the rows of `vehicles` of the stages that are over, nan where unknown. `ignition_s` is
+    that of the last one with its error, `dark_since_s` its burnout, inf while it burns. `force` m/s² along the velocity
+    and `growth` 1/s are those at `steady_s`, the last time of a steady burn; `staging` is the latest probability of
+    staging.
+    """
+
+    number: IntArray
+    logs: FloatArray
+    ignition_s: FloatArray
+    ignition_sigma_s: FloatArray
+    dark_since_s: FloatArray
+    force: FloatArray
+    growth: FloatArray
+    steady_s: FloatArray
+    staging: FloatArray
+
+    @classmethod
+    def begun(cls, number: IntArray, tick_s: float) -> "StageHistory":
+        """Return the histories of new tracks at a time."""
+        count = len(number)
+        now, unknown = np.full(count, tick_s), np.full(count, np.nan)
+        logs = np.full((count, STAGES, 4), np.nan)
+        sigma, dark = np.full(count, UNKNOWN_S), np.full(count, np.inf)
+        return cls(number, logs, now - 5.0, sigma, dark, unknown, unknown.copy(), now, np.zeros(count))
+
+    @property
+    def done(self) -> IntArray:
+        """Return the number of stages (n,) that are over."""
+        return np.sum(np.isfinite(self.logs[:, :, BURN]), axis=1)
+
+    @property
+    def is_dark(self) -> BoolArray:
+        """Return of which tracks (n,) the last stage is over."""
+        dark: BoolArray = np.isfinite(self.dark_since_s)
+        return dark
+
+    def of(self, number: IntArray, tick_s: float) -> "StageHistory":
+        """Return the histories of tracks with these numbers, in this order; unknown ones are new."""
+        row = np.searchsorted(self.number, number)
+        row = np.minimum(row, max(len(self.number) - 1, 0))
+        known = self.number[row] == number if len(self.number) else np.zeros(len(number), dtype=np.bool_)
+        fresh = StageHistory.begun(number[~known], tick_s)
+        both = StageHistory.concatenate([self.take(row[known]), fresh])
+        return both.take(np.argsort(np.concatenate([np.flatnonzero(known), np.flatnonzero(~known)])))
+
+    def with_end(self, rows: IntArray, end_s: FloatArray, gap_log: float = np.nan) -> "StageHistory":
+        """Return the histories with the present stages of some rows over at times (m,)."""
+        rows_, end_s = rows[self.done[rows] < STAGES], end_s[self.done[rows] < STAGES]
+        logs, stage = self.logs.copy(), self.done[rows_]
+        burn = np.maximum(end_s - self.ignition_s[rows_], 1.0)
+        since = np.clip(self.steady_s[rows_] - self.ignition_s[rows_], 0.0, burn)
+        force, growth = self.force[rows_], self.growth[rows_]
+        first = force / np.maximum(1.0 + growth * since, 0.1)
+        last = force / np.maximum(1.0 - growth * (burn - since), 0.3)
+        logs[rows_, stage, BURN] = np.log(burn)
+        logs[rows_, stage, FORCE] = np.log(np.maximum(first, 1.0))
+        logs[rows_, stage, RATIO] = np.log(np.maximum(last, 1.0) / np.maximum(first, 1.0))
+        logs[rows_, stage, GAP] = gap_log
+        return evolve(self, logs=logs)
+
+    def updated(
+        self, estimates: ModeEstimates, launch_s: FloatArray, launch_sigma_s: FloatArray, tick_s: float
+    ) -> "StageHistory":
+        """Return the histories after a tick, of the same tracks, given their estimates and launch times, nan
+        unknown."""
+        hits, spell, silent_s = estimates.detection_rate.T
+        pause_s = spell / np.maximum(hits, 1.0)
+        burning, staging = estimates.weight[:, 0] > 0.5, estimates.burn_share[:, 1]
+        force = force_along(estimates.burn_mean[:, 0])
+        then = self._with_launches(burning, launch_s, launch_sigma_s)
+        then = then._relit(burning & then.is_dark, tick_s, pause_s)
+        long = then.steady_s - then.ignition_s > LEAST_BURN_S
+        staged = burning & long & (self.staging > _STAGED) & (staging < _STEADY) & (force < DROP * self.force)
+        then = then._staged(staged)
+        steady = burning & (staging < _STEADY) & (silent_s < np.maximum(_FRESH_S, 3.0 * pause_s))
+        then = evolve(
+            then,
+            force=np.where(steady, force, then.force),
+            growth=np.where(steady, estimates.burn_mean[:, 0, 9], then.growth),
+            steady_s=np.where(steady, tick_s, then.steady_s),
+            staging=staging,
+        )
+        out = np.flatnonzero(~burning & ~then.is_dark)
+        if not len(out):
+            return then
+        since_s = then.dark_since_s.copy()
+        since_s[out] = tick_s - np.maximum(silent_s - pause_s, 0.0)[out]
+        return evolve(then.with_end(out, since_s[out]), dark_since_s=since_s)
+
+    def _with_launches(self, burning: BoolArray, launch_s: FloatArray, sigma_s: FloatArray) -> "StageHistory":
+        first = burning & (self.done == 0) & np.isfinite(launch_s)
+        sigma = np.where(first, np.maximum(np.nan_to_num(sigma_s), 0.3), self.ignition_sigma_s)
+        return evolve(self, ignition_s=np.where(first, launch_s, self.ignition_s), ignition_sigma_s=sigma)
+
+    def _relit(self, lit: BoolArray, tick_s: float, pause_s: FloatArray) -> "StageHistory":
+        """Return the histories with those that burn again after a gap, or that a silence had misled."""
+        rows = np.flatnonzero(lit)
+        if not len(rows):
+            return self
+        logs, ignition, sigma = self.logs.copy(), self.ignition_s.copy(), self.ignition_sigma_s.copy()
+        dark, last = self.dark_since_s.copy(), self.done[rows] - 1
+        gap = tick_s - 0.5 - self.dark_since_s[rows]
+        real = (gap > 1.0 + 3.0 * pause_s[rows]) & (last >= 0) & (last < STAGES - 1)
+        logs[rows[real], last[real], GAP] = np.log(gap[real])
+        ignition[rows[real]], sigma[rows[real]] = tick_s - 0.5, RELIT_S
+        logs[rows[~real], last[~real]] = np.nan
+        dark[rows] = np.inf
+        return evolve(self, logs=logs, ignition_s=ignition, ignition_sigma_s=sigma, dark_since_s=dark)
+
+    def _staged(self, staged: BoolArray) -> "StageHistory":
+        rows = np.flatnonzero(staged & (self.done < STAGES - 1))
+        if not len(rows):
+            return self
+        end_s = self.steady_s[rows] + 1.0
+        then = self.with_end(rows, end_s, -np.inf)
+        ignition, sigma = then.ignition_s.copy(), then.ignition_sigma_s.copy()
+        ignition[rows], sigma[rows] = end_s, STAGED_S
+        return evolve(then, ignition_s=ignition, ignition_sigma_s=sigma)
+
+    def as_burning(self) -> "StageHistory":
+        """Return the histories if the last stage still burns."""
+        dark = np.flatnonzero(self.is_dark)
+        if not len(dark):
+            return self
+        logs = self.logs.copy()
+        logs[dark, self.done[dark] - 1] = np.nan
+        return evolve(self, logs=logs)
+
+    def as_staging(self, estimates: ModeEstimates) -> tuple["StageHistory", BoolArray]:
+        """Return burning histories if a stage begins now, and which of them (n,) it is: others go on as they are."""
+        since_s = self.steady_s - self.ignition_s
+        begins = (since_s > LEAST_BURN_S) & (self.done < STAGES - 1) & np.isfinite(self.force)
+        begins &= force_along(estimates.burn_mean[:, 1]) < DROP * self.force
+        return self._staged(begins), begins
+
+    def as_dark(self, tick_s: float, dark_s: FloatArray) -> "StageHistory":
+        """Return the histories if the last stage is over, since a time (n,) if it was thought to burn."""
+        on = np.flatnonzero(~self.is_dark)
+        if not len(on):
+            return self
+        since_s = self.dark_since_s.copy()
+        since_s[on] = tick_s - dark_s[on]
+        return evolve(self.with_end(on, since_s[on]), dark_since_s=since_s)
+
+
+def force_along(state: FloatArray) -> FloatArray:
+    """Return the specific force (n,), m/s², along the velocity through the air of states (n, 10)."""
+    velocity = air_velocity(state)
+    speed = np.sqrt(dot(velocity, velocity) + 1.0)
+    along: FloatArray = dot(velocity, state[:, 6:9]) / speed
+    return along
