@@ -77,7 +77,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1010), ({"slice_s": 0.5}, 2090)],
+    [({}, 1020), ({"slice_s": 0.5}, 2100)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:

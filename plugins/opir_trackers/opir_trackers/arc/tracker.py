@@ -61,7 +61,7 @@ class ArcTracker(Tracker):
         """Return the estimates at this tick, after the detections since the last one."""
         before_s, lines = self._now.time_s, self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.with_bias_sigma(lines))
-        confirmed = self._now.table.hits >= 2 * self._tracking.needed_scans
+        confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:
             self._arcs = self._arcs.discounted(float(np.exp((before_s - tick_s) / self._config.memory_s)))

@@ -10,7 +10,7 @@ from math import ceil
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
@@ -307,13 +307,14 @@ class ImmTracking:
         )
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
-        """Return the state without duplicate, lost and unconfirmed tracks."""
+        """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""
         if not len(now.estimates.weight):
             return now
         (state, covariance), table = self.association.moments(now.estimates), now.table
         config, place, needed = self.config, state[:, :3], 3 * self.needed_scans
         silent_s = now.time_s - table.seen_s
-        drop, down = silent_s > config.silence_s, np.zeros(len(table), dtype=np.bool_)
+        drop = (silent_s > config.silence_s) | (now.motion.is_decided & now.motion.are_noise)
+        down = np.zeros(len(table), dtype=np.bool_)
         uncertain, below_ground = (
             track_management.are_uncertain(covariance, config.lost_sigma_m),
             track_management.are_below_ground(place),
@@ -339,7 +340,7 @@ class ImmTracking:
             drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits)
         if not np.count_nonzero(drop):
             return now
-        gone = np.flatnonzero(drop & (table.hits >= 2 * self.needed_scans))
+        gone = np.flatnonzero(drop & self.confirmed(now))
         end = np.where(down[gone], IMPACT, LOST).astype(np.uint8)
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
         return evolve(now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended)
@@ -349,9 +350,13 @@ class ImmTracking:
         longest: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
         return longest
 
+    def confirmed(self, now: TrackerState) -> BoolArray:
+        """Return which tracks (n,) are reported: those with enough detections that are probably no false alarms."""
+        return np.asarray((now.table.hits >= 2 * self.needed_scans) & ~now.motion.are_noise)
+
     def reported_tracks(self, now: TrackerState) -> ReportedTracks:
-        """Return the tracks with enough detections, without impacts, and what their forecast and composition need."""
-        confirmed = now.table.hits >= 2 * self.needed_scans
+        """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
+        confirmed = self.confirmed(now)
         estimates, table, motion = self.reported_estimates(now), now.table, now.motion
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
@@ -419,7 +424,7 @@ class ImmTracking:
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
         pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
-        confirmed = now.table.hits >= 2 * self.needed_scans
+        confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
         owner = self.association.nearest_association(pairs, lines.of_instants()).owner
@@ -435,7 +440,8 @@ def needed_scans(period_s: FloatArray) -> int:
 
     A track is reported after 2 M detections. At 10 s per scan four scans are most of a burn: of 30 launches before two
     sensors 21 were tracked, after 74 s in the median; with M = 2 all, after 31 s. What it costs: no false track in two
-    hours with sensors that confirm their detections over scans; 84 where every false alarm is reported (9 per scan).
+    hours with sensors that confirm their detections over scans. Where every false alarm is reported (two scanners, 17 a
+    scan), 29 tracks of noise have enough detections in ten minutes; all are recognised as noise, and none is reported.
     """
     soon = _NEEDED * float(period_s.min(initial=np.inf)) <= _SOON_S
     return _NEEDED if soon else _FEWEST

@@ -115,6 +115,11 @@ class MotionStatistics(Columns):
         """Return for which tracks (n,) a ground source is the likeliest."""
         return np.asarray(self.probability.argmax(axis=1) == GROUND)
 
+    @property
+    def are_noise(self) -> BoolArray:
+        """Return which tracks (n,) are probably false alarms."""
+        return np.asarray(self.probability[:, NOISE] > 0.5)
+
     def horizon_s(self) -> FloatArray:
         """Return the time (n,), s, up to which a cubic describes a boost to within the error of the lines' mean."""
         sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
