@@ -112,7 +112,7 @@ def proportion(successes: int, trials: int) -> tuple[float, float, float]:
     share = successes / trials
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
     half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    return share, float(middle - half), float(middle + half)
+    return share, max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
 def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tuple[float, float, float]:
