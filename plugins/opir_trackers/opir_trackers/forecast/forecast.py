@@ -48,6 +48,9 @@ _WIDE_M = 200e3
 #: A condition with less probability, or with fewer effective samples, has no region.
 LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
 
+#: Relative weight of what is none of these and does not fall: of such boosts a third gains more than an orbit needs.
+_NONE_ORBITS = 0.3
+
 #: A mode that is less probable gets no particles; a particle with a lesser share of the largest weight does not count.
 _LEAST_MODE, _LEAST_WEIGHT = 0.01, 1e-4
 
@@ -176,7 +179,7 @@ def _hypotheses(
         over = space & (particles.lit == 0)
         lost = np.where(over, np.where(np.isfinite(fates.when_s), 1.0 + relights[particles.track, SPACE], 0.0), 1.0)
         weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
-    weight[np.ix_(broad, columns["none"])] = 1.0
+    weight[np.ix_(broad, columns["none"])] = np.where(np.isfinite(fates.when_s), 1.0, _NONE_ORBITS)[broad, None]
     weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
     return weight * (particles.weight * _of_flying(particles, fates.flies))[:, None]
 

@@ -33,8 +33,8 @@ from opir_trackers.forecast.vehicles import (
 #: Particles of a burning track; of a dark one, those whose burn is over, and those that burn again.
 BURNING, OVER, AGAIN = 256, 128, 128
 
-#: Least share of the particles of a family, so that each is represented.
-_LEAST_SHARE = 0.1
+#: Least share of the particles of each family: regions are mostly of missiles.
+_LEAST_SHARE = np.array([0.5, 0.1, 0.1])
 
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3

@@ -27,7 +27,7 @@ FAMILIES = ("missile", "space", "none")
 MISSILE, SPACE, NONE = range(3)
 
 #: Share of flights whose recorded stages say nothing: one was missed, or a throttled engine was taken for one.
-_UNRELIABLE = 0.03
+_UNRELIABLE = 0.1
 
 
 @frozen(eq=False)

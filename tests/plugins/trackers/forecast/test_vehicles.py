@@ -43,11 +43,11 @@ def test_the_next_stage_given_earlier_ones_is_that_of_the_joint_normal_law(famil
     log = (
         -0.5 * away @ np.linalg.solve(covariance[here, here], away) - 0.5 * np.linalg.slogdet(covariance[here, here])[1]
     )
-    # Three in a hundred records are of no use: then they are those of anything.
+    # A tenth of the records is of no use: then they are those of anything.
     broad = joint(NONE)
     off = logs[0, :done].ravel() - broad[0][here]
     other = -0.5 * off @ np.linalg.solve(broad[1][here, here], off) - 0.5 * np.linalg.slogdet(broad[1][here, here])[1]
-    assert known.log_evidence[0, family] == pytest.approx(np.logaddexp(log, np.log(0.03) + other))
+    assert known.log_evidence[0, family] == pytest.approx(np.logaddexp(log, np.log(0.1) + other))
 
 
 def test_unknown_rows_say_nothing_and_hot_staging_says_that_it_comes_again() -> None:
