@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_core.flight.conic_impact import ON_SURFACE_M, kepler_impact
+from opir_core.arrays import FloatArray
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.kepler import propagate_kepler
 
@@ -40,7 +40,7 @@ def propagate(
     forces = forces_of(forces)
     if forces.is_kepler:
         return propagate_kepler(position_m, velocity_m_s, duration_s, forces.gravity.mu_m3_s2)
-    columns, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
+    columns, _, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
     position, velocity = np.empty((columns.duration.size, 3)), np.empty((columns.duration.size, 3))
     for part, integration in integrations:
         ends = integration.ends()
@@ -49,12 +49,16 @@ def propagate(
 
 
 def _integrated(*arguments: Any) -> Any:
-    """Return the columns of arcs and the integrations of their blocks; two-body arcs never import these."""
-    from opir_core.flight.integration import columns_of, integrations
+    """Return the columns of arcs, the rows of those that have come down, and the integrations of their blocks.
+
+    Two-body arcs never import these.
+    """
+    from opir_core.flight.integration import columns_of, come_down, integrations
 
     columns = columns_of(*arguments)
-    going = np.where(_have_come_down(columns), 0.0, columns.duration)
-    return columns, integrations(columns._replace(duration=going), arguments[4])
+    here = come_down(columns)
+    columns.duration[here] = 0.0
+    return columns, here, integrations(columns, arguments[4])
 
 
 #: The default longest time of flight, s.
@@ -123,7 +127,7 @@ def impact_states_eci(
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
-    columns, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
+    columns, here, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
     count, shape = columns.duration.size, columns.shape
     duration, position, velocity = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
     reason = np.empty(count, np.int8)
@@ -133,22 +137,10 @@ def impact_states_eci(
         hit = reason[part] == ImpactReason.IMPACT
         duration[part] = np.where(hit, ends.elapsed, np.nan)
         position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
-    (here,) = _have_come_down(columns).nonzero()
     duration[here], reason[here] = 0.0, ImpactReason.IMPACT
     position[here], velocity[here] = columns.position[:, here].T, columns.velocity[:, here].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
-
-
-def _have_come_down(columns: Any) -> BoolArray:
-    """Return which arcs start below the height and descend."""
-    from opir_core.flight.gravity_and_drag import height_and_climb
-
-    with np.errstate(all="ignore"):
-        inverse_radius = 1.0 / np.sqrt(np.sum(columns.position * columns.position, axis=0))
-        height, climb = height_and_climb(columns.position, columns.velocity, inverse_radius)
-    down: BoolArray = (height < columns.target - ON_SURFACE_M) & (climb < 0.0) & np.isfinite(columns.duration)
-    return down
 
 
 #: The reasons, by the `IntegrationResult` of an integration.

@@ -22,6 +22,10 @@ from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
 
+#: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the velocity over the
+#: ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s² upwards, a third of it across. Notional.
+FIRST_CLIMB_M_S, _SPEEDS_M_S = 150.0, (200.0, 200.0, 300.0)
+
 #: Prior probability that a new target is burning.
 _BURN_PROBABILITY = 0.98
 
@@ -96,13 +100,20 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
     rate, sigmas = _first_rates(config.thrust)
     place, speed = prior_sigmas(candidates)
-    deviation = np.concatenate([np.repeat(speed[:, None], 3, axis=1), np.tile(sigmas, (count, 1))], axis=1)
+    velocity += np.where(candidates.sensors == 1, FIRST_CLIMB_M_S, 0.0)[:, None] * inertial[:, 2]
     mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
     size = mean.shape[1]
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
+<<<<<<< HEAD
     root[:, range(3, size), range(3, size)] = 1.0 / deviation
     weight = _first_weights(count, config)
+=======
+    root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
+    root[:, range(COAST, size), range(COAST, size)] = 1.0 / sigmas
+    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
+    weight = np.tile([burning, 1.0 - burning], (count, 1))
+>>>>>>> h/filter
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
@@ -138,9 +149,10 @@ _STANDING_SIGMA = 0.01
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
-    """Return prior standard deviations (n, 3) of position, east-north-up, and (n,) of speed.
+    """Return prior standard deviations (n, 3) of position and (n, 3) of velocity, east-north-up.
 
-    For a candidate of one sensor: 30 km along the ground, 5 km in height, 400 m/s. Where its line grazes the ground the
+    For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a climb: a line of
+    sight alone does not say whether its target climbs or descends. Where its line grazes the ground the
     height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. A candidate
     of several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
     steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights, those near the ground were
@@ -153,7 +165,8 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
-    return place, np.where(alone, 400.0, SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height))
+    speed = SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height)
+    return place, np.where(alone[:, None], _SPEEDS_M_S, speed[:, None])
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

@@ -12,6 +12,7 @@ the others explains, until it is improbable.
 
 from collections.abc import Callable, Sequence
 from math import expm1
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -107,7 +108,8 @@ def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
     spread, left = (square_root.gram(square_root.inverse_root(each[1])[:, :3]) for each in (before, after))
     moved = (after[0] - before[0])[:, :3]
     learnt = spread - left + _LEAST_LEARNT * spread
-    return dot(moved, np.linalg.solve(learnt, moved[:, :, None])[:, :, 0])
+    whitened: Any = np.linalg.solve(learnt, moved[:, :, None])[:, :, 0]
+    return dot(moved, whitened)
 
 
 def _of_path(root: FloatArray) -> FloatArray:
