@@ -105,15 +105,9 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     size = mean.shape[1]
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
-<<<<<<< HEAD
-    root[:, range(3, size), range(3, size)] = 1.0 / deviation
-    weight = _first_weights(count, config)
-=======
     root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
     root[:, range(COAST, size), range(COAST, size)] = 1.0 / sigmas
-    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
-    weight = np.tile([burning, 1.0 - burning], (count, 1))
->>>>>>> h/filter
+    weight = _first_weights(count, config)
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
