@@ -16,6 +16,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.square_root import inverse_root
 from opir_core.interfaces import names_of
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.present_burn import PresentBurns, present_burns
 from opir_trackers.forecast.stage_history import StageHistory, force_along
@@ -31,13 +32,19 @@ from opir_trackers.forecast.vehicles import (
 )
 
 #: Particles of a burning track; of a dark one, those whose burn is over, and those that burn again.
-BURNING, OVER, AGAIN = 256, 128, 128
+BURNING, OVER, AGAIN = 256, 192, 128
 
 #: Least share of the particles of each family: regions are mostly of missiles.
 _LEAST_SHARE = np.array([0.5, 0.1, 0.1])
 
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3
+
+#: Hot stagings in the law of vehicles, as a share of the new stages that the filter expects.
+_HOT = 0.25
+
+#: Below this share of the velocity's prior standard deviation, looks know more than the prior.
+_SEEN = 0.4
 
 #: Least time since ignition, s.
 _SOON_S = 0.5
@@ -95,7 +102,9 @@ def burning_particles(
     """Return the particles of burning tracks (n,) at a time; `prior` (families,) are weights of the families."""
     drawn = _drawn_burns(model, estimates, history, time_s)
     log = np.stack([law.log_evidence + before for law, before in zip(drawn.laws, drawn.log_before.T, strict=True)])
-    family, source, weight = _allotted(log.reshape(len(FAMILIES), len(estimates), BURNING), prior)
+    log = log.reshape(len(FAMILIES), len(estimates), BURNING)
+    log += _staging_logs(log, prior, drawn.part.reshape(-1, BURNING), estimates.burn_share)
+    family, source, weight = _allotted(log, prior)
     draw = np.tile(np.arange(BURNING), len(estimates))
     return _with_later_burns(model, drawn, family, source, weight, draw, time_s - first_ignitions(history.as_burning()))
 
@@ -104,10 +113,11 @@ class _DrawnBurns(NamedTuple):
     """States of the filter (p, 10), the stages (p,) that burn there, and their laws by family.
 
     `total`, `number` (p, families, 4) and `hot` (p, families) are as in `Known`; `log_before` (p, families) is the
-    evidence of the earlier stages, and of at least as many.
+    evidence of the earlier stages, and of at least as many; `part` (p,) is 1 for the filter's part that is staging.
     """
 
     track: IntArray
+    part: IntArray
     state: FloatArray
     force: FloatArray
     since_s: FloatArray
@@ -126,12 +136,11 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     parts, place = estimates.burn_mean.shape[1], lots.uniform[:BURNING, 0]
     # The part of each: staging, free, and steady between them.
     part = np.where(place < estimates.burn_share[:, 1:2], 1, np.where(place > 1.0 - estimates.burn_share[:, 2:], 2, 0))
-    new = (part == 1).astype(np.int64)
-    side = inverse_root(estimates.burn_root.reshape(-1, 10, 10)).reshape(count, parts, 10, 10)
+    side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, parts, 10, 10)
     each = lots.state[:BURNING] @ side.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
     state = np.take_along_axis(each, part[:, None, :, None], axis=1).reshape(-1, 10)
     # The part that is staging is the next stage of some tracks, and the same one of others.
-    new = (new * begins[:, None]).ravel()
+    new = ((part == 1) * begins[:, None]).ravel()
     track = np.repeat(np.arange(count), BURNING)
     begun, doubt = (
         np.stack([getattr(one, name) for one in (on, staged)])[new, track]
@@ -151,7 +160,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
         )
         for family in range(len(FAMILIES))
     ]
-    return _DrawnBurns(track, state, force, since, stage, total, number, hot, before, laws)
+    return _DrawnBurns(track, part.ravel(), state, force, since, stage, total, number, hot, before, laws)
 
 
 def first_ignitions(history: StageHistory) -> FloatArray:
@@ -161,6 +170,34 @@ def first_ignitions(history: StageHistory) -> FloatArray:
     before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
     start: FloatArray = np.where(history.is_dark, history.dark_since_s, history.ignition_s) - before
     return start
+
+
+def _staging_logs(log: FloatArray, prior: FloatArray, part: IntArray, share: FloatArray) -> FloatArray:
+    """Return what to add to log evidences (families, n, m) so that the filter says how probable staging is.
+
+    Its looks are in the shares (n, 2) of its parts already. But it expects a new stage at any time.
+    """
+    top = log.max(axis=(0, 2))[:, None]
+    density = np.sum(np.exp(log - top) * prior[:, None, None], axis=0)
+    steady, staging = (np.sum(np.where(part == code, density, 0.0), axis=1) for code in (0, 1))
+    odds = share[:, 1] * _HOT / np.maximum(share[:, 0] + share[:, 1] * _HOT, 1e-12)
+    known = (steady > 0.0) & (staging > 0.0) & (odds < 1.0)
+    change = np.log(odds / (1.0 - odds), where=known, out=np.zeros(len(odds)))
+    change += np.log(steady, where=known, out=np.zeros(len(odds))) - np.log(
+        staging, where=known, out=np.zeros(len(odds))
+    )
+    return np.where(part == 1, np.where(known, change, 0.0)[:, None], 0.0)
+
+
+def widened(side: FloatArray) -> FloatArray:
+    """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior alone.
+
+    That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four times as fast. One
+    sensor does not see the velocity along its line of sight.
+    """
+    spread = np.sqrt(np.sum(side[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
+    factor = 1.0 + np.clip((spread - _SEEN) / (1.0 - _SEEN), 0.0, 1.0)
+    return side * factor[:, None, None]
 
 
 def _allotted(log: FloatArray, prior: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -329,7 +366,7 @@ def dark_particles(
     relight = evidence * waits
     whole = (relight + evidence * ends).sum(axis=1, keepdims=True)
     relight, ended = relight / whole, evidence * ends / whole
-    side = inverse_root(estimates.coast_root)
+    side = widened(inverse_root(estimates.coast_root))
     lots = draws()
     parts = [
         _free(known, ended, estimates, side, np.arange(OVER) + BURNING, np.arange(count)),
