@@ -140,7 +140,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     each = lots.state[:BURNING] @ side.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
     state = np.take_along_axis(each, part[:, None, :, None], axis=1).reshape(-1, 10)
     # The part that is staging is the next stage of some tracks, and the same one of others.
-    new = ((part == 1) * begins[:, None]).ravel()
+    new = ((part == 1) & begins[:, None]).ravel().astype(np.int64)
     track = np.repeat(np.arange(count), BURNING)
     begun, doubt = (
         np.stack([getattr(one, name) for one in (on, staged)])[new, track]
