@@ -125,7 +125,7 @@ _SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECA
 _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
 
-def overridden(root: Node, overrides: Sequence[str], default_name: DefaultName) -> list[Complaint]:
+def overridden(root: Node, overrides: Sequence[str], default_name: DefaultName | None = None) -> list[Complaint]:
     """Apply overrides to a scene's nodes in order, and return their errors.
 
     A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
@@ -142,7 +142,7 @@ def overridden(root: Node, overrides: Sequence[str], default_name: DefaultName) 
     return complaints
 
 
-def _apply(root: Node, override: str, default_name: DefaultName) -> None:
+def _apply(root: Node, override: str, default_name: DefaultName | None) -> None:
     path, equals, text = override.partition("=")
     # A path that may set a secret: no message repeats its value.
     is_secret = _SECRET.search(path.rpartition(".")[2])
@@ -151,7 +151,7 @@ def _apply(root: Node, override: str, default_name: DefaultName) -> None:
         raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
     steps = _steps(path.strip(), shown)
     value = _value(text.strip(), shown)
-    if steps[0] in CHOICES:
+    if default_name is not None and steps[0] in CHOICES:
         _open_choice(root, steps, default_name, shown)
     _set(root, steps, value, shown)
 

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
@@ -26,7 +27,7 @@ class ReportedTracks(NamedTuple):
     estimates: ModeEstimates
     reports: FloatArray
     groups: FloatArray
-    end: ByteArray
+    end: NDArray[np.uint8]
 
 
 def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:

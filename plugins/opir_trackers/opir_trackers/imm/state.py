@@ -2,8 +2,9 @@
 
 import numpy as np
 from attrs import evolve, field, frozen
+from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, ByteArray, IntArray
+from opir_core.arrays import BoolArray, IntArray
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.imm.histories import Histories
 from opir_trackers.imm.track_management import SharedDetections, TrackTable
@@ -18,7 +19,7 @@ class EndedTracks:
     estimates: ModeEstimates
     table: TrackTable
     motion: MotionStatistics
-    end: ByteArray
+    end: NDArray[np.uint8]
 
     def and_others(self, others: "EndedTracks | None") -> "EndedTracks":
         """Return these tracks after others."""
