@@ -154,11 +154,10 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     )
     stage, force = np.minimum(done, STAGES - 1), force_along(state)
     before = before + np.log(np.maximum(model.more(stage), 1e-12))
+    highest = model.data["highest_m_s2"]
     laws = [
-        present_burns(
-            force, state[:, 9], since, *model.law(np.int64(family), stage, total[:, family], number[:, family])
-        )
-        for family in range(len(FAMILIES))
+        present_burns(force, state[:, 9], since, *model.law(np.int64(family), stage, *sums), highest)
+        for family, sums in enumerate(zip(total.swapaxes(0, 1), number.swapaxes(0, 1), strict=True))
     ]
     return _DrawnBurns(track, part.ravel(), state, force, since, stage, total, number, hot, before, laws)
 

@@ -18,8 +18,10 @@ CELLS, LONGEST = 16, 3.5
 #: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no stage.
 _LEAST_MASS, _LEAST_SHARE, _LEAST_FORCE = 0.02, 0.1, 0.5
 
-_EDGES = np.arange(CELLS) / CELLS
-_MIDDLES = _EDGES + 0.5 / CELLS
+#: Power of the last acceleration over its bound in the odds against it.
+_SHARP = 8.0
+
+_MIDDLES = (np.arange(CELLS) + 0.5) / CELLS
 
 
 @frozen(eq=False)
@@ -49,11 +51,17 @@ class PresentBurns:
 
 
 def present_burns(
-    force: FloatArray, growth: FloatArray, since_s: FloatArray, mean: FloatArray, sigma: FloatArray
+    force: FloatArray,
+    growth: FloatArray,
+    since_s: FloatArray,
+    mean: FloatArray,
+    sigma: FloatArray,
+    highest_m_s2: float = np.inf,
 ) -> PresentBurns:
     """Return the stages of particles (p,) with forces along the velocity m/s² and growths 1/s, after times (p,).
 
-    `mean` and `sigma` (p, 4) are those of the logarithms of the stage's law.
+    `mean` and `sigma` (p, 4) are those of the logarithms of the stage's law, `highest_m_s2` bounds its last
+    acceleration.
     """
     force, grown = np.maximum(force, _LEAST_FORCE), np.maximum(1.0 + growth * since_s, _LEAST_SHARE)
     first, rate = force / grown, growth / grown
@@ -65,6 +73,8 @@ def present_burns(
     one = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
     other = (-left - mean[:, RATIO, None]) / sigma[:, RATIO, None]
     log = -0.5 * (one * one + other * other) - left
+    # Few structures bear more at the end of a burn.
+    log -= np.log1p((first[:, None] * np.exp(-left) / highest_m_s2) ** _SHARP)
     top = log.max(axis=1)
     density = np.exp(log - top[:, None])
     total = density.sum(axis=1)
