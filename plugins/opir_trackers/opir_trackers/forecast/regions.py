@@ -35,6 +35,9 @@ NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
 _LOCAL = 0.1, 2.0
 
 
+#: Longest edge of a region, m.
+LONGEST_EDGE_M = 100e3
+
 #: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
 _FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
 
@@ -135,7 +138,7 @@ def regions(
     found = []
     for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
         shapes = _filled(generator, level)
-        polygons = [[_on_earth(frame.flat(mean + (ring * scale) @ axes.T)) for ring in rings] for rings in shapes]
+        polygons = [[_outline(frame, mean + (ring * scale) @ axes.T) for ring in rings] for rings in shapes]
         area_m2 = sum(map_area_m2(rings[0]) - sum(map(map_area_m2, rings[1:])) for rings in polygons)
         places = tuple(tuple(chart.places(ring) for ring in rings) for rings in polygons)
         found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre, condition, probability, samples))
@@ -190,6 +193,19 @@ def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> Flo
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:
     kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
     return kernel
+
+
+def _outline(frame: Plane, ring: FloatArray) -> FloatArray:
+    """Return a ring of coordinates (k, 2) on the map, m, with edges so short that they cross in no other map either."""
+    point = frame.flat(ring)
+    edge = np.sqrt(np.sum(np.diff(point, axis=0) ** 2, axis=1))
+    parts = np.ceil(np.maximum(edge, 1.0) / LONGEST_EDGE_M).astype(np.int64)
+    if parts.max(initial=1) > 1:
+        start = np.repeat(np.arange(len(parts)), parts)
+        share = (np.arange(len(start)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[start]
+        between = ring[start] + share[:, None] * (ring[start + 1] - ring[start])
+        point = frame.flat(np.concatenate([between, ring[-1:]]))
+    return _on_earth(point)
 
 
 def _on_earth(ring: FloatArray) -> FloatArray:
