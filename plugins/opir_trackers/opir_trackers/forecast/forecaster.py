@@ -16,6 +16,9 @@ from opir_trackers.forecast.vehicles import VehicleModel, vehicle_model
 #: A dark gap longer than this, s, is none: nothing new can come of a silent track.
 LONGEST_GAP_S = 90.0
 
+#: A silent track has a new forecast after this share of its silence: only the chance of a relight changes.
+_SILENT_SHARE = 0.5
+
 #: Probability of an orbit in which nothing burns any more that ends a track.
 _IN_ORBIT = 0.95
 
@@ -132,12 +135,13 @@ class Forecaster:
         )
 
     def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
-        """Return whether a track needs a new forecast: not one that nothing can change any more."""
+        """Return whether a track needs a new forecast: the longer it is silent, the less often; not for ever."""
         latest = self._latest.get(number)
         if latest is None or is_dark != latest.is_dark:
             return True
         since_s = tick_s - latest.tick_s
-        return since_s >= self._every_s - 1e-6 and silent_s - since_s < LONGEST_GAP_S
+        waits_s = max(self._every_s, _SILENT_SHARE * silent_s)
+        return since_s >= waits_s - 1e-6 and silent_s - since_s < LONGEST_GAP_S
 
     def _renew(self, rows: IntArray, tracks: Tracks, estimates: ModeEstimates, log: FloatArray) -> None:
         from opir_trackers.forecast.forecast import forecasts

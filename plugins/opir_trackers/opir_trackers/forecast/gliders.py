@@ -14,12 +14,13 @@ from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.lines_of_sight import earth_rotated
 
 #: Ratios of lift to drag about that of the class, shares of the reach, and standard deviation of the turn, rad.
-_LIFT, _SHARE, _TURN_RAD = (0.6, 1.6), (0.3, 1.1), np.radians(15.0)
+_LIFT, _SHARE, _TURN_RAD = (0.7, 1.45), (0.5, 1.1), np.radians(12.0)
 
 #: Gliders less probable than this, beside what falls, do not widen the regions of what falls.
 _LEAST = 0.25
 
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+#: Steps of an even sequence in three dimensions: powers of the inverse root of x⁴ = x + 1 (Kronecker's sequence).
+_STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 
 
 class GlideEnds(NamedTuple):
@@ -45,7 +46,7 @@ def reached(
     after = [outcomes.hypotheses[number].target_class for number in outcomes.columns("glide")]
     lifts = [one.after_burnout for one in after if one and isinstance(one.after_burnout, EquilibriumGlide)]
     count = len(state)
-    even = (np.arange(count)[:, None] * [_GOLDEN, _GOLDEN**2, _GOLDEN**3] + 0.5) % 1.0
+    even = (np.arange(count)[:, None] * _STEPS + 0.5) % 1.0
     pick = np.arange(count) % len(lifts)
     ratio = np.array([one.lift_to_drag for one in lifts])[pick] * _LIFT[0] * (_LIFT[1] / _LIFT[0]) ** even[:, 0]
     slow = np.array([one.final_speed_m_s for one in lifts])[pick]

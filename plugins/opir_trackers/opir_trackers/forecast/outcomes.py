@@ -1,8 +1,8 @@
 """How probable each hypothesis is for a particle, by where it comes down, or whether it stays in orbit or glides.
 
-The prior of a missile class is log-uniform in range between its limits. A class is the law of the vehicles given such a
-range: the particle's weight times the density of the class over the density of all boosts of that law at its range (the
-marginal law, kept in `vehicles.json`). A space launcher reaches orbit if the burns that remain suffice, but for
+The prior of a missile class is log-uniform in range between its limits. A class is the law of the vehicles given such
+a range: the particle's weight times the density of the class over the density of all boosts of that law at its range
+(the marginal law, kept in `vehicles.json`). A space launcher reaches orbit if the burns that remain suffice, but for
 failures, which are none of these. A glider's burn ends low and level.
 """
 

@@ -35,7 +35,7 @@ from opir_trackers.forecast.vehicles import (
 BURNING, OVER, AGAIN = 256, 192, 128
 
 #: Least share of the particles of each family: regions are mostly of missiles.
-_LEAST_SHARE = np.array([0.5, 0.1, 0.1])
+_LEAST_SHARE = np.array([0.5, 0.06, 0.04])
 
 #: Relights less probable than this, of all dark particles, get none.
 _LEAST_RELIGHT = 2e-3
@@ -106,7 +106,7 @@ def burning_particles(
     log += _staging_logs(log, prior, drawn.part.reshape(-1, BURNING), estimates.burn_share)
     family, source, weight = _allotted(log, prior)
     draw = np.tile(np.arange(BURNING), len(estimates))
-    return _with_later_burns(model, drawn, family, source, weight, draw, time_s - first_ignitions(history.as_burning()))
+    return _with_later_burns(model, drawn, family, source, weight, draw, time_s - history.as_burning().launch_s)
 
 
 class _DrawnBurns(NamedTuple):
@@ -160,15 +160,6 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
         for family, sums in enumerate(zip(total.swapaxes(0, 1), number.swapaxes(0, 1), strict=True))
     ]
     return _DrawnBurns(track, part.ravel(), state, force, since, stage, total, number, hot, before, laws)
-
-
-def first_ignitions(history: StageHistory) -> FloatArray:
-    """Return the times (n,) of the first ignitions, s: that of the last stage, less the burns and gaps before it."""
-    burn, gap = history.logs[:, :, BURN], history.logs[:, :, GAP]
-    before = np.sum(np.exp(np.where(np.isnan(burn), -np.inf, burn)), axis=1)
-    before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
-    start: FloatArray = np.where(history.is_dark, history.dark_since_s, history.ignition_s) - before
-    return start
 
 
 def _staging_logs(log: FloatArray, prior: FloatArray, part: IntArray, share: FloatArray) -> FloatArray:
@@ -369,7 +360,7 @@ def dark_particles(
     lots = draws()
     parts = [
         _free(known, ended, estimates, side, np.arange(OVER) + BURNING, np.arange(count)),
-        _again(model, known, relight, estimates, side, lots, dark_s, time_s - first_ignitions(over)),
+        _again(model, known, relight, estimates, side, lots, dark_s, time_s - over.launch_s),
     ]
     return Particles.concatenate(parts), relight / np.maximum(relight + ended, 1e-12)
 

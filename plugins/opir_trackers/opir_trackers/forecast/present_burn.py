@@ -18,9 +18,6 @@ CELLS, LONGEST = 16, 3.5
 #: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no stage.
 _LEAST_MASS, _LEAST_SHARE, _LEAST_FORCE = 0.02, 0.1, 0.5
 
-#: Power of the last acceleration over its bound in the odds against it.
-_SHARP = 8.0
-
 _MIDDLES = (np.arange(CELLS) + 0.5) / CELLS
 
 
@@ -69,12 +66,13 @@ def present_burns(
     used_up = np.where(rate > 1e-6, -np.expm1(-most[:, RATIO]) / np.maximum(rate, 1e-6), np.inf)
     longest = np.maximum(np.minimum(np.exp(most[:, BURN]), used_up), since_s + 1.0)
     burn = since_s[:, None] + (longest - since_s)[:, None] * _MIDDLES
-    left = np.log(np.maximum(1.0 - rate[:, None] * burn, _LEAST_MASS))
+    shrink = np.maximum(1.0 - rate[:, None] * burn, _LEAST_MASS)
+    left = np.log(shrink)
     one = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
     other = (-left - mean[:, RATIO, None]) / sigma[:, RATIO, None]
-    log = -0.5 * (one * one + other * other) - left
-    # Few structures bear more at the end of a burn.
-    log -= np.log1p((first[:, None] * np.exp(-left) / highest_m_s2) ** _SHARP)
+    # Few structures bear more at the end of a burn: odds by the eighth power of the last acceleration.
+    most_8 = np.square(np.square(np.square((first / highest_m_s2)[:, None] / shrink)))
+    log = -0.5 * (one * one + other * other) - left - np.log1p(most_8)
     top = log.max(axis=1)
     density = np.exp(log - top[:, None])
     total = density.sum(axis=1)

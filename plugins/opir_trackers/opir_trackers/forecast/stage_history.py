@@ -70,6 +70,15 @@ class StageHistory(Columns):
         dark: BoolArray = np.isfinite(self.dark_since_s)
         return dark
 
+    @property
+    def launch_s(self) -> FloatArray:
+        """Return the times (n,) of the first ignitions, s: the last stage's, less the burns and gaps before it."""
+        burn, gap = self.logs[:, :, BURN], self.logs[:, :, GAP]
+        before = np.sum(np.exp(np.where(np.isnan(burn), -np.inf, burn)), axis=1)
+        before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
+        start: FloatArray = np.where(self.is_dark, self.dark_since_s, self.ignition_s) - before
+        return start
+
     def of(self, number: IntArray, tick_s: float) -> "StageHistory":
         """Return the histories of tracks with these numbers, in this order; unknown ones are new."""
         row = np.searchsorted(self.number, number)
