@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from attrs import frozen
-from foreign_flights import AXIS, MU, RADIUS_M, STEP_S, Boost, ecef, geodetic
+from attrs import field, frozen
+from foreign_flights import MU, RADIUS_M, SPIN, STEP_S, Boost, ecef, geodetic
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel, vehicle_model
 from scipy.integrate import solve_ivp
@@ -71,17 +71,32 @@ class PriorBoost(Boost):
     """A boost whose thrust is that of a program, in the plane of its launch."""
 
     program: Program | None = None
+    aside: tuple[float, ...] = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        object.__setattr__(self, "aside", tuple(np.cross(self.ahead, self.up).tolist()))
 
     def rates(
         self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
     ) -> np.ndarray:
         """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
-        size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0)) if first else 0.0
-        central = -MU / np.linalg.norm(state[:3]) ** 3 * state[:3]
-        turning = -2.0 * np.cross(AXIS, state[3:]) - np.cross(AXIS, np.cross(AXIS, state[:3]))
-        return np.concatenate(
-            [state[3:], central + turning + (size * self._unit(time_s, state, size) if size else 0.0)]
+        x, y, z, fast_x, fast_y, fast_z = state.tolist()
+        pull, turn = -MU / (x * x + y * y + z * z) ** 1.5, SPIN * SPIN
+        rates = np.array(
+            [
+                fast_x,
+                fast_y,
+                fast_z,
+                (pull + turn) * x + 2.0 * SPIN * fast_y,
+                (pull + turn) * y - 2.0 * SPIN * fast_x,
+                pull * z,
+            ]
         )
+        if first:
+            size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0))
+            rates[3:] += size * self._unit(time_s, state, size)
+        return rates
 
     def _unit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
         """Return the direction of the thrust."""
@@ -92,14 +107,16 @@ class PriorBoost(Boost):
         if program.orbit_m is not None:
             return self._to_orbit(time_s, state, size)
         unit, lead = state[3:] / speed, program.lead(time_s)
-        return np.cos(lead) * unit + np.sin(lead) * np.cross(unit, np.cross(self.ahead, self.up))
+        (x, y, z), (aside_x, aside_y, aside_z) = unit.tolist(), self.aside
+        below = np.array([y * aside_z - z * aside_y, z * aside_x - x * aside_z, x * aside_y - y * aside_x])
+        return np.cos(lead) * unit + np.sin(lead) * below
 
     def _to_orbit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
         """Return the direction that ends at the height of the orbit without climbing: a climb linear in the time."""
         assert self.program
         assert self.program.orbit_m
         radius = float(np.linalg.norm(state[:3]))
-        up, inertial = state[:3] / radius, state[3:] + np.cross(AXIS, state[:3])
+        up, inertial = state[:3] / radius, _inertial(state)
         climb = float(inertial @ up)
         level_m_s = np.linalg.norm(inertial - climb * up)
         ahead = state[3:] - climb * up
@@ -217,6 +234,11 @@ def _with_fall(program: Program, boost: PriorBoost, rows: list[np.ndarray]) -> P
     return PriorFlight(table, burnt_s, boost.launch, impact, kind, range_m)
 
 
+def _inertial(state: np.ndarray) -> np.ndarray:
+    """Return the inertial velocity, along the axes of the rotating Earth."""
+    return state[3:] + SPIN * np.array([-state[1], state[0], 0.0])
+
+
 def _ground(_time_s: float, state: np.ndarray, *_: float) -> float:
     return geodetic(state[:3])[2]
 
@@ -233,8 +255,7 @@ _below_ground.terminal, _below_ground.direction = True, -1.0  # type: ignore[att
 
 def _fast_enough(_time_s: float, state: np.ndarray, *_: float) -> float:
     """Return the speed beyond that of a circular orbit: where it is reached, the burn ends."""
-    inertial = state[3:] + np.cross(AXIS, state[:3])
-    return float(np.linalg.norm(inertial) - np.sqrt(MU / np.linalg.norm(state[:3])))
+    return float(np.linalg.norm(_inertial(state)) - np.sqrt(MU / np.linalg.norm(state[:3])))
 
 
 _fast_enough.terminal, _fast_enough.direction = True, 1.0  # type: ignore[attr-defined]
