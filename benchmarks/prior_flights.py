@@ -1,9 +1,11 @@
 """Flights drawn from the tracker's own prior of boosts, flown by SciPy over the rotating Earth, as tables.
 
-Vehicles are those of its law of stages (`opir_trackers.forecast.vehicles`), all that is taken from the tracker.
+Vehicles are those of its law of stages (`opir_trackers.forecast.vehicles`), sites and clouds those of `launch_points`:
+all that is taken from the tracker.
 Missiles are kept so that their ranges are log-uniform over the ranges of all classes, as the prior's. Space launchers
 are steered to a circular orbit; those whose burns do not suffice are drawn again, and some are cut off early, as
-failures. Gliders, and what is none of these, are left out. Where a flight starts is uniform.
+failures. Gliders, and what is none of these, are left out. Where a flight starts is uniform. Half of the flights are
+hidden by clouds at first: they do not burn in the table before a uniform time.
 """
 
 from collections.abc import Callable
@@ -11,10 +13,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from attrs import frozen
-from foreign_flights import AXIS, MU, RADIUS_M, STEP_S, Boost, ecef, geodetic
+from attrs import field, frozen
+from foreign_flights import MU, RADIUS_M, SPIN, STEP_S, Boost, ecef, geodetic
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel, vehicle_model
+from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITE_M
 from scipy.integrate import solve_ivp
 
 #: Free flight is followed for so long, s: what has not come down then is in orbit.
@@ -32,8 +35,8 @@ KINDS = ((1e6, "SRBM"), (5.5e6, "IRBM"), (np.inf, "ICBM"))
 class Program(NamedTuple):
     """The thrust of a boost: its stages, vertical rise, and by how much, rad, it leads the velocity downwards.
 
-    `orbit_m` is the height of the orbit to which it is steered instead, `cut_off` the share of the time to the last
-    burnout after which it fails.
+    `site_m` is the height of the launch site above the ellipsoid, `orbit_m` that of the orbit to which it is steered
+    instead, `cut_off` the share of the time to the last burnout after which it fails.
     """
 
     burn_s: np.ndarray
@@ -42,6 +45,7 @@ class Program(NamedTuple):
     gap_s: np.ndarray
     rise_s: float
     lead: Callable[[float], float]
+    site_m: float = 0.0
     orbit_m: float | None = None
     cut_off: float = 1.0
 
@@ -49,7 +53,7 @@ class Program(NamedTuple):
 class PriorFlight(NamedTuple):
     """A flight: rows of time since ignition, ECEF state and burning; burnout s, launch, impact (rad), class by range.
 
-    `impact` is None for what stays in orbit.
+    `impact` is None for what stays in orbit. It is not seen before `hidden_s`, s after ignition.
     """
 
     table: np.ndarray
@@ -58,12 +62,21 @@ class PriorFlight(NamedTuple):
     impact: tuple[float, float] | None
     kind: str
     range_m: float
+    hidden_s: float = 0.0
+
+    @property
+    def seen_s(self) -> float:
+        """Return the time since ignition from which the flight is seen, s; inf for one that is never."""
+        seen = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
+        return float(np.min(self.table[seen, 0], initial=np.inf))
 
     def write(self, path: Path) -> None:
-        """Write the table as the target model `table` reads it."""
+        """Write the table as the target model `table` reads it, dark where the flight is hidden."""
         head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
         form = ["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"]
-        np.savetxt(path, self.table, delimiter=",", header=head, comments="", fmt=form)
+        rows = self.table.copy()
+        rows[rows[:, 0] < self.hidden_s, 7] = 0.0
+        np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt=form)
 
 
 @frozen(eq=False)
@@ -71,17 +84,32 @@ class PriorBoost(Boost):
     """A boost whose thrust is that of a program, in the plane of its launch."""
 
     program: Program | None = None
+    aside: tuple[float, ...] = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        object.__setattr__(self, "aside", tuple(np.cross(self.ahead, self.up).tolist()))
 
     def rates(
         self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
     ) -> np.ndarray:
         """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
-        size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0)) if first else 0.0
-        central = -MU / np.linalg.norm(state[:3]) ** 3 * state[:3]
-        turning = -2.0 * np.cross(AXIS, state[3:]) - np.cross(AXIS, np.cross(AXIS, state[:3]))
-        return np.concatenate(
-            [state[3:], central + turning + (size * self._unit(time_s, state, size) if size else 0.0)]
+        x, y, z, fast_x, fast_y, fast_z = state.tolist()
+        pull, turn = -MU / (x * x + y * y + z * z) ** 1.5, SPIN * SPIN
+        rates = np.array(
+            [
+                fast_x,
+                fast_y,
+                fast_z,
+                (pull + turn) * x + 2.0 * SPIN * fast_y,
+                (pull + turn) * y - 2.0 * SPIN * fast_x,
+                pull * z,
+            ]
         )
+        if first:
+            size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0))
+            rates[3:] += size * self._unit(time_s, state, size)
+        return rates
 
     def _unit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
         """Return the direction of the thrust."""
@@ -92,14 +120,16 @@ class PriorBoost(Boost):
         if program.orbit_m is not None:
             return self._to_orbit(time_s, state, size)
         unit, lead = state[3:] / speed, program.lead(time_s)
-        return np.cos(lead) * unit + np.sin(lead) * np.cross(unit, np.cross(self.ahead, self.up))
+        (x, y, z), (aside_x, aside_y, aside_z) = unit.tolist(), self.aside
+        below = np.array([y * aside_z - z * aside_y, z * aside_x - x * aside_z, x * aside_y - y * aside_x])
+        return np.cos(lead) * unit + np.sin(lead) * below
 
     def _to_orbit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
         """Return the direction that ends at the height of the orbit without climbing: a climb linear in the time."""
         assert self.program
         assert self.program.orbit_m
         radius = float(np.linalg.norm(state[:3]))
-        up, inertial = state[:3] / radius, state[3:] + np.cross(AXIS, state[:3])
+        up, inertial = state[:3] / radius, _inertial(state)
         climb = float(inertial @ up)
         level_m_s = np.linalg.norm(inertial - climb * up)
         ahead = state[3:] - climb * up
@@ -118,7 +148,9 @@ def drawn_flights_of_prior(rng: np.random.Generator, count: int) -> list[PriorFl
     missile, orbit = (model.data["groups"][name] for name in ("missile", "orbit"))
     missiles = int(np.round(count * missile / (missile + orbit)))
     flights = [*_missiles(model, rng, missiles), *_launchers(model, rng, count - missiles)]
-    return [flights[row] for row in rng.permutation(count)]
+    hidden_s = np.where(rng.random(count) < AT_ONCE, 0.0, rng.uniform(0.0, BEFORE_S, count)).tolist()
+    order = rng.permutation(count)
+    return [flights[row]._replace(hidden_s=late_s) for row, late_s in zip(order, hidden_s, strict=True)]
 
 
 def _missiles(model: VehicleModel, rng: np.random.Generator, count: int) -> list[PriorFlight]:
@@ -170,13 +202,13 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
     steering = drawn_steering(1, model.data, int(rng.integers(2**31)))
     lead = lambda time_s: float(steering.leads(np.array([time_s]))[0])  # noqa: E731
     burn_s, first = np.exp(drawn[:, BURN]), np.exp(drawn[:, FORCE])
-    return Program(burn_s, first, np.exp(ratio), gap_s, float(steering.rise_s[0]), lead)
+    return Program(burn_s, first, np.exp(ratio), gap_s, float(steering.rise_s[0]), lead, SITE_M * rng.normal())
 
 
 def flown(program: Program, launch: tuple[float, float], azimuth: float) -> PriorFlight | None:
     """Return the flight of a program from a place; None where it falls back to the ground in its burn."""
     boost = PriorBoost(*program[:4], program.rise_s, 0.0, launch, azimuth, program=program)
-    state, now, rows = np.concatenate([ecef(*launch), 1e-3 * boost.up]), 0.0, []
+    state, now, rows = np.concatenate([ecef(*launch) + program.site_m * boost.up, 1e-3 * boost.up]), 0.0, []
     exact: dict[str, Any] = {"method": "RK45", "rtol": 1e-8, "atol": 1e-4, "dense_output": True}
     end_s = program.cut_off * float(program.burn_s.sum() + program.gap_s.sum())
     for one, two, *stage in boost.legs():
@@ -217,6 +249,11 @@ def _with_fall(program: Program, boost: PriorBoost, rows: list[np.ndarray]) -> P
     return PriorFlight(table, burnt_s, boost.launch, impact, kind, range_m)
 
 
+def _inertial(state: np.ndarray) -> np.ndarray:
+    """Return the inertial velocity, along the axes of the rotating Earth."""
+    return state[3:] + SPIN * np.array([-state[1], state[0], 0.0])
+
+
 def _ground(_time_s: float, state: np.ndarray, *_: float) -> float:
     return geodetic(state[:3])[2]
 
@@ -225,7 +262,7 @@ _ground.terminal, _ground.direction = True, -1.0  # type: ignore[attr-defined]
 
 
 def _below_ground(time_s: float, state: np.ndarray, *_: float) -> float:
-    return _ground(time_s, state) + 20.0
+    return _ground(time_s, state) + 5.0 * SITE_M
 
 
 _below_ground.terminal, _below_ground.direction = True, -1.0  # type: ignore[attr-defined]
@@ -233,8 +270,7 @@ _below_ground.terminal, _below_ground.direction = True, -1.0  # type: ignore[att
 
 def _fast_enough(_time_s: float, state: np.ndarray, *_: float) -> float:
     """Return the speed beyond that of a circular orbit: where it is reached, the burn ends."""
-    inertial = state[3:] + np.cross(AXIS, state[:3])
-    return float(np.linalg.norm(inertial) - np.sqrt(MU / np.linalg.norm(state[:3])))
+    return float(np.linalg.norm(_inertial(state)) - np.sqrt(MU / np.linalg.norm(state[:3])))
 
 
 _fast_enough.terminal, _fast_enough.direction = True, 1.0  # type: ignore[attr-defined]

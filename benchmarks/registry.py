@@ -169,7 +169,7 @@ BENCHMARKS = (
         needs=("opir_kafka", "confluent_kafka"),
     ),
     Benchmark(
-        "coverage", "What do the default constellations see of the Earth?", "coverage.py", words("--step-s 43200")
+        "coverage", "What do the default constellations see of the Earth?", "earth_coverage.py", words("--step-s 43200")
     ),
     Benchmark(
         "first_detection",

@@ -7,7 +7,9 @@ its rank in the reported distribution is uniform if the tracker computes with th
 is a scene of its own with two SBIRS-GEO. Ranks are taken at times since the first detection, for a time that depends on
 the truth, as burnout does, would say more than the tracker knows. They are the reported distribution's share below the
 truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit) and the probability
-that the burn is over are compared, in bins, with the shares of which they are true.
+that the burn is over are compared, in bins, with the shares of which they are true. A launch point is a mixture over
+launch times, of which the moments are reported: ranks are those in the mixture, and the moments have a figure of
+their own, the mean square of the error of the launch time over its variance.
 """
 
 import argparse
@@ -22,7 +24,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from opir_scoring import ground_error, regions_given
+from foreign_flights import directions, ecef
+from opir_scoring import regions_given
+from opir_trackers import launch_points
 from prior_flights import PriorFlight, drawn_flights_of_prior
 from result_files import markdown_table, write_csv
 from scipy.stats import chi2, norm
@@ -33,8 +37,11 @@ from opir_core.interfaces import TRACK_CONTAINMENTS
 EPOCH, START_S = "2026-04-01T18:00:00Z", 10.0
 #: Times since the first detection, s.
 MARKS_S = (30.0, 90.0, 180.0)
+#: Time within which a burn is detected, and between forecasts: half as many as by default, s.
+LATEST_S, REGIONS_EVERY_S = 2.0, 10.0
 #: Quantities whose ranks are uniform numbers, one whose ranks are cells, and probabilities.
 RANKED = ("launch east", "launch north", "launch time", "burnout time")
+LAUNCH, SQUARE = RANKED[:3], "launch time: squared error over variance"
 IMPACT, ORBIT, OVER = "impact region", "P(orbit)", "P(burn over)"
 #: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and outside.
 CELLS = np.diff([0.0, *TRACK_CONTAINMENTS, 1.0])
@@ -63,6 +70,40 @@ class Rank(NamedTuple):
     is_true: bool = False
 
 
+class Mixture(NamedTuple):
+    """The mixture of one launch point: places (3, m), covariances (3, 3, m), times (m,) and probabilities (m,)."""
+
+    place: np.ndarray
+    covariance: np.ndarray
+    when: np.ndarray
+    chance: np.ndarray
+
+    def ranks(self, launch: tuple[float, float]) -> tuple[float, float, float]:
+        """Return the shares east, north and later of a launch at `START_S`."""
+        apart = ecef(*launch)[:, None] - self.place
+        sides = [
+            float(norm.cdf(axis @ apart / np.sqrt(np.einsum("i,ijm,j->m", axis, self.covariance, axis))) @ self.chance)
+            for _, axis in (directions(launch, 0.5 * np.pi), directions(launch, 0.0))
+        ]
+        edges_s = launch_points.EDGES_S
+        before_s = self.when[0] + 0.5 * (edges_s[0] + edges_s[1]) - START_S
+        return (*sides, 1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(self.chance)))))
+
+
+MOMENTS = launch_points.moment_matched
+#: The mixtures of a run by their mean times.
+MIXTURES = dict[float, Mixture]()
+
+
+def recorded_moments(place: np.ndarray, covariance: np.ndarray, when: np.ndarray, chance: np.ndarray) -> Any:
+    """Return the moments of mixtures (n, m) as the tracker works them out, and keep the mixtures."""
+    points, spread = MOMENTS(place, covariance, when, chance)
+    own = place.reshape(3, *chance.shape), covariance.reshape(3, 3, *chance.shape), when.reshape(chance.shape)
+    for row, mean_s in enumerate(points[:, 2].tolist()):
+        MIXTURES[mean_s] = Mixture(own[0][:, row], own[1][:, :, row], own[2][row], chance[row])
+    return points, spread
+
+
 def scene_of(flight: PriorFlight, path: Path, seed: int) -> opir.Scene:
     """Return the scene of a flight, its table written to a file."""
     flight.write(path)
@@ -72,11 +113,11 @@ def scene_of(flight: PriorFlight, path: Path, seed: int) -> opir.Scene:
         {
             "scene": "calibration",
             "epoch": EPOCH,
-            "duration_s": START_S + MARKS_S[-1] + 30.0,
+            "duration_s": float(np.ceil(START_S + flight.seen_s + MARKS_S[-1] + LATEST_S)),
             "seed": seed,
             "sensors": [{"model": "SBIRS-GEO", "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots],
             "targets": [{"id": "T", "model": "table", "type": flight.kind, "file": str(path), "start_s": START_S}],
-            "tracker": "imm",
+            "tracker": {"model": "imm", "regions_every_s": REGIONS_EVERY_S},
         }
     )
 
@@ -84,6 +125,10 @@ def scene_of(flight: PriorFlight, path: Path, seed: int) -> opir.Scene:
 def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
     """Return the ranks of a flight's truth at the marks."""
     flight, seed = task
+    if flight.seen_s > flight.burnout_s:
+        return []
+    MIXTURES.clear()
+    launch_points.moment_matched = recorded_moments
     with tempfile.TemporaryDirectory() as folder:
         run = opir.run_of_plan(opir.compile_plan(scene_of(flight, Path(folder, "flight.csv"), seed)))
     tracks, seen = run.tracks, run.truth.target == 0
@@ -100,14 +145,15 @@ def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
 
 def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Rank]:
     """Yield the ranks of what a track reports; of nothing that it does not."""
-    away = -ground_error(track.launch, np.array([[*flight.launch, 0.0]]))[0]
-    late_s = START_S - track.launch[0, 2]
-    burnt_s = START_S + flight.burnout_s - track.burnout[0, 6]
-    sigma = np.sqrt(np.diagonal(track.launch_covariance[0]))
-    sigmas = [*sigma, np.sqrt(track.burnout_covariance[0, 6, 6])]
-    for name, error, spread in zip(RANKED, [*away, late_s, burnt_s], sigmas, strict=True):
-        if np.isfinite(error) and spread > 0.0:
-            yield Rank(mark, name, float(norm.cdf(error / spread)))
+    launch_s, variance = float(track.launch[0, 2]), float(track.launch_covariance[0, 2, 2])
+    if np.isfinite(launch_s):
+        mixture = MIXTURES[min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))]
+        yield from (Rank(mark, *one) for one in zip(LAUNCH, mixture.ranks(flight.launch), strict=True))
+        yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / variance)
+    error_s = START_S + flight.burnout_s - float(track.burnout[0, 6])
+    sigma_s = float(np.sqrt(track.burnout_covariance[0, 6, 6]))
+    if np.isfinite(error_s) and sigma_s > 0.0:
+        yield Rank(mark, RANKED[-1], float(norm.cdf(error_s / sigma_s)))
     regions, is_over = track.impact_regions[0], float(track.tick_s[0]) >= START_S + flight.burnout_s
     given = regions_given(regions, is_over) if regions else []
     if given and flight.impact:

@@ -120,12 +120,14 @@ class ThrustConfig:
         source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
         help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
     )
-    jerk_noise_m_s3: float = number(
-        default=0.1,
-        unit="m/s³/√s",
+    launch_noise_m_s2: float = number(
+        default=0.25,
+        unit="m/s²/√s",
         minimum=0.0,
         maximum=1000.0,
-        help="process-noise density of the jerk on a path followed back to its launch",
+        source="a cubic through the true motion of 150 flights of the tracker's prior, followed back to the launch"
+        " over 20 to 80 s, misses the velocity as 0.14 to 0.4 would; notional",
+        help="process-noise density of the force on a path followed back to its launch",
     )
 
 

@@ -76,6 +76,12 @@ class Biases:
             return lines
         return evolve(lines, sigma_rad=np.hypot(lines.sigma_rad, self.sigma_rad[lines.sensor]))
 
+    def ranges_m(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
+        """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see them."""
+        apart = position_m[:, None] - self.geometry(time_s, seen)[0]
+        distance = np.sqrt(np.sum(apart * apart, axis=2))
+        return np.asarray(np.sum(distance * seen, axis=1) / np.maximum(seen.sum(axis=1), 1))
+
     def covariance(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
         """Return the covariance (n, 3, 3), m², of inertial positions (n, 3) due to biases.
 

@@ -39,13 +39,13 @@ from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
-from opir_trackers.launch_points import LaunchPoints, launches, updated_points
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, no_measurements
+from opir_trackers.launch_points import LaunchPoints, LaunchPrior, delays_at_once, launches, updated_points
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s, no_measurements
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr
-from opir_trackers.track_priors import filter_of, prior_estimates, standing_estimates
+from opir_trackers.track_priors import filter_of, prior_estimates, prior_paths, standing_estimates
 from opir_trackers.triangulation import FAR_M
 
 #: The launch point is estimated for tracks no older than this, s.
@@ -247,15 +247,13 @@ class ImmTracking:
         if not len(young):
             return now
         table, estimates = now.table.part(young), now.estimates.part(young)
-        predicted, noise = (
-            self.association.predicted_measurements(estimates, now.time_s),
-            self.config.thrust.jerk_noise_m_s3,
-        )
-        unbiased = not self.biases.any
-        biased = (
-            None if unbiased else self.biases.covariance(estimates.likelier_position_m, now.time_s, table.reports >= 0)
-        )
-        points = launches(predicted, table.first_s, self._longest_of_sensors(self.period_s, table), noise, biased)
+        predicted, thrust = self.association.predicted_measurements(estimates, now.time_s), self.config.thrust
+        place, seen = estimates.likelier_position_m, table.reports >= 0
+        biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
+        first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
+        at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
+        prior = LaunchPrior(at_once, prior_paths(predicted, first_s, seen.sum(axis=1) < 2, thrust))
+        points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
         return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)

@@ -1,6 +1,6 @@
 """Coverage of the default constellations: by latitude, over a day.
 
-    python benchmarks/coverage.py [--step-s 300] [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/earth_coverage.py [--step-s 300] [--write docs/benchmarks] [--from-csv docs/benchmarks]
 
 Targets 20 km up, every 4 degrees of latitude and 30 of longitude, and every satellite of a fleet, through the engine's
 own test of visibility. A place is covered while at least one satellite of the fleet sees it. `--write` puts the page,
