@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.estimation import COAST, Motion, dot
-from opir_core.flight import Drag, Forces, forces_of
+from opir_core.flight import Drag, Forces, forces_of, height_and_up
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
 from opir_trackers.filter.burn_modes import FreeBurn, NewStage
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
@@ -25,6 +25,9 @@ FIRST_FORCE_M_S2 = 20.0
 #: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the velocity over the
 #: ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s² upwards, a third of it across. Notional.
 FIRST_CLIMB_M_S, _SPEEDS_M_S = 150.0, (200.0, 200.0, 300.0)
+
+#: Prior standard deviation of the position of a candidate of several sensors, on each axis, m.
+FARTHER_M = 20e3
 
 #: Prior probability that a new target is burning.
 _BURN_PROBABILITY = 0.98
@@ -154,13 +157,41 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
-    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [20e3, 20e3, 20e3])
+    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [FARTHER_M] * 3)
     shift = HIGHER_M / np.maximum(candidates.sine, GRAZING_SINE)
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
-    place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
-    speed = SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height)
-    return place, np.where(alone[:, None], _SPEEDS_M_S, speed[:, None])
+    place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, FARTHER_M)
+    return place, np.where(alone[:, None], _SPEEDS_M_S, _speed_sigmas(height)[:, None])
+
+
+def _speed_sigmas(height_m: FloatArray) -> FloatArray:
+    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height_m)
+    return speed
+
+
+def prior_paths(
+    predicted: PredictedMeasurements, first_s: FloatArray, alone: BoolArray, thrust: ThrustConfig
+) -> PredictedMeasurements:
+    """Return the prior of motion (n,) about first detections at `first_s` (n,), which are time 0 of the result.
+
+    It is that of `prior_estimates` about the positions of a prediction; `alone` (n,) marks tracks of one sensor.
+    """
+    count = len(first_s)
+    position = predicted.positions(np.arange(count), first_s)
+    radius = np.sqrt(dot(position, position))
+    height, up = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)
+    path, sigma = np.zeros((count, 5, 3)), np.empty((count, 4, 3))
+    path[:, 0] = position
+    path[:, 1, 0], path[:, 1, 1] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
+    path[:, 1] += np.where(alone, FIRST_CLIMB_M_S, 0.0)[:, None] * up.T
+    path[:, 2] = FIRST_FORCE_M_S2 * up.T - EARTH_MU_M3_S2 / radius[:, None] ** 3 * position
+    path[:, 3] = thrust.growth_per_s * FIRST_FORCE_M_S2 * up.T
+    sigma[:, 0] = np.where(alone, HIGHER_M, FARTHER_M)[:, None]
+    sigma[:, 1] = np.where(alone, _SPEEDS_M_S[2], _speed_sigmas(np.maximum(height, 0.0)))[:, None]
+    sigma[:, 2] = thrust.force_sigma_m_s2
+    sigma[:, 3] = np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * thrust.force_sigma_m_s2)
+    return PredictedMeasurements(0.0, path, sigma.reshape(count, 12, 1) * np.eye(12))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

@@ -52,7 +52,8 @@ def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
     rng = np.random.default_rng(seed)
 
     def uniform(name: str) -> FloatArray:
-        return rng.uniform(*data[name], count)
+        low, high = data[name]
+        return low + (high - low) * rng.random(count)
 
     def log_uniform(name: str) -> FloatArray:
         low, high = data[name]

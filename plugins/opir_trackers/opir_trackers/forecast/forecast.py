@@ -224,6 +224,7 @@ def _gathered(
     # What is none of these comes down anywhere, or not: it has no region.
     ballistic = np.isfinite(fates.when_s) & (particles.family != NONE)
     falls = np.where(ballistic, weight.sum(axis=1) - orbit - glide, 0.0)
+    sums: Any = np.bincount
     found = Forecasts(
         given,
         np.full((count, 3), np.nan),
@@ -231,9 +232,9 @@ def _gathered(
         np.full((count, 3), np.nan),
         np.empty(count, dtype=np.object_),
         burning,
-        np.bincount(particles.track, weight.sum(axis=1) * (particles.lit == 2), count),
-        np.bincount(particles.track, falls + glide, count),
-        np.bincount(particles.track, orbit * (particles.lit == 0), count),
+        sums(particles.track, weight.sum(axis=1) * (particles.lit == 2), count),
+        sums(particles.track, falls + glide, count),
+        sums(particles.track, orbit * (particles.lit == 0), count),
     )
     edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()
     for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
@@ -320,7 +321,7 @@ def _tilts() -> FloatArray:
     """Return angles (STAGES, STEPS, draws, 2), rad: Gauss-Markov processes from step to step that begin at 0."""
     rng = np.random.default_rng(2)
     size = BURNING + OVER + AGAIN
-    sigma = np.exp(rng.uniform(*np.log(TILT_RAD), size))[:, None]
+    sigma = (TILT_RAD[0] * (TILT_RAD[1] / TILT_RAD[0]) ** rng.random(size))[:, None]
     noise = rng.normal(size=(STAGES * STEPS, size, 2))
     tilt = np.zeros_like(noise)
     for step in range(len(tilt)):

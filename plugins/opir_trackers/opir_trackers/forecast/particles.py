@@ -156,7 +156,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     before = before + np.log(np.maximum(model.more(stage), 1e-12))
     highest = model.data["highest_m_s2"]
     laws = [
-        present_burns(force, state[:, 9], since, *model.law(np.int64(family), stage, *sums), highest)
+        present_burns(force, state[:, 9], since, *model.law(np.array(family), stage, *sums), highest)
         for family, sums in enumerate(zip(total.swapaxes(0, 1), number.swapaxes(0, 1), strict=True))
     ]
     return _DrawnBurns(track, part.ravel(), state, force, since, stage, total, number, hot, before, laws)

@@ -9,7 +9,7 @@ stage is that of B, A and the ratio; in terms of force, growth and B, its densit
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO
 
 #: Cells of the burn time between now and its longest value, and that value in standard deviations of its law.
@@ -36,7 +36,7 @@ class PresentBurns:
     log_evidence: FloatArray
     cells: FloatArray
 
-    def burn_s(self, rows: FloatArray, share: FloatArray) -> FloatArray:
+    def burn_s(self, rows: IntArray, share: FloatArray) -> FloatArray:
         """Return burn times (m,) of particles `rows` at quantiles `share` (m,) of their laws."""
         total = np.cumsum(self.cells[rows], axis=1)
         cell = np.minimum(np.sum(total < share[:, None], axis=1), CELLS - 1)

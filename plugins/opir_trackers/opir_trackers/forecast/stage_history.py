@@ -81,6 +81,8 @@ class StageHistory(Columns):
 
     def of(self, number: IntArray, tick_s: float) -> "StageHistory":
         """Return the histories of tracks with these numbers, in this order; unknown ones are new."""
+        if len(self.number) == len(number) and not np.count_nonzero(self.number != number):
+            return self
         row = np.searchsorted(self.number, number)
         row = np.minimum(row, max(len(self.number) - 1, 0))
         known = self.number[row] == number if len(self.number) else np.zeros(len(number), dtype=np.bool_)
@@ -113,19 +115,26 @@ class StageHistory(Columns):
         burning, staging = estimates.weight[:, 0] > 0.5, estimates.burn_share[:, 1]
         force = force_along(estimates.burn_mean[:, 0])
         then = self._with_launches(burning, launch_s, launch_sigma_s)
-        then = then._relit(burning & then.is_dark, tick_s, pause_s)
-        long = then.steady_s - then.ignition_s > LEAST_BURN_S
-        staged = burning & long & (self.staging > _STAGED) & (staging < _STEADY) & (force < DROP * self.force)
-        then = then._staged(staged)
+        lit = burning & then.is_dark
+        if np.count_nonzero(lit):
+            then = then._relit(lit, tick_s, pause_s)
+        staged = burning & (self.staging > _STAGED) & (staging < _STEADY)
+        if np.count_nonzero(staged):
+            long = then.steady_s - then.ignition_s > LEAST_BURN_S
+            then = then._staged(staged & long & (force < DROP * self.force))
         steady = burning & (staging < _STEADY) & (silent_s < np.maximum(_FRESH_S, 3.0 * pause_s))
-        then = evolve(
-            then,
-            force=np.where(steady, force, then.force),
-            growth=np.where(steady, estimates.burn_mean[:, 0, 9], then.growth),
-            steady_s=np.where(steady, tick_s, then.steady_s),
-            staging=staging,
+        then = StageHistory(
+            then.number,
+            then.logs,
+            then.ignition_s,
+            then.ignition_sigma_s,
+            then.dark_since_s,
+            np.where(steady, force, then.force),
+            np.where(steady, estimates.burn_mean[:, 0, 9], then.growth),
+            np.where(steady, tick_s, then.steady_s),
+            staging,
         )
-        out = np.flatnonzero(~burning & ~then.is_dark)
+        out = (~burning & ~then.is_dark).nonzero()[0]
         if not len(out):
             return then
         since_s = then.dark_since_s.copy()
@@ -133,7 +142,9 @@ class StageHistory(Columns):
         return evolve(then.with_end(out, since_s[out]), dark_since_s=since_s)
 
     def _with_launches(self, burning: BoolArray, launch_s: FloatArray, sigma_s: FloatArray) -> "StageHistory":
-        first = burning & (self.done == 0) & np.isfinite(launch_s)
+        first = burning & np.isnan(self.logs[:, 0, BURN]) & np.isfinite(launch_s)
+        if not np.count_nonzero(first):
+            return self
         sigma = np.where(first, np.maximum(np.nan_to_num(sigma_s), 0.3), self.ignition_sigma_s)
         return evolve(self, ignition_s=np.where(first, launch_s, self.ignition_s), ignition_sigma_s=sigma)
 
