@@ -4,7 +4,7 @@ from math import erf
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import TARGET_TYPES
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.forecast.vehicles import vehicle_model
@@ -28,3 +28,12 @@ def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     chance[unknown] = 0.0
     chance[unknown, UNKNOWN_TYPE] = 1.0
     return chance
+
+
+def class_codes(range_m: FloatArray) -> IntArray:
+    """Return codes (n,) into `TARGET_TYPES` of the classes of ranges."""
+    least_km = vehicle_model().data["least_ranges_km"]
+    order = np.array([TARGET_TYPES.index(name) for name in least_km])
+    edges = 1e3 * np.array(list(least_km.values())[1:])
+    codes: IntArray = order[np.searchsorted(edges, range_m, side="right")]
+    return codes

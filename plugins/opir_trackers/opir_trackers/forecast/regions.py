@@ -4,7 +4,9 @@ The density is a sum of normal kernels (Silverman, "Density Estimation for Stati
 width n^(-1/6) for n points in a plane, in axes in which the points have unit covariance), the level that of the
 weighted quantile of the density at the points (Hyndman, "Computing and graphing highest density regions", American
 Statistician 50(2), 1996). Kernels are wider where points are few, by the inverse root of a first density (Abramson, "On
-bandwidth variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a long burn have long tails.
+bandwidth variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a long burn have long tails. What
+burns on spreads in proportion to its range: where all points lie in one direction, kernels are normal in the logarithm
+of the distance and in bearing, and levels are of the density on the ground.
 """
 
 from itertools import pairwise
@@ -110,39 +112,51 @@ def regions(
     )
     plane = chart.points(place)
     frame = Plane() if origin is None else coordinates(plane, weight)
-    curved = frame.curved(plane)
-    mean = weight @ curved
-    away = curved - mean
-    spread = (weight[:, None] * away).T @ away
-    least = LEAST_M**2 / frame.stretch(mean)
-    variance, axes = (
-        np.linalg.eigh(spread + least * np.eye(2)) if type(frame) is Plane else (spread.diagonal(), np.eye(2))
-    )
-    turned = away @ axes
-    scale = np.maximum(_robust_sigmas(turned, weight, np.sqrt(variance)), np.sqrt(least))
-    unit = turned / scale
-    width = float(np.sum(weight * weight) ** (1.0 / 6.0))
-    squares = _squared_distances(unit)
-    pilot = _density(squares, np.full(len(unit), width), weight)
-    mean_log = weight @ np.log(pilot)
-    widths = width * np.clip(np.sqrt(np.exp(mean_log) / pilot), *_LOCAL)
-    x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
-    along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
-    nodes = mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * scale) @ axes.T
-    density = (along * weight) @ across.T / frame.stretch(nodes)
-    at = _density(squares, widths, weight) / frame.stretch(curved)
-    order = np.argsort(-at, kind="stable")
-    held = np.cumsum(weight[order])
-    levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
-    generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
+    contours = _Contours(frame, frame.curved(plane), weight)
     found = []
-    for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
-        shapes = _filled(generator, level)
-        polygons = [[_outline(frame, mean + (ring * scale) @ axes.T) for ring in rings] for rings in shapes]
+    for share in TRACK_CONTAINMENTS:
+        polygons = contours.around(share)
         area_m2 = sum(map_area_m2(rings[0]) - sum(map(map_area_m2, rings[1:])) for rings in polygons)
         places = tuple(tuple(chart.places(ring) for ring in rings) for rings in polygons)
         found.append(ImpactRegion(share, 1e-6 * area_m2, places, chart.centre, condition, probability, samples))
     return tuple(found)
+
+
+class _Contours:
+    """Lines of equal density on the ground of points (n, 2) in the coordinates of a frame, with weights (n,)."""
+
+    def __init__(self, frame: Plane, curved: FloatArray, weight: FloatArray) -> None:
+        self._frame, self._weight, self._mean = frame, weight, weight @ curved
+        away = curved - self._mean
+        least = LEAST_M**2 / frame.stretch(self._mean)
+        spread = (weight[:, None] * away).T @ away
+        flat = type(frame) is Plane
+        axes: FloatArray
+        variance, axes = np.linalg.eigh(spread + least * np.eye(2)) if flat else (spread.diagonal(), np.eye(2))
+        self._axes = axes
+        turned = away @ axes
+        self._scale = np.maximum(_robust_sigmas(turned, weight, np.sqrt(variance)), np.sqrt(least))
+        unit = turned / self._scale
+        width = float(np.sum(weight * weight) ** (1.0 / 6.0))
+        squares = _squared_distances(unit)
+        pilot = _density(squares, np.full(len(unit), width), weight)
+        widths = width * np.clip(np.sqrt(np.exp(weight @ np.log(pilot)) / pilot), *_LOCAL)
+        x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
+        along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
+        nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
+        density = (along * weight) @ across.T / frame.stretch(nodes)
+        self._at = _density(squares, widths, weight) / frame.stretch(curved)
+        self._generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
+
+    def around(self, share: float) -> list[list[FloatArray]]:
+        """Return polygons of outer ring and holes, points of the map (k, 2), m, that hold a share of the weight."""
+        order = np.argsort(-self._at, kind="stable")
+        held = np.searchsorted(np.cumsum(self._weight[order]), share)
+        shapes = _filled(self._generator, float(self._at[order[min(int(held), len(order) - 1)]]))
+        return [
+            [_outline(self._frame, self._mean + (ring * self._scale) @ self._axes.T) for ring in rings]
+            for rings in shapes
+        ]
 
 
 def _robust_sigmas(away: FloatArray, weight: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -6,8 +6,7 @@ from opir_testing.doubles import stub_sensor
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import type_probabilities
-from opir_trackers.forecast.prior_boosts import class_codes
+from opir_trackers.arc.range_types import class_codes, type_probabilities
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
