@@ -6,10 +6,10 @@ Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth i
 its rank in the reported distribution is uniform if the tracker computes with that prior. Each flight of `prior_flights`
 is a scene of its own with two SBIRS-GEO. Ranks are taken at times since the first detection, for a time that depends on
 the truth, as burnout does, would say more than the tracker knows. They are the reported distribution's share below the
-truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit) and the probability
-that the burn is over are compared, in bins, with the shares of which they are true. A launch point is a mixture over
-launch times, of which the moments are reported: ranks are those in the mixture, and the moments of the time have a
-figure of their own, error² / variance.
+truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
+missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
+are true. A launch point is a mixture over launch times, of which the moments are reported: ranks are those in the
+mixture, and the moments of the time have a figure of their own, error² / variance.
 """
 
 import argparse
@@ -145,8 +145,10 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
     if given and flight.impact:
         holds = [region.contains(*flight.impact) for region in sorted(given, key=lambda each: each.containment)]
         yield Rank(mark, IMPACT, float(holds.index(True) if any(holds) else len(TRACK_CONTAINMENTS)))
-    if np.isfinite(track.probability_orbit[0]):
-        yield Rank(mark, ORBIT, float(track.probability_orbit[0]), flight.impact is None)
+    # Neither gliders nor what is none of these is drawn, and failures are among the latter for the tracker.
+    orbit, missile = float(track.probability_orbit[0]), float(track.probability_missile[0])
+    if orbit + missile > 0.0 and not (flight.kind == "SLV" and flight.impact):
+        yield Rank(mark, ORBIT, orbit / (orbit + missile), flight.impact is None)
     over = float(1.0 - track.probability_burning[0] - np.nan_to_num(track.probability_relights[0]))
     if np.isfinite(over):
         yield Rank(mark, OVER, float(np.clip(over, 0.0, 1.0)), is_over)

@@ -40,7 +40,8 @@ there are [regions on foreign flights](tracker_honesty.md).
 - **Launch**: ranks of place and time in the tracker's mixture over launch times, which is kept after 10 s.
 - **Impact region**: the smallest of the 50, 90 and 95 % regions that holds the impact, or none; of regions whose
   condition ("the burn is over" or not) is true.
-- **P(orbit), P(burn over)**: how often what is stated is true, in bins (Hosmer and Lemeshow). Their numbers are in
+- **P(orbit), P(burn over)**: how often what is stated is true, in bins (Hosmer and Lemeshow). P(orbit) is given that it
+  is a missile or reaches orbit, for neither gliders nor others are drawn. Numbers are in
   [simulation_calibration.csv](simulation_calibration.csv).
 
 ## What the standard deviation of a launch time means
