@@ -24,6 +24,26 @@ from figures import keep
 
 import opir_core as opir
 
+PAGE = """# Is what is hot a missile?
+
+Fires burn for hours, launchers climb to orbit, stages fly back. What does `imm` say of them, with default settings?
+
+A state is held if it lies in its 95 % ellipsoid. Probabilities are medians over the flights at a mark. *Regions* are
+those of 95 % that a track has; a small one while a target burns on, or in orbit, would be wrong.
+{lines}
+
+Ascents are notional and share no code with opir (`benchmarks/ascents.py`): to orbit, cut off at 97 % of the orbital
+speed, and first stages that turn and burn against their motion. Each is a scene of its own before two SBIRS-GEO.
+{hour}
+By `--write docs/benchmarks`; ascents have seeds from {first}, which nothing was built on.
+"""
+
+#: What the page says of the scene of `hour`.
+HOUR = """
+The scene with fires: 15° by 40° of land with 8 fires and 4 gas flares per million km², glints, noise and four launches,
+before SBIRS-GEO, DSP and NEXTGEN-GEO, with `detection: snr` and `classification: spectral`.
+"""
+
 EPOCH, START_S = "2026-04-01T18:00:00Z", 10.0
 LAUNCHED = 0.5
 
@@ -238,6 +258,7 @@ def main() -> None:
     parser.add_argument("--from-seed", type=int, default=1000)
     parser.add_argument("--hour-s", type=float, default=3600.0)
     parser.add_argument("--tables", type=Path)
+    parser.add_argument("--write", type=Path, help="folder of the page")
     wanted = parser.parse_args()
     numbers = range(wanted.from_seed, wanted.from_seed + wanted.flights)
     lines = list[str]()
@@ -255,6 +276,10 @@ def main() -> None:
     if wanted.only in (None, "hour"):
         lines += hour(wanted.hour_s, wanted.from_seed)
     print("\n".join(lines))
+    if wanted.write:
+        hour_text = HOUR if wanted.only in (None, "hour") else ""
+        page = PAGE.format(lines="\n".join(lines), hour=hour_text, first=wanted.from_seed)
+        (wanted.write / "open_world.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

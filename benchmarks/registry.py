@@ -280,6 +280,13 @@ BENCHMARKS = (
         needs=("opir_trackers",),
     ),
     Benchmark(
+        "open_world",
+        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back?",
+        "open_world.py",
+        words("--flights 1 --only short"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "salvos",
         "How far apart must launches of a salvo be to have tracks of their own?",
         "salvos.py",

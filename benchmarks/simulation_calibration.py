@@ -6,10 +6,10 @@ Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth i
 its rank in the reported distribution is uniform if the tracker computes with that prior. Each flight of `prior_flights`
 is a scene of its own with two SBIRS-GEO. Ranks are taken at times since the first detection, for a time that depends on
 the truth, as burnout does, would say more than the tracker knows. They are the reported distribution's share below the
-truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit) and the probability
-that the burn is over are compared, in bins, with the shares of which they are true. A launch point is a mixture over
-launch times, of which the moments are reported: ranks are those in the mixture, and the moments have a figure of
-their own, the mean square of the error of the launch time over its variance.
+truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
+missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
+are true. A launch point is a mixture over launch times, of which the moments are reported: ranks are those in the
+mixture, and the moments of the time have a figure of their own, error² / variance.
 """
 
 import argparse
@@ -28,8 +28,9 @@ from foreign_flights import directions, ecef
 from opir_scoring import regions_given
 from opir_trackers import launch_points
 from prior_flights import PriorFlight, drawn_flights_of_prior
-from result_files import markdown_table, write_csv
+from result_files import write_csv
 from scipy.stats import chi2, norm
+from simulation_calibration_page import write_page
 
 import opir_core as opir
 from opir_core.interfaces import TRACK_CONTAINMENTS
@@ -39,26 +40,15 @@ EPOCH, START_S = "2026-04-01T18:00:00Z", 10.0
 MARKS_S = (30.0, 90.0, 180.0)
 #: Time within which a burn is detected, and between forecasts: half as many as by default, s.
 LATEST_S, REGIONS_EVERY_S = 2.0, 10.0
-#: Quantities whose ranks are uniform numbers, one whose ranks are cells, and probabilities.
-RANKED = ("launch east", "launch north", "launch time", "burnout time")
-LAUNCH, SQUARE = RANKED[:3], "launch time: squared error over variance"
+#: Quantities whose ranks are uniform numbers, taken at one mark, for they are kept; what their moments say of the time;
+#: one whose ranks are cells, and probabilities.
+LAUNCH, LAUNCH_MARK, SQUARE = ("launch east", "launch north", "launch time"), 1, "launch time, error² / variance"
 IMPACT, ORBIT, OVER = "impact region", "P(orbit)", "P(burn over)"
 #: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and outside.
 CELLS = np.diff([0.0, *TRACK_CONTAINMENTS, 1.0])
 BINS, EDGES = 10, (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 #: Fewer expected counts in a cell than this are too few for a χ² test.
 LEAST_EXPECTED = 5.0
-
-PAGE = """# Simulation-based calibration of `imm`
-
-Is what `imm` reports calibrated on flights of its own prior? Ranks of the truth are uniform where p is above 0.01.
-
-{table}
-
-{flights} flights of the tracker's prior, each in a scene with two SBIRS-GEO. *Ranks*: the share of the reported
-distribution below the truth, in ten bins; of impacts, the regions of 50, 90 and 95 % and outside; of probabilities,
-how many are true in each bin of the stated one. *p*: of a χ² test (Talts et al., arXiv:1804.06788, 2018).
-"""
 
 
 class Rank(NamedTuple):
@@ -145,22 +135,20 @@ def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
 
 def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Rank]:
     """Yield the ranks of what a track reports; of nothing that it does not."""
-    launch_s, variance = float(track.launch[0, 2]), float(track.launch_covariance[0, 2, 2])
-    if np.isfinite(launch_s):
+    launch_s = float(track.launch[0, 2])
+    if mark == LAUNCH_MARK and np.isfinite(launch_s):
         mixture = MIXTURES[min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))]
         yield from (Rank(mark, *one) for one in zip(LAUNCH, mixture.ranks(flight.launch), strict=True))
-        yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / variance)
-    error_s = START_S + flight.burnout_s - float(track.burnout[0, 6])
-    sigma_s = float(np.sqrt(track.burnout_covariance[0, 6, 6]))
-    if np.isfinite(error_s) and sigma_s > 0.0:
-        yield Rank(mark, RANKED[-1], float(norm.cdf(error_s / sigma_s)))
+        yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / float(track.launch_covariance[0, 2, 2]))
     regions, is_over = track.impact_regions[0], float(track.tick_s[0]) >= START_S + flight.burnout_s
     given = regions_given(regions, is_over) if regions else []
     if given and flight.impact:
         holds = [region.contains(*flight.impact) for region in sorted(given, key=lambda each: each.containment)]
         yield Rank(mark, IMPACT, float(holds.index(True) if any(holds) else len(TRACK_CONTAINMENTS)))
-    if np.isfinite(track.probability_orbit[0]):
-        yield Rank(mark, ORBIT, float(track.probability_orbit[0]), flight.impact is None)
+    # Neither gliders nor what is none of these is drawn, and failures are among the latter for the tracker.
+    orbit, missile = float(track.probability_orbit[0]), float(track.probability_missile[0])
+    if orbit + missile > 0.0 and not (flight.kind == "SLV" and flight.impact):
+        yield Rank(mark, ORBIT, orbit / (orbit + missile), flight.impact is None)
     over = float(1.0 - track.probability_burning[0] - np.nan_to_num(track.probability_relights[0]))
     if np.isfinite(over):
         yield Rank(mark, OVER, float(np.clip(over, 0.0, 1.0)), is_over)
@@ -199,6 +187,11 @@ def of_probabilities(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
     return count, value, freedom, float(chi2.sf(value, freedom))
 
 
+def of_squares(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
+    """Return squared errors over their variance: no counts, their sum and number, and no p, for they are not normal."""
+    return np.empty(0), float(sum(rank.value for rank in ranks)), len(ranks), np.nan
+
+
 def _test(count: np.ndarray, expected: np.ndarray, freedom: int) -> tuple[float, int, float]:
     value = float(np.sum(np.square(count - expected) / expected))
     return value, freedom, float(chi2.sf(value, freedom))
@@ -206,20 +199,20 @@ def _test(count: np.ndarray, expected: np.ndarray, freedom: int) -> tuple[float,
 
 def rows_of(ranks: list[Rank]) -> Iterator[dict[str, str]]:
     """Yield the rows of the table: each quantity at each mark."""
-    tests: dict[str, Any] = {IMPACT: of_cells, ORBIT: of_probabilities, OVER: of_probabilities}
-    for mark, since_s in enumerate(MARKS_S):
-        for quantity in (*RANKED, IMPACT, ORBIT, OVER):
+    tests: dict[str, Any] = {SQUARE: of_squares, IMPACT: of_cells, ORBIT: of_probabilities, OVER: of_probabilities}
+    for quantity in (*LAUNCH, SQUARE, IMPACT, ORBIT, OVER):
+        for mark, since_s in enumerate(MARKS_S):
             own = [rank for rank in ranks if rank.mark == mark and rank.quantity == quantity]
             if own:
                 count, value, freedom, p_value = tests.get(quantity, uniformity)(own)
                 yield {
-                    "since_first_detection_s": f"{since_s:g}",
                     "quantity": quantity,
+                    "since_first_detection_s": f"{since_s:g}",
                     "flights": str(len(own)),
-                    "counts": " ".join(f"{each:.0f}" for each in count),
+                    "p": f"{p_value:.2g}" if np.isfinite(p_value) else "",
                     "chi2": f"{value:.1f}",
                     "degrees_of_freedom": str(freedom),
-                    "p": f"{p_value:.3g}",
+                    "counts": " ".join(f"{each:.0f}" for each in count),
                 }
 
 
@@ -242,9 +235,7 @@ def main() -> None:
     print("\n".join(",".join(row.values()) for row in rows))
     if options.write:
         write_csv(options.write / "simulation_calibration.csv", rows)
-        table = markdown_table(list(rows[0]), [list(row.values()) for row in rows])
-        page = PAGE.format(table=table, flights=options.flights)
-        (options.write / "simulation_calibration.md").write_text(page, encoding="utf-8")
+        write_page(options.write)
 
 
 if __name__ == "__main__":

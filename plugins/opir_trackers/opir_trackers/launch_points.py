@@ -63,19 +63,48 @@ _AT_REST = np.square([SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
 _BELOW = np.tril_indices(3, -1)
 
 
+class FirstMotion(NamedTuple):
+    """What the filter assumed of motions (n,) at the first detection: (n,) each, or numbers.
+
+    Height, m, over the ellipsoid, and net acceleration, m/s², and jerk, m/s³, upwards; standard deviations of position,
+    m, velocity, m/s, acceleration and jerk, the same on each axis. The mean velocity is 0 over the ground.
+    """
+
+    height: FloatArray
+    acceleration: FloatArray
+    jerk: float
+    sigmas: tuple[FloatArray, FloatArray, float, float]
+
+    def log_rest_densities(self, noise: float) -> FloatArray:
+        """Return the log densities (n, times), but for a constant, of rest on the ground before the first detection."""
+        span = _MIDDLES_S
+        place, speed, force, growth = (np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas))
+        noisy, square = noise * noise, span * span
+        fast = _AT_REST[1] + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
+        high = _AT_REST[0] + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        high = high + noisy / 20.0 * square * square * span
+        both = -span * (speed + square * (0.5 * force + square / 12.0 * growth)) - noisy / 8.0 * square * square
+        gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span)
+        height = self.height[:, None] + square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
+        apart = high * fast - both * both
+        misfit = (fast * height * height + 2.0 * both * height * gained + high * gained * gained) / apart
+        # Upwards height and velocity together; velocity along each axis of the ground alone.
+        return np.asarray(-0.5 * (np.log(apart) + misfit) - np.log(fast))
+
+
 class LaunchPrior(NamedTuple):
     """What is known of launches (n,) before the first line.
 
     `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first detection for a launch
     that is seen at once. With a prior probability of 1/2 it is, else the first detection is uniformly late, up to 80 s.
-    `path` is the motion about the first detection, at its time 0, that the filter began with. The path seen is followed
-    back from the filter's estimate, which holds that prior: a start from rest is as likely as the ratio of its
-    densities after and before the lines (Dickey, Annals of Mathematical Statistics 42, 1971). Without the ratio, late
-    detections would seem earlier ones, as what was known before is wider the longer the path is.
+    The path seen is followed back from the filter's estimate, which holds the prior `motion`: a start from rest is as
+    likely as the ratio of its densities after and before the lines (Dickey, Annals of Mathematical Statistics 42,
+    1971). Without the ratio, late detections would seem earlier ones: what was known before is wider the longer the
+    path is.
     """
 
     at_once: FloatArray
-    path: PredictedMeasurements
+    motion: FirstMotion
 
 
 def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray) -> FloatArray:
@@ -108,9 +137,8 @@ def launches(
         return LaunchPoints.nowhere(0)
     when = (first_s[:, None] - _MIDDLES_S).ravel()
     starts = _rest_likelihood(predicted, when, noise, biased)
-    before = _rest_likelihood(prior.path, np.tile(-_MIDDLES_S, count), noise, None)
-    log_likelihood = starts.log - 0.5 * starts.misfit - (before.log - 0.5 * before.misfit)
-    chance = _launch_times(log_likelihood.reshape(count, _TIMES), prior.at_once)
+    log_density = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
+    chance = _launch_times(log_density - prior.motion.log_rest_densities(noise), prior.at_once)
     place, covariance = moment_matched(*_places(starts, when), when, chance)
     covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
     row, column = _BELOW

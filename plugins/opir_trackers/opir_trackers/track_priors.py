@@ -16,6 +16,7 @@ from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
+from opir_trackers.launch_points import FirstMotion
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
@@ -170,16 +171,16 @@ def _speed_sigmas(height_m: FloatArray) -> FloatArray:
     return speed
 
 
-def prior_paths(
+def first_motion(
     predicted: PredictedMeasurements, first_s: FloatArray, alone: BoolArray, thrust: ThrustConfig
-) -> PredictedMeasurements:
-    """Return the prior of motion (n,) about first detections at `first_s` (n,), which are time 0 of the result.
+) -> FirstMotion:
+    """Return what `prior_estimates` assume of motions (n,) at first detections at `first_s` (n,).
 
-    It is that of `prior_estimates` about the positions of a prediction; `alone` (n,) marks tracks of one sensor.
+    Heights are those of predictions; `alone` (n,) marks tracks of one sensor.
     """
-    count = len(first_s)
-    position = predicted.positions(np.arange(count), first_s)
+    position = predicted.positions(np.arange(len(first_s)), first_s)
     radius = np.sqrt(dot(position, position))
+<<<<<<< HEAD
     height, up = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)
     path, sigma = np.zeros((count, 5, 3)), np.empty((count, 4, 3))
     path[:, 0] = position
@@ -192,6 +193,14 @@ def prior_paths(
     sigma[:, 2] = thrust.force_sigma_m_s2
     sigma[:, 3] = np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * thrust.force_sigma_m_s2)
     return PredictedMeasurements(0.0, path, sigma.reshape(count, 12, 1) * np.eye(12))
+=======
+    height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
+    place, speed = np.where(alone, HIGHER_M, FARTHER_M), _speed_sigmas(np.maximum(height, 0.0), alone)
+    jerk, force = thrust.growth_per_s * FIRST_FORCE_M_S2, thrust.force_sigma_m_s2
+    growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
+    net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
+    return FirstMotion(height, net, jerk, (place, speed, force, growth))
+>>>>>>> h/sbc
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

@@ -6,7 +6,9 @@ import numpy as np
 from repository import ROOT
 
 sys.path.append(str(ROOT / "benchmarks"))
-from simulation_calibration import CELLS, Rank, of_cells, of_probabilities, uniformity
+from foreign_flights import ecef
+from opir_trackers.launch_points import EDGES_S
+from simulation_calibration import CELLS, START_S, Mixture, Rank, of_cells, of_probabilities, uniformity
 
 
 def test_ranks_of_draws_of_the_stated_distribution_are_uniform_and_others_are_not():
@@ -35,3 +37,21 @@ def test_events_as_often_as_stated_pass_and_what_is_too_sure_does_not():
     )
     sure = [Rank(0, "", 0.001, number < 20) for number in range(500)]
     assert of_probabilities(sure)[-1] < 1e-6
+
+
+def test_launches_drawn_of_a_mixture_have_uniform_ranks_in_it_and_not_in_one_that_is_too_wide():
+    rng, launch = np.random.default_rng(4), (0.3, -2.0)
+    middles, chance = 0.5 * (EDGES_S[1:] + EDGES_S[:-1]), np.exp(-EDGES_S[1:] / 4.0)
+    chance /= chance.sum()
+    offset = np.outer([30.0, -20.0, 10.0], middles)
+    right, wide = [], []
+    for number in rng.choice(len(chance), 1000, p=chance):
+        first_s = START_S + rng.uniform(*EDGES_S[number : number + 2])
+        truth = offset[:, number] + 50.0 * rng.normal(size=3)
+        place, when = ecef(*launch)[:, None] - truth[:, None] + offset, first_s - middles
+        for found, scale in ((right, 1.0), (wide, 3.0)):
+            spread = np.tile(np.square(scale * 50.0) * np.eye(3)[:, :, None], len(chance))
+            found.append(Mixture(place, spread, when, chance).ranks(launch))
+    for quantity in range(3):
+        assert uniformity([Rank(0, "", ranks[quantity]) for ranks in right])[-1] > 0.01
+    assert uniformity([Rank(0, "", ranks[0]) for ranks in wide])[-1] < 1e-3

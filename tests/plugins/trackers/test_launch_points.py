@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.launch_points import EDGES_S, LaunchPoints, LaunchPrior, delays_at_once, launches, updated_points
+from opir_trackers.launch_points import (
+    EDGES_S,
+    FirstMotion,
+    LaunchPoints,
+    LaunchPrior,
+    delays_at_once,
+    launches,
+    updated_points,
+)
 
 from opir_core.geometry import geodetic_to_ecef, local_axes
 
@@ -22,9 +30,7 @@ def risen(since: float) -> np.ndarray:
 
 def prior_of(runs: int, period_s: float) -> LaunchPrior:
     """Return the prior for one sensor that misses nothing, and a motion of which nothing was known."""
-    path, sigma = np.zeros((runs, 5, 3)), np.repeat([1e9, 1e9, 1.0, 0.1], 3)
-    path[:, 0] = SITE
-    nothing = PredictedMeasurements(0.0, path, np.tile(np.diag(sigma), (runs, 1, 1)))
+    nothing = FirstMotion(np.zeros(runs), np.zeros(runs), 0.0, (np.full(runs, 1e9), np.full(runs, 1e9), 1.0, 0.1))
     looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
     return LaunchPrior(looks, nothing)
 
@@ -84,16 +90,17 @@ def test_first_detections_at_once_are_the_first_of_periodic_looks() -> None:
 
 def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
     """A path followed back for 60 s is as uncertain as the prior of the filter: the launch time keeps its own prior."""
-    side = np.diag(np.repeat([1e4, 1e3, 10.0, 0.3], 3))[None]
-    path = np.zeros((1, 5, 3))
-    path[0, 0], path[0, 1] = SITE + 1e4 * UP, SPIN
-    known = PredictedMeasurements(0.0, path, side)
+    sigma = 1e4, 1e3, 10.0, 0.3
+    path = np.array([SITE + 1e4 * UP, SPIN, 8.0 * UP + PULL, 0.2 * UP, np.zeros(3)])
+    known = PredictedMeasurements(0.0, path[None], np.diag(np.repeat(sigma, 3))[None])
     prior = prior_of(1, 0.1)
-    late = LaunchPrior(prior.at_once, known)
-    found = launches(known, np.zeros(1), late, 0.0)
+    motion = FirstMotion(
+        np.array([1e4]), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
+    )
+    found = launches(known, np.zeros(1), LaunchPrior(prior.at_once, motion), 0.25)
     # Half at once, half uniform over 80 s: mean 20 s.
     assert found.place[0, 2] == pytest.approx(-20.0, abs=0.2)
-    assert launches(known, np.zeros(1), prior, 0.0).place[0, 2] > -15.0
+    assert launches(known, np.zeros(1), prior, 0.25).place[0, 2] > -15.0
 
 
 def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:

@@ -13,7 +13,7 @@ from opir_core.plugin import TARGET_TYPES, Detections, Sensor, Tracker, TrackerC
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import class_codes, type_probabilities
+from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.gating import candidates, gated

@@ -45,7 +45,7 @@ from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr
-from opir_trackers.track_priors import filter_of, prior_estimates, prior_paths, standing_estimates
+from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
 
 #: The launch point is estimated for tracks no older than this, s.
@@ -252,7 +252,7 @@ class ImmTracking:
         biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
-        prior = LaunchPrior(at_once, prior_paths(predicted, first_s, seen.sum(axis=1) < 2, thrust))
+        prior = LaunchPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
         points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
