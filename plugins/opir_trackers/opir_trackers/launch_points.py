@@ -66,11 +66,12 @@ _BELOW = np.tril_indices(3, -1)
 class FirstMotion(NamedTuple):
     """What the filter assumed of motions (n,) at the first detection: (n,) each, or numbers.
 
-    Height, m, over the ellipsoid, and net acceleration, m/s², and jerk, m/s³, upwards; standard deviations of position,
-    m, velocity, m/s, acceleration and jerk, the same on each axis. The mean velocity is 0 over the ground.
+    Height, m, over the ellipsoid, climb, m/s, net acceleration, m/s², and jerk, m/s³, upwards; standard deviations of
+    position, m, velocity, m/s, acceleration and jerk, the same on each axis.
     """
 
     height: FloatArray
+    climb: FloatArray
     acceleration: FloatArray
     jerk: float
     sigmas: tuple[FloatArray, FloatArray, float, float]
@@ -84,8 +85,10 @@ class FirstMotion(NamedTuple):
         high = _AT_REST[0] + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
         high = high + noisy / 20.0 * square * square * span
         both = -span * (speed + square * (0.5 * force + square / 12.0 * growth)) - noisy / 8.0 * square * square
-        gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span)
-        height = self.height[:, None] + square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
+        climb = self.climb[:, None]
+        gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span) - climb
+        height = self.height[:, None] - climb * span
+        height += square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
         apart = high * fast - both * both
         misfit = (fast * height * height + 2.0 * both * height * gained + high * gained * gained) / apart
         # Upwards height and velocity together; velocity along each axis of the ground alone.

@@ -180,27 +180,13 @@ def first_motion(
     """
     position = predicted.positions(np.arange(len(first_s)), first_s)
     radius = np.sqrt(dot(position, position))
-<<<<<<< HEAD
-    height, up = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)
-    path, sigma = np.zeros((count, 5, 3)), np.empty((count, 4, 3))
-    path[:, 0] = position
-    path[:, 1, 0], path[:, 1, 1] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
-    path[:, 1] += np.where(alone, FIRST_CLIMB_M_S, 0.0)[:, None] * up.T
-    path[:, 2] = FIRST_FORCE_M_S2 * up.T - EARTH_MU_M3_S2 / radius[:, None] ** 3 * position
-    path[:, 3] = thrust.growth_per_s * FIRST_FORCE_M_S2 * up.T
-    sigma[:, 0] = np.where(alone, HIGHER_M, FARTHER_M)[:, None]
-    sigma[:, 1] = np.where(alone, _SPEEDS_M_S[2], _speed_sigmas(np.maximum(height, 0.0)))[:, None]
-    sigma[:, 2] = thrust.force_sigma_m_s2
-    sigma[:, 3] = np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * thrust.force_sigma_m_s2)
-    return PredictedMeasurements(0.0, path, sigma.reshape(count, 12, 1) * np.eye(12))
-=======
     height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
-    place, speed = np.where(alone, HIGHER_M, FARTHER_M), _speed_sigmas(np.maximum(height, 0.0), alone)
+    place = np.where(alone, HIGHER_M, FARTHER_M)
+    speed = np.where(alone, _SPEEDS_M_S[2], _speed_sigmas(np.maximum(height, 0.0)))
     jerk, force = thrust.growth_per_s * FIRST_FORCE_M_S2, thrust.force_sigma_m_s2
     growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
     net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
-    return FirstMotion(height, net, jerk, (place, speed, force, growth))
->>>>>>> h/sbc
+    return FirstMotion(height, np.where(alone, FIRST_CLIMB_M_S, 0.0), net, jerk, (place, speed, force, growth))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

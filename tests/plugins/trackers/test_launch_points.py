@@ -30,7 +30,8 @@ def risen(since: float) -> np.ndarray:
 
 def prior_of(runs: int, period_s: float) -> LaunchPrior:
     """Return the prior for one sensor that misses nothing, and a motion of which nothing was known."""
-    nothing = FirstMotion(np.zeros(runs), np.zeros(runs), 0.0, (np.full(runs, 1e9), np.full(runs, 1e9), 1.0, 0.1))
+    zero, wide = np.zeros(runs), np.full(runs, 1e9)
+    nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
     looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
     return LaunchPrior(looks, nothing)
 
@@ -95,7 +96,7 @@ def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
     known = PredictedMeasurements(0.0, path[None], np.diag(np.repeat(sigma, 3))[None])
     prior = prior_of(1, 0.1)
     motion = FirstMotion(
-        np.array([1e4]), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
+        np.array([1e4]), np.zeros(1), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
     )
     found = launches(known, np.zeros(1), LaunchPrior(prior.at_once, motion), 0.25)
     # Half at once, half uniform over 80 s: mean 20 s.

@@ -4,9 +4,9 @@ The density is a sum of normal kernels (Silverman, "Density Estimation for Stati
 width n^(-1/6) for n points in a plane, in axes in which the points have unit covariance), the level that of the
 weighted quantile of the density at the points (Hyndman, "Computing and graphing highest density regions", American
 Statistician 50(2), 1996). Kernels are wider where points are few, by the inverse root of a first density (Abramson, "On
-bandwidth variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a long burn have long tails. What
-burns on spreads in proportion to its range: where all points lie in one direction, kernels are normal in the logarithm
-of the distance and in bearing, and levels are of the density on the ground.
+bandwidth variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a long burn have long tails.
+What burns on spreads in proportion to its range: where all points lie in one direction, kernels are normal in the
+logarithm of the distance and in bearing, and levels are of the density on the ground.
 """
 
 from itertools import pairwise
