@@ -46,7 +46,7 @@ _BELOW_M = 300.0
 _WIDE_M = 200e3
 
 #: A condition with less probability, or with fewer effective samples, has no region.
-LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
+LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 8.0
 
 #: Relative weight of what is none of these and does not fall: of such boosts a third gains more than an orbit needs.
 _NONE_ORBITS = 0.3

@@ -160,7 +160,7 @@ def test_what_is_said_of_a_track_agrees() -> None:
         assert len(regions) == 3
         assert regions[0].condition == "comes down"
         assert 0.0 < regions[0].probability <= found.probability_comes_down[row] + 1e-9
-        assert all(region.effective_samples >= 20.0 for region in regions)
+        assert all(region.effective_samples >= 8.0 for region in regions)
 
 
 def test_a_dark_target_has_a_region_for_each_condition_and_relights_fade() -> None:
