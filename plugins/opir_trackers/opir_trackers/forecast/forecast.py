@@ -221,9 +221,9 @@ def _gathered(
     nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
     given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
     orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
-    # What is none of these comes down anywhere, or not: it has no region.
-    ballistic = np.isfinite(fates.when_s) & (particles.family != NONE)
-    falls = np.where(ballistic, weight.sum(axis=1) - orbit - glide, 0.0)
+    # What is none of these comes down anywhere, or not: it has no region, but for failed space launchers.
+    failed = weight[:, outcomes.columns("none")].sum(axis=1) * (particles.family == SPACE)
+    falls = np.where(np.isfinite(fates.when_s), weight[:, outcomes.columns("missile")].sum(axis=1) + failed, 0.0)
     sums: Any = np.bincount
     found = Forecasts(
         given,
