@@ -252,6 +252,10 @@ class ImmConfig:
         maximum=600.0,
         help="impact regions are worked out anew after this time, and where a target stops or starts to burn",
     )
+    boost_prior: str | None = text(
+        default=None,
+        help="file of a law of vehicles, as `opir prior fit` writes it; by default the tracker's own",
+    )
     silence_s: float = number(
         default=1800.0, unit="s", above=0.0, maximum=1e6, help="a track is deleted after this time without detection"
     )

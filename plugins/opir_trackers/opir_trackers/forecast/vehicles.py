@@ -135,6 +135,12 @@ def model_of(data: Mapping[str, Any]) -> VehicleModel:
 
 @cache
 def vehicle_model(path: str | None = None) -> VehicleModel:
-    """Return the tracker's model, or that of a file written by `opir prior fit`."""
-    place = files("opir_trackers").joinpath("vehicles.json") if path is None else Path(path)
-    return model_of(json.loads(place.read_text("utf-8")))
+    """Return the tracker's model, or that of a file written by `opir prior fit`; raises `ValueError` if it is none."""
+    if path is None:
+        return model_of(json.loads(files("opir_trackers").joinpath("vehicles.json").read_text("utf-8")))
+    try:
+        model = model_of(json.loads(Path(path).read_text("utf-8")))
+        model.data["marginal"]["density"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"boost_prior {path} is no file of `opir prior fit`: {error}") from error
+    return model

@@ -9,6 +9,7 @@ from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
+from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
@@ -29,7 +30,8 @@ class ImmTracker(Tracker):
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
         self._composition = Composition.of(context.hypotheses)
-        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces, context.hypotheses)
+        model, every_s = vehicle_model(tracking.config.boost_prior), tracking.config.regions_every_s
+        self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""

@@ -1,14 +1,12 @@
 """Forecasts: calibration on the own law with SciPy's impacts, and what must agree in one record."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast import burning_on
+from opir_trackers.forecast import burning_on, marginals
 from opir_trackers.forecast.burning_on import RemainingBurns, drawn_steering
 from opir_trackers.forecast.forecast import Forecasts, forecasts
 from opir_trackers.forecast.outcomes import Outcomes
@@ -98,12 +96,9 @@ class Flights:
     """Flights of the law of missiles at random instants of their burns, as often as the classes say."""
 
     def __init__(self, count: int, seed: int) -> None:
-        sys.path.insert(0, str(Path(__file__).parents[4] / "docs" / "design"))
-        import boost_outcomes as design
-
         model, rng, drawn = vehicle_model(), np.random.default_rng(seed), 20 * count
-        stages, steering = design.drawn(model, MISSILE, drawn, rng), drawn_steering(drawn, model.data, seed)
-        range_m = design.ranges_m(design.flown(stages, steering))
+        stages, steering = marginals.drawn(model, MISSILE, drawn, rng), drawn_steering(drawn, model.data, seed)
+        range_m = marginals.ranges_m(marginals.flown(stages, steering))
         weight = np.where(np.isfinite(range_m), OUTCOMES.missiles(range_m).sum(axis=1), 0.0)
         rows = rng.choice(drawn, count, p=weight / weight.sum())
         stages, steering = {name: value[rows] for name, value in stages.items()}, steering.take(rows)
@@ -113,7 +108,7 @@ class Flights:
         self.since = rng.uniform(0.3, 0.95, count) * stages["burn"][each, self.stage]
         now = starts[each, self.stage] + self.since
         until = {**stages, "burn": np.clip(now[:, None] - starts, 0.0, stages["burn"])}
-        x, y, u, v = design.flown({**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering)
+        x, y, u, v = marginals.flown({**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering)
         radius, speed = np.hypot(x, y), np.hypot(u, v)
         self.state = states(radius - RADIUS_M, speed, np.arcsin((x * u + y * v) / (radius * speed)))
         self.away_m = RADIUS_M * np.arctan2(x, y)

@@ -1,15 +1,11 @@
 """The law of stages: against the normal law of all rows at once, and the marginal law of ranges that the wheel
 keeps."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from opir_trackers.forecast.marginals import marginal_of
 from opir_trackers.forecast.present_burn import present_burns
 from opir_trackers.forecast.vehicles import BURN, GAP, MISSILE, NONE, SPACE, STAGES, vehicle_model
-
-DESIGN = Path(__file__).parents[4] / "docs" / "design"
 
 
 def joint(family: int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,12 +78,7 @@ def test_the_evidence_of_a_burn_is_the_density_of_forces_and_growths_of_its_law(
 
 
 @pytest.mark.slow
-def test_the_marginal_law_of_ranges_is_that_of_the_design_script() -> None:
-    sys.path.insert(0, str(DESIGN))
-    try:
-        from boost_outcomes import marginal_of
-    finally:
-        sys.path.remove(str(DESIGN))
+def test_the_marginal_law_of_ranges_is_that_of_fresh_flights() -> None:
     model = vehicle_model()
     found, kept = marginal_of(model, 20000, 7), model.data["marginal"]
     assert found["range_km"] == kept["range_km"]

@@ -1,0 +1,147 @@
+"""`opir prior fit FILES -o prior.json`: the law of vehicles of the tracker imm, from a user's own recorded flights.
+
+Files are tables of the target model `table` with `is_burning`. Each burn gives its time, first acceleration and ratio
+of masses (the rocket equation: the inverse of the force along the velocity falls linearly), and the gap after it.
+Flights that end in an orbit are space launches, others missiles. Medians are those of the flights; standard deviations
+are widened by `WIDEN`, and are at least `LEAST`: a few flights do not show how others differ. What no flight shows
+stays as it is in the tracker's own law.
+"""
+
+import argparse
+import copy
+import csv
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.errors import OpirError
+
+#: Factor of standard deviations, and their least values: burn time, acceleration, ratio, gap.
+WIDEN, LEAST = 1.5, (0.3, 0.2, 0.25, 0.7)
+
+#: Flights drawn for the marginal law of ranges; least rows of a burn.
+DRAWS, LEAST_ROWS = 20000, 4
+
+#: Perigee above which a flight ends in an orbit, m from the centre.
+_ORBIT_M = 6371e3 + 80e3
+
+_COLUMNS = ("time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s", "is_burning")
+
+
+class Flight(NamedTuple):
+    """The stages (n, 4) of a recorded flight: burn time, first acceleration, ratio, gap; whether it ends in an
+    orbit."""
+
+    stages: FloatArray
+    orbits: bool
+
+
+def prior_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `opir prior`."""
+    actions = parser.add_subparsers(metavar="ACTION", required=True)
+    fit_ = actions.add_parser("fit", help="fit a law of vehicles to recorded flights")
+    fit_.add_argument("files", nargs="+", type=Path, metavar="FILE", help="table of a flight, with is_burning")
+    fit_.add_argument("-o", "--out", type=Path, required=True, help="JSON for the setting boost_prior of imm")
+
+
+def fit(arguments: argparse.Namespace) -> int:
+    """Write the law of the flights in files, and print how many there are of each kind."""
+    flights = [recorded_flight(path) for path in arguments.files]
+    data = fitted(flights)
+    arguments.out.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    orbits = sum(flight.orbits for flight in flights)
+    sys.stdout.write(f"{arguments.out}: {len(flights) - orbits} missiles, {orbits} space launches\n")
+    return 0
+
+
+def recorded_flight(path: Path) -> Flight:
+    """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is missing."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        table = np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
+    except KeyError as missing:
+        raise OpirError(f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}") from None
+    except (OSError, ValueError, TypeError) as error:
+        raise OpirError(f"{path}: {error}") from error
+    spans = [span for span in _burns(table) if span.stop - span.start >= LEAST_ROWS] if len(table) else []
+    if not spans:
+        raise OpirError(f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn")
+    time_s = table[:, 0]
+    ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
+    gaps = [float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)]
+    stages = [_stage(table[span], end) for span, end in zip(spans, ends, strict=True)]
+    columns = np.column_stack([np.array(stages), np.array([*gaps, np.nan])])
+    return Flight(columns, _perigee_m(table[-1]) > _ORBIT_M)
+
+
+def _burns(table: FloatArray) -> list[slice]:
+    """Return the rows of each burn."""
+    on = np.concatenate([[0], table[:, -1] > 0.5, [0]]).astype(np.int64)
+    edges = np.flatnonzero(np.diff(on)).reshape(-1, 2).tolist()
+    return [slice(one, two) for one, two in edges]
+
+
+def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
+    """Return burn time, first acceleration and ratio of masses of the rows of a burn that ends at a time."""
+    time_s, place, velocity = rows[:, 0], rows[:, 1:4], rows[:, 4:7]
+    distinct = np.concatenate([[True], np.diff(time_s) > 1e-9])
+    time_s, place, velocity = time_s[distinct], place[distinct], velocity[distinct]
+    spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
+    turning = 2.0 * np.cross(spin, velocity) + np.cross(spin, np.cross(spin, place))
+    radius = np.linalg.norm(place, axis=1, keepdims=True)
+    force = np.gradient(velocity, time_s, axis=0) + EARTH_MU_M3_S2 / radius**3 * place + turning
+    speed = np.linalg.norm(velocity, axis=1)
+    along = np.where(
+        speed > 1.0, np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0), np.linalg.norm(force, axis=1)
+    )
+    since = time_s - time_s[0]
+    slope, start = np.polyfit(since, 1.0 / np.maximum(along, 0.5), 1)
+    burn = end_s - float(time_s[0])
+    return burn, 1.0 / max(start, 1e-3), float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0))
+
+
+def _perigee_m(row: FloatArray) -> float:
+    """Return the least distance, m, from the Earth's centre of the free flight of a row."""
+    place, velocity = row[1:4], row[4:7] + np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], row[1:4])
+    momentum = float(np.linalg.norm(np.cross(place, velocity)))
+    energy = 0.5 * float(velocity @ velocity) - EARTH_MU_M3_S2 / float(np.linalg.norm(place))
+    parameter = momentum**2 / EARTH_MU_M3_S2
+    return parameter / (1.0 + np.sqrt(max(1.0 + 2.0 * energy * parameter / EARTH_MU_M3_S2, 0.0)))
+
+
+def fitted(flights: list[Flight]) -> dict[str, Any]:
+    """Return the data of a law of vehicles, as in `vehicles.json`, from flights."""
+    from opir_trackers.forecast.marginals import marginal_of
+    from opir_trackers.forecast.vehicles import STAGES, model_of, vehicle_model
+
+    data: dict[str, Any] = copy.deepcopy(dict(vehicle_model().data))
+    data["note"] = f"Law of vehicles fitted to {len(flights)} flights by opir prior fit."
+    for name, orbits in (("missile", False), ("space", True)):
+        mine = [flight.stages[:STAGES] for flight in flights if flight.orbits == orbits]
+        if not mine:
+            continue
+        law = data["families"][name]
+        count = np.bincount([len(stages) - 1 for stages in mine], minlength=STAGES) + 0.5
+        law["stages"] = (count / count.sum()).round(4).tolist()
+        for part, rows in (("first", [one[:1] for one in mine]), ("upper", [one[1:] for one in mine])):
+            _fit_part(law[part], np.concatenate(rows))
+    data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
+    return data
+
+
+def _fit_part(part: dict[str, list[float]], rows: FloatArray) -> None:
+    """Replace medians and standard deviations of a part by those of stages (n, 4), where there are any."""
+    for row in range(4):
+        known = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
+        if not len(known):
+            continue
+        part["median"][row] = round(float(np.exp(np.mean(np.log(known)))), 3)
+        spread = WIDEN * float(np.std(np.log(known), ddof=1)) if len(known) > 2 else part["sigma"][row]
+        part["sigma"][row] = round(max(spread, LEAST[row]), 3)
