@@ -44,8 +44,15 @@ LONGEST_EDGE_M = 100e3
 _FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
 
 
+#: Regions along a flight end here, m from where it is: a thousand kilometres short of the antipode.
+_FAR_M = 19e6
+
+
 class Plane:
     """The map of points: kernels are normal in metres."""
+
+    #: Largest value of each coordinate.
+    most: FloatArray = np.array([np.inf, np.inf])
 
     def curved(self, point: FloatArray) -> FloatArray:
         """Return the coordinates (n, 2) of points of the map (n, 2), m."""
@@ -63,6 +70,8 @@ class Plane:
 class LogPolar(Plane):
     """Logarithm of the distance from the map's centre, and bearing: what burns on spreads in proportion to its
     range."""
+
+    most = np.array([np.log(_FAR_M + NEAR_M), np.pi])
 
     def __init__(self, bearing: float) -> None:
         self._bearing = bearing
@@ -141,7 +150,8 @@ class _Contours:
         squares = _squared_distances(unit)
         pilot = _density(squares, np.full(len(unit), width), weight)
         widths = width * np.clip(np.sqrt(np.exp(weight @ np.log(pilot)) / pilot), *_LOCAL)
-        x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
+        most = (frame.most - self._mean) / self._scale
+        x, y = (np.unique(np.minimum(_grid(unit[:, axis], widths), most[axis])) for axis in (0, 1))
         along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
         nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
         density = (along * weight) @ across.T / frame.stretch(nodes)
