@@ -85,6 +85,7 @@ def scene(launches: int, sources: int, seed: int) -> dict[str, Any]:
         "classification": {
             "model": "spectral",
             "launches_per_day": 86_400.0 / DURATION_S * len(targets),
+            "prior": dict.fromkeys(TARGET_TYPES, 1.0 / len(TARGET_TYPES)),
             "sources_in_view": {kind: float(sources * SHINING_S[kind] / DURATION_S) for kind in SOURCES},
         },
         "confidence": "posterior",

@@ -75,6 +75,7 @@ def prior(launches: int, sources: int) -> dict[str, Any]:
     """Return the prior of the classifier: as many launches a day, and sources that shine as long, as in the scene."""
     return {
         "launches_per_day": 86_400.0 / DURATION_S * launches * len(TARGET_TYPES),
+        "prior": dict.fromkeys(TARGET_TYPES, 1.0 / len(TARGET_TYPES)),
         "sources_in_view": {kind: sources * SHINING_S[kind] / DURATION_S for kind in KINDS},
     }
 

@@ -27,6 +27,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from end_to_end_page import ALL, write_page
+from opir_scoring.errors import ground_error
 from opir_studies.differences import RunAnswers, answers_of, differences
 from opir_studies.knobs import Knob, knobs_of
 from opir_studies.tuning import overrides_at
@@ -35,7 +36,6 @@ from result_files import write_csv
 import opir_core as opir
 from opir_core.builtin.class_flights import EPHEMERIS_TOLERANCE_M
 from opir_core.reading import scene_mapping
-from opir_core.scoring.errors import ground_error
 
 #: Modules that build trajectories to `EPHEMERIS_TOLERANCE_M`.
 TRAJECTORIES = ("class_flights", "targets", "gravity_turn_targets")

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from opir_scoring.bound import DetectedLooks
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation import tangent_axes
-from opir_core.scoring.bound import DetectedLooks
 
 
 class KnownValues(NamedTuple):

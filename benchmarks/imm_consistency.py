@@ -14,12 +14,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import yaml
+from opir_scoring.containments import containment
+from opir_scoring.errors import PointErrors, StateErrors, point_errors, state_errors
+from opir_scoring.evidence import evidence_of_run, ownership
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.scoring.containments import containment
-from opir_core.scoring.errors import PointErrors, StateErrors, point_errors, state_errors
-from opir_core.scoring.evidence import evidence_of_run, ownership
 from opir_core.simulation.run import run_of_plan
 
 LAUNCHES, SETTLED_S = 10, 20.0

@@ -169,7 +169,7 @@ BENCHMARKS = (
         needs=("opir_kafka", "confluent_kafka"),
     ),
     Benchmark(
-        "coverage", "What do the default constellations see of the Earth?", "coverage.py", words("--step-s 43200")
+        "coverage", "What do the default constellations see of the Earth?", "earth_coverage.py", words("--step-s 43200")
     ),
     Benchmark(
         "first_detection",
@@ -194,6 +194,12 @@ BENCHMARKS = (
         "Of what is reported with confidence p, how much is right?",
         "calibration.py",
         words("--launches 4 --sources 4 --seeds 1"),
+    ),
+    Benchmark(
+        "left_out_classes",
+        "Does `none of these` rise for a class left out, and is every probability right?",
+        "left_out_classes.py",
+        words("--launches 3 --sources 8"),
     ),
     Benchmark(
         "kepler",
@@ -264,6 +270,20 @@ BENCHMARKS = (
         "Do the regions of imm hold what they say, on flights that share nothing with it?",
         "tracker_honesty.py",
         ("--flights", "1", "--only", "2 stages"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
+        "simulation_calibration",
+        "Is what imm reports calibrated on flights of its own prior?",
+        "simulation_calibration.py",
+        ("--flights", "3"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
+        "open_world",
+        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back?",
+        "open_world.py",
+        words("--flights 1 --only short"),
         needs=("opir_trackers",),
     ),
     Benchmark(

@@ -20,13 +20,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from opir_scoring import RunEvidence, evidence_of_run, ownership
+from opir_scoring.containments import proportion
+from opir_scoring.evidence import true_states_ecef
 from result_files import BLUE, ORANGE, number, read_csv, svg_plot, write_csv
 from scipy.optimize import linear_sum_assignment
 
 import opir_core as opir
-from opir_core.scoring import RunEvidence, evidence_of_run, ownership
-from opir_core.scoring.containments import proportion
-from opir_core.scoring.evidence import true_states_ecef
 
 LAUNCHES = 10
 SPACINGS_KM = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)

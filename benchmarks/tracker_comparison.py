@@ -40,10 +40,13 @@ BINNED = {
     "velocity_m_s": ("velocity_rmse_m_s", 1.0, 1),
     "velocity_over_bound": ("velocity_rmse_over_bound_thrust_known", 1.0, 2),
     "velocity_over_free_bound": ("velocity_rmse_over_bound_thrust_unknown", 1.0, 2),
+    "position_energy_m": ("position_energy_score_m", 1.0, 0),
+    "velocity_energy_m_s": ("velocity_energy_score_m_s", 1.0, 1),
     "impact_m": ("impact_rmse_km", 1e-3, 1),
 }
 POINTS = {
     "launch_m": ("launch_rmse_m", 1.0, 0),
+    "launch_energy_m": ("launch_energy_score_m", 1.0, 0),
     "launch_time_s": ("launch_time_rmse_s", 1.0, 2),
     "impact_m": ("impact_rmse_km", 1e-3, 1),
     "impact_time_s": ("impact_time_rmse_s", 1.0, 2),
@@ -97,9 +100,20 @@ def whole_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
         yield plain(name, str(stereo[key]))
     for key, (name, scale, digits) in POINTS.items():
         yield figure(stereo[key], name, scale, digits)
+    yield from proper_rows(card)
     for point in ("launch", "impact"):
         for part in stereo[f"{point}_containment"]:
             yield figure(part, f"{point}_in_{100.0 * part['nominal']:.0f}_ellipse_percent", 100.0, 0)
+
+
+def proper_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield the scores of impacts and hypotheses, and what was recognised as a launch."""
+    yield figure(card["stereo"]["impact_by_phase"][-1]["energy_m"], "impact_energy_score_km", 1e-3, 1)
+    last = card["hypotheses"]["by_age"][-1]
+    for key, name in (("log_score", "hypothesis_log_score"), ("brier", "hypothesis_brier_score")):
+        yield figure(last[key], name, 1.0, 3, last["tracks"])
+    for key in ("launches_recognised", "false_launches_an_hour"):
+        yield figure(card["recognition"][key], key, 1.0, 3)
 
 
 def bin_rows(part: dict[str, Any]) -> Iterator[dict[str, str]]:

@@ -5,7 +5,8 @@
 Staged gravity turns of `foreign_flights` (SciPy) and class profiles of the target model `ballistic`, drawn with seeds
 that nothing was built on, each in a scene of its own: one or two SBIRS-GEO, default settings. At 25, 50, 75 and 95 % of
 the time from ignition to the last burnout, and 5 and 20 s after it: is the state in its 95 % ellipsoid, the impact in
-its 50 and 95 % regions, and how large are these? And how large are errors beside the Cramér–Rao bound of an estimator
+its 50 and 95 % regions, and how large are these? What are the energy scores of state and impact, and the log score of
+"missile"? And how large are errors beside the Cramér–Rao bound of an estimator
 that knows the law of the flights and has their parameters to find (`foreign_bound`)?
 """
 
@@ -23,15 +24,21 @@ import foreign_bound
 import numpy as np
 from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 from foreign_flights import RADIUS_M, drawn_flight, ecef
+from opir_scoring import energy_scores, log_scores, main_regions, region_energy_m, regions_given
+from opir_scoring.bound import DetectedLooks
+from opir_scoring.containments import containment, proportion
+from opir_scoring.errors import bias_turns
+from opir_scoring.evidence import true_states_ecef
 
 import opir_core as opir
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef
-from opir_core.scoring.bound import DetectedLooks
-from opir_core.scoring.containments import containment, proportion
-from opir_core.scoring.errors import bias_turns
-from opir_core.scoring.evidence import true_states_ecef
 
+#: Columns whose means end the lines of the CSV.
+PROPER = (
+    *("in_95_if_burn_known", "position_energy_m", "velocity_energy_m_s", "impact_energy_m", "missile_log_score"),
+    "effective_samples",
+)
 BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")
 EPOCH, START_S, AFTER_S = "2026-04-01T18:00:00Z", 10.0, 30.0
@@ -103,6 +110,12 @@ class Row(NamedTuple):
     position_over_bound: float
     velocity_over_bound: float
     impact_over_bound: float
+    in_95_if_burn_known: float
+    position_energy_m: float
+    velocity_energy_m_s: float
+    impact_energy_m: float
+    missile_log_score: float
+    effective_samples: float
 
 
 def foreign(line: Line, seed: int, folder: Path) -> Flight:
@@ -187,7 +200,7 @@ def rows_of(line: Line, seed: int, folder: Path) -> Iterator[Row]:
             row = here[np.argmax(count[np.searchsorted(number, tracks.track[here])])]
             yield _row(mark, flight, tracks, int(row), bounds[mark])
         else:
-            yield Row(mark, *[np.nan] * 11)
+            yield Row(mark, *[np.nan] * (len(Row._fields) - 1))
 
 
 def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray) -> np.ndarray:
@@ -284,13 +297,35 @@ def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
 def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.ndarray) -> Row:
     error = tracks.state[row] - flight.state(float(tracks.tick_s[row]))
     nees = float(error @ np.linalg.solve(tracks.state_covariance[row], error))
-    regions = {region.containment: region for region in tracks.impact_regions[row]}
+    told = tracks.impact_regions[row]
+    regions = {region.containment: region for region in main_regions(told)}
+    given = regions_given(told, float(tracks.tick_s[row]) >= flight.burnout_s)
     inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
     place, true = ecef(*tracks.impact[row, :2]), ecef(*flight.impact)
     angle = np.arctan2(np.linalg.norm(np.cross(place, true)), place @ true)
     errors = np.array([np.linalg.norm(error[:3]), np.linalg.norm(error[3:]), RADIUS_M * angle])
-    return Row(mark, nees, *errors[:2].tolist(), *inside, *area, float(errors[2]), *(errors / bound).tolist())
+    known = [float(region.contains(*flight.impact)) for region in given if region.containment == 0.95]
+    scores = proper_scores(flight, tracks, row, error)
+    ratios = (errors / bound).tolist()
+    return Row(
+        mark, nees, *errors[:2].tolist(), *inside, *area, float(errors[2]), *ratios, *(known or [np.nan]), *scores
+    )
+
+
+def proper_scores(flight: Flight, tracks: opir.Tracks, row: int, error: np.ndarray) -> tuple[float, ...]:
+    """Return energy scores of position, velocity and impact, m and m/s, log score of "missile", effective samples."""
+    one = tracks.take(np.array([row]))
+    state = [
+        float(energy_scores(error[None], one.state_covariance, one.state_sigmas, part)[0])
+        for part in (slice(0, 3), slice(3, 6))
+    ]
+    regions = tracks.impact_regions[row]
+    impact_m = region_energy_m(regions, np.array(flight.impact)) if regions else np.nan
+    stated = one.probability_missile[:, None]
+    log_score = float(log_scores(stated, np.zeros(1, dtype=np.int64))[0])
+    samples = min((region.effective_samples for region in regions), default=np.nan)
+    return *state, impact_m, log_score, samples
 
 
 def table(line: Line, rows: list[Row]) -> Iterator[str]:
@@ -309,7 +344,14 @@ def table(line: Line, rows: list[Row]) -> Iterator[str]:
         ratios = ",".join(over_bound(getattr(row, f"{what}_over_bound") for row in told) for what in BOUNDED)
         impact_km = 1e-3 * np.median([row.impact_m for row in known])
         sizes = f"{speed:.1f},{area[0]:.4g},{area[1]:.4g},{impact_km:.1f}"
-        yield f"{line.name},{name},{len(mine)},{len(told)},{shares},{sizes},{ratios}"
+        proper = ",".join(mean_of(getattr(row, key) for row in told) for key in PROPER)
+        yield f"{line.name},{name},{len(mine)},{len(told)},{shares},{sizes},{ratios},{proper}"
+
+
+def mean_of(values: Iterable[float]) -> str:
+    """Return the mean of the known values, for the CSV."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    return f"{known.mean():.4g}" if len(known) else ""
 
 
 def over_bound(ratios: Iterable[float]) -> str:
@@ -322,7 +364,7 @@ HEAD = (
     "flights,mark,flown,tracked,state_95_percent,low,high,impact_50_percent,low,high,impact_95_percent,low,high,"
     "velocity_rmse_m_s,area_50_km2,area_95_km2,impact_error_median_km,"
     "position_over_bound_rms,position_over_bound_median,velocity_over_bound_rms,velocity_over_bound_median,"
-    "impact_over_bound_rms,impact_over_bound_median"
+    "impact_over_bound_rms,impact_over_bound_median," + ",".join(PROPER)
 )
 
 

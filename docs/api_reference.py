@@ -33,13 +33,13 @@ PUBLIC = (
     "opir_core.simulation",
     "opir_core.random_streams",
     "opir_core.output",
-    "opir_core.scoring",
     "opir_core.live",
     "opir_core.cli",
     "opir_core.builtin",
     "opir_core.doors",
     "opir_photons.radiometry",
     "opir_photons.detection",
+    "opir_scoring",
     "opir_testing",
 )
 

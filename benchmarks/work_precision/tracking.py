@@ -21,11 +21,13 @@ import numpy as np
 import tracking_peers as peers
 import tracking_scene
 from attrs import evolve
+from opir_scoring.gospa_metric import gospa
 from opir_testing.doubles import stub_sensor
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.histories import Histories
+from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.imm.tracking import ImmTracking
 from peers import installed, is_installed
 from tracking_page import (
     Line,
@@ -48,7 +50,6 @@ from tracking_problems import (
 )
 
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.scoring.gospa_metric import gospa
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0

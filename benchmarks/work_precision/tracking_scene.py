@@ -21,6 +21,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from attrs import evolve
 from filterpy_tracker import FilterPyTracker
+from opir_scoring.containments import root_mean_square
+from opir_scoring.errors import StateErrors, state_errors
+from opir_scoring.evidence import evidence_of_run, ownership
 from opir_studies.comparison import TimedTracker
 from peers import installed, times_faster
 from tracking_scene_page import write_csv, write_page
@@ -28,9 +31,6 @@ from tracking_scene_page import write_csv, write_page
 from opir_core.interfaces.protocols import Tracker
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.scoring.containments import root_mean_square
-from opir_core.scoring.errors import StateErrors, state_errors
-from opir_core.scoring.evidence import evidence_of_run, ownership
 from opir_core.simulation.run import run_of_plan
 
 #: Errors count from here to the end, s since ignition: from when directions of both sensors tell the place.

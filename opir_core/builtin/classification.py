@@ -14,7 +14,7 @@ from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import REPORTED_TYPES, SOURCE_TYPES, UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
@@ -64,6 +64,8 @@ class TrueType(Classifier):
 @frozen
 class NoClassifier(Classifier):
     """UNKNOWN, each time."""
+
+    uses_truth: bool = False
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
@@ -191,9 +193,10 @@ def weighted_confidence(config: WeightedConfig, _context: ModelContext) -> Confi
 
 @frozen
 class PosteriorConfidence(Confidence):
-    """The probability of the reported type; of UNKNOWN, the probability that the detection is of no missile."""
+    """The probability of the reported type; of UNKNOWN, the probability that the detection is of none of the others."""
 
     classifier: Classifier
+    reported_types: tuple[str, ...] = REPORTED_TYPES
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,)."""
@@ -203,7 +206,8 @@ class PosteriorConfidence(Confidence):
 
     def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
         """Return confidences (n,) of reported types (n,)."""
-        chosen = np.take_along_axis(log_probability, reported_type[:, None].astype(np.int64), axis=1)[:, 0]
+        log_types = self.classifier.over_types(log_probability, self.reported_types)
+        chosen = np.take_along_axis(log_types, reported_type[:, None].astype(np.int64), axis=1)[:, 0]
         # A sum of shares may exceed 1 by a rounding error.
         return np.minimum(np.exp(chosen), 1.0)
 
@@ -216,7 +220,7 @@ def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Con
             "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
             " classification: spectral, or confidence: weighted"
         )
-    return PosteriorConfidence(classifier)
+    return PosteriorConfidence(classifier, context.reported_types)
 
 
 def full_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:

@@ -120,14 +120,16 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
     """Yield `paper`, `none`, `always` and `never`."""
     yield ClassifierModel(
         name="paper",
-        summary="drawn from a confusion matrix, once per sensor and launch",
+        summary="drawn from a confusion matrix, once per sensor and launch; knows the true type",
         config=ConfusionConfig,
         build=_built_by("classification", "confusion_classifier"),
     )
     yield ClassifierModel(
         name="none", summary="every target is UNKNOWN", build=_built_by("classification", "no_answer")
     )
-    yield ClassifierModel(name="always", summary="always the true type", build=_built_by("classification", "true_type"))
+    yield ClassifierModel(
+        name="always", summary="the true type, each time", build=_built_by("classification", "true_type")
+    )
     yield ClassifierModel(
         name="never", summary="every target is UNKNOWN, like none", build=_built_by("classification", "no_answer")
     )

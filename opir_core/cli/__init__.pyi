@@ -1,5 +1,7 @@
 from opir_core.cli.answer_lines import (
     answers as answers,
+    source_table as source_table,
+    track_table as track_table,
 )
 from opir_core.cli.components import (
     OwnedComponent as OwnedComponent,
@@ -14,14 +16,10 @@ from opir_core.cli.scene_arguments import (
     add_scene_arguments as add_scene_arguments,
     scene_of as scene_of,
 )
-from opir_core.cli.score import (
-    add_score_settings as add_score_settings,
-    score_settings as score_settings,
-    scorecard_text as scorecard_text,
-)
 from opir_core.cli.terminal import (
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,
+    probability_text as probability_text,
     progress as progress,
     table as table,
 )

@@ -3,81 +3,177 @@
 What is reported is the detections' and the tracker's; only the target's name and type are from the truth.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from opir_core.cli.terminal import grouped
+from opir_core.cli.terminal import grouped, listed, probability_text
 
 #: Targets with a sentence of their own.
 _ANSWERED = 6
 #: From this area on, km², no decimals are printed.
 _WHOLE_KM2 = 10.0
+#: What is probably a launch has a launch point and an impact.
+_PROBABLE = 0.5
+#: Below it the probability that a target stays in orbit, or comes down, is not printed.
+_MINOR = 0.05
+#: Effective samples below which a region is called thin.
+_THIN = 100.0
+
+_CONDITIONS = {"burn over": "if the burn is over: ", "relights": "relights {}: "}
+
+Row = Mapping[str, Any]
 
 
-def answers(summary: Mapping[str, Any], most: int = _ANSWERED) -> list[str]:
-    """Return a sentence for each of the first targets of a run's summary, and the number of the others."""
+def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
+    """Return a sentence for each of the first targets of a run's summary, and the number of the others.
+
+    Sentences about other hot sources that the tracker takes for launches follow.
+    """
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     targets = summary["targets"]
-    lines = [_answer(row, tracks.get(row["track_id"])) for row in targets[:most]]
-    return [*lines, f"... and {len(targets) - most} more targets"] if len(targets) > most else lines
+    lines = [_sentence(row, "target", _seen(row), tracks) for row in targets[:most]]
+    if len(targets) > most:
+        lines.append(f"... and {len(targets) - most} more targets")
+    taken = [row for row in summary["sources"] if _is_taken(tracks.get(row["track_id"]))]
+    lines += [_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]]
+    return [*lines, f"... and {len(taken) - most} more sources taken for launches"] if len(taken) > most else lines
 
 
-def _answer(target: Mapping[str, Any], track: Mapping[str, Any] | None) -> str:
-    name = f"{target['target_id']} ({target['target_type']})"
-    if target["latency_s"] is None:
-        return f"{name}: not detected"
+def _is_taken(track: Row | None) -> bool:
+    """Return whether a source's track is probably a launch, to its tracker."""
+    return track is not None and (track["probability_launch"] or 0.0) >= _PROBABLE
+
+
+def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
+    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that was not."""
+    name, track = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})", tracks.get(row["track_id"])
+    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)]) if seen else f"{name}: not detected"
+
+
+def _seen(target: Row) -> str:
     latency_s, end_to_end_s = target["latency_s"], target["end_to_end_latency_s"]
+    if latency_s is None:
+        return ""
     late = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
-    seen = f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
-    return "; ".join([f"{name}: {seen}", _type_text(target, track), *_places(track)])
+    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
 
 
-def _type_text(target: Mapping[str, Any], track: Mapping[str, Any] | None) -> str:
-    """Return the type of the track with its probability, else that of the detections."""
-    if track is not None and track["type_probability"] is not None:
-        return f"reported {track['reported_type']} (probability {track['type_probability']:.2f})"
-    return f"reported {target['reported_type']} (confidence up to {target['highest_confidence']:.2f})"
+def says_text(seen: Row, track: Row | None) -> str:
+    """Return what a target or source is, and who says so: its tracker if it has an answer, else the detections."""
+    likeliest = None if track is None else likeliest_text(track)
+    if likeliest is not None:
+        return f"tracker: {likeliest}"
+    if seen["reported_type"] is None:
+        return "-"
+    return f"detections: {seen['reported_type']}, confidence up to {probability_text(seen['highest_confidence'])}"
 
 
-def _places(track: Mapping[str, Any] | None) -> list[str]:
-    """Return the estimated launch and impact points, as far as there are any."""
-    if track is None:
-        return []
-    launch, impact = track["launch"], track["impact"]
-    parts = [f"from {place_text(launch)}{spread_text(launch)}"] if launch is not None else []
-    if impact is not None:
-        parts.append(f"to {place_text(impact)}{spread_text(impact)}")
-    return [" ".join(parts)] if parts else []
+def likeliest_text(track: Row) -> str | None:
+    """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None without either."""
+    for name, chance in (("likeliest_hypothesis", "hypothesis_probability"), ("reported_type", "type_probability")):
+        if track[name] is not None:
+            return f"{track[name]} {probability_text(track[chance])}"
+    return None
 
 
-def point_text(point: Mapping[str, Any] | None) -> str:
+def _is_probable(track: Row) -> bool:
+    """Return whether a track is probably a launch; without hypotheses its tracker knows launches alone."""
+    return track["probability_launch"] is None or track["probability_launch"] >= _PROBABLE
+
+
+def _flight(track: Row | None) -> Iterator[str]:
+    """Yield whether a probable launch comes down or stays in orbit, the likelier first, and from where to where."""
+    if track is None or not _is_probable(track):
+        return
+    both = ((track["probability_comes_down"] or 0.0, "comes down"), (track["probability_orbit"] or 0.0, "in orbit"))
+    yield from (f"{words}: {probability_text(chance)}" for chance, words in sorted(both)[::-1] if chance >= _MINOR)
+    law = ", the paper's law, without containment"
+    points = (("from", track["launch"]), ("to", track["impact"]))
+    places = [f"{words} {place_text(point)}{spread_text(point, law)}" for words, point in points if point is not None]
+    yield from [" ".join(places)] if places else []
+
+
+def point_text(point: Row | None) -> str:
     """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated.
 
     The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's law.
     """
-    return "-" if point is None else f"{place_text(point)} at {point['time_s']:.1f} s{spread_text(point)}"
+    return "-" if point is None else f"{place_text(point)} at {point['time_s']:.1f} s{spread_text(point, most=1)}"
 
 
-def place_text(point: Mapping[str, Any]) -> str:
+def place_text(point: Row) -> str:
     """Return latitude and longitude, `34.73 N 120.57 W`."""
     lat_deg, lon_deg = point["lat_deg"], point["lon_deg"]
     return f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
 
 
-def spread_text(point: Mapping[str, Any]) -> str:
-    """Return ` (95 % in 79 000 km2)`, ` (0.1 km)` or "": how uncertain a point is."""
+def spread_text(point: Row, law: str = "", most: int | None = None) -> str:
+    """Return ` (95 % in 79 000 km2)`, ` (0.1 km)` or "": how uncertain a point is.
+
+    A region has its condition; at most `most` are named. `law` follows the σ of the paper's law.
+    """
     if point.get("sigma_km") is not None:
-        return f" (sigma {point['sigma_km']:.1f} km)"
-    if point.get("region_95_km2") is not None:
-        area_km2 = point["region_95_km2"]
-        short = float(f"{area_km2:.2g}")
-        return f" (95 % in {grouped(round(short)) if short >= _WHOLE_KM2 else f'{short:g}'} km2)"
+        return f" (sigma {point['sigma_km']:.1f} km{law})"
+    if point.get("regions"):
+        return f" ({'; '.join(map(_region_text, point['regions'][:most]))})"
     return "" if point["semi_major_95_km"] is None else f" ({point['semi_major_95_km']:.1f} km)"
 
 
-def track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the cells of a track in the table of a run."""
-    chance = row["type_probability"]
-    reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
+def _region_text(region: Row) -> str:
+    """Return `95 % in 79 000 km2`, after what the region presumes."""
+    short, samples = float(f"{region['area_95_km2']:.2g}"), region["effective_samples"]
+    area = grouped(round(short)) if short >= _WHOLE_KM2 else f"{short:g}"
+    presumed = _CONDITIONS.get(region["condition"], "").format(probability_text(region["probability"]))
+    return f"{presumed}95 % in {area} km2{', thin' if samples is not None and samples < _THIN else ''}"
+
+
+_SOURCE_HEAD = ("source", "type", "first detected by", "detections", "track", "reported")
+_WHERE = ("from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
+_NUMBERS = {"detections", "track", "from s", "to s"}
+
+#: The head of a table and the cells of its rows.
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+
+
+def reported_tables(summary: Row) -> Iterator[str]:
+    """Yield the tables of hot sources that are no targets, and of tracks, as text."""
+    for head, rows in (source_table(summary), track_table(summary)):
+        yield listed(head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS])
+    if any(row["impact"] is not None and row["impact"]["method"] == "paper" for row in summary["tracks"]):
+        yield "sigma of an impact: the paper's law, without containment"
+
+
+def source_table(summary: Row) -> Table:
+    """Return the table of hot sources that are no targets, those taken for launches first."""
+    tracks = {row["track_id"]: row for row in summary["tracks"]}
+    rows = sorted(summary["sources"], key=lambda row: not _is_taken(tracks.get(row["track_id"])))
+    return _SOURCE_HEAD, [source_cells(row, tracks) for row in rows]
+
+
+def track_table(summary: Row) -> Table:
+    """Return the table of tracks, probable launches first, with hypotheses if any track has them."""
+    weighs = any(row["hypotheses"] is not None for row in summary["tracks"])
+    head = ("track", "likeliest", "P(launch)", *_WHERE, "end") if weighs else ("track", "type", *_WHERE)
+    rows = sorted(summary["tracks"], key=lambda row: not _is_probable(row))
+    return head, [track_cells(row, weighs=weighs) for row in rows]
+
+
+def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
+    """Return the cells of a track; `weighs` for a tracker that weighs hypotheses.
+
+    Only a probable launch has a launch point and an impact.
+    """
+    launch, impact = (row["launch"], row["impact"]) if _is_probable(row) else (None, None)
     times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
-    return (str(row["track_id"]), reported, *times, point_text(row["launch"]), point_text(row["impact"]))
+    head, where = (str(row["track_id"]), likeliest_text(row) or "-"), (*times, point_text(launch), point_text(impact))
+    if not weighs:
+        return (*head, *where)
+    chance = row["probability_launch"]
+    return (*head, "-" if chance is None else probability_text(chance), *where, row["end"] or "-")
+
+
+def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
+    """Return the cells of a hot source that is no target."""
+    track, first = tracks.get(row["track_id"]), row["first_sensor_id"] or "not detected"
+    named = row["source_id"], row["source_type"], first, grouped(row["detections"])
+    return (*named, "-" if track is None else str(row["track_id"]), says_text(row, track))

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from opir_core.cli.scene_arguments import add_scene_arguments, check_of, plan_of, scene_of
@@ -13,7 +13,7 @@ from opir_core.host.registry import warn
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.plan_checks import expectation_text, plan_warnings
 
 
 def validate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,8 +82,19 @@ def _as_text(plan: Mapping[str, Any]) -> str:
         )
     if plan["tracking"]["order"] == BY_REPORT:
         parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
+    parts += _hypothesis_table(plan["hypotheses"])
+    parts += map(expectation_text, plan["expected_launches"])
+    parts += [
+        f"{name} knows the true types of targets: its reports are no test of discrimination"
+        for name in plan["truth_users"]
+    ]
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
+
+
+def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
+    rows = [(", ".join(row["hypotheses"]), row["distinguished_by"]) for row in groups]
+    return [table(("it may be", "what distinguishes it"), rows)] if rows else []
 
 
 def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ COMMANDS = {
     "run": ("run", "simulate a scene; write events, truth, tracks and manifest"),
     "validate": ("explain", "check a scene without simulating it"),
     "explain": ("explain", "show what a scene computes, and what it skips and why"),
-    "score": ("score", "score the tracks of a run against the truth"),
     "plugins": ("components", "list the installed plugins and their components"),
     "describe": ("components", "show the settings of a component: units, ranges, defaults, sources"),
     "doctor": ("doctor", "examine this machine and installation: versions, plugins, limits, disks, ports, outputs"),

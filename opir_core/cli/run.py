@@ -17,7 +17,7 @@ from typing import Any
 from attrs import asdict
 
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
-from opir_core.cli.terminal import grouped, prints_on_standard_error, progress, table
+from opir_core.cli.terminal import grouped, listed, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
@@ -30,9 +30,6 @@ _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
 #: Sinks with one file of events, beside which truth, tracks and manifest are written.
 _FILES_OF_EVENTS = ("jsonl", "parquet")
-
-#: Rows of targets and tracks that are printed.
-_LISTED = 12
 
 
 def run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -181,7 +178,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
 
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary as sentences and tables."""
-    from opir_core.cli.answer_lines import answers, track_cells  # a quiet run has no answers
+    from opir_core.cli.answer_lines import answers, reported_tables  # a quiet run has no answers
 
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
@@ -192,28 +189,28 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
     parts = [
         head,
         "\n".join(answers(outcome.summary)),
-        table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
+        _sensor_table(outcome.summary),
         _target_table(targets, is_delayed=is_delayed),
-        _listed(_TRACK_HEAD, [track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
+        *reported_tables(outcome.summary),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int]) -> str:
-    """Return a table of the first rows, with the number of those omitted; "" without rows."""
-    omitted = f"\n... and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
-    return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
+_SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")
+_TARGET_HEAD = (
+    *("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors"),
+    "type by detections",
+)
 
 
-_SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
-_TRACK_HEAD = ("track", "type", "from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
-_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
-
-
-def _sensor_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    numbers = (row["looks"], row["detections"], row["targets_detected"])
-    return (row["sensor_id"], row["sensor_type"], *(grouped(number) for number in numbers))
+def _sensor_table(summary: Mapping[str, Any]) -> str:
+    """Return the table of sensors; where there are other hot sources, with how many of them each detected."""
+    names = ("looks", "detections", "targets_detected", "sources_detected")[: 4 if summary["sources"] else 3]
+    cells = [
+        (row["sensor_id"], row["sensor_type"], *(grouped(row[name]) for name in names)) for row in summary["sensors"]
+    ]
+    return table(_SENSOR_HEAD[: 2 + len(names)], cells, numbers=range(2, 2 + len(names)))
 
 
 def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -234,12 +231,12 @@ def _target_table(targets: Sequence[Mapping[str, Any]], *, is_delayed: bool) -> 
     """Return the table of targets, with the latency up to the first report if some sensor's reports are late."""
     head, cells = list(_TARGET_HEAD), [list(_target_cells(row)) for row in targets]
     if not is_delayed:
-        return _listed(head, cells, numbers=(2, 3, 5, 6))
+        return listed(head, cells, numbers=(2, 3, 5, 6))
     head.insert(4, "end to end s")
     for row, each in zip(targets, cells, strict=True):
         latency_s = row["end_to_end_latency_s"]
         each.insert(4, "-" if latency_s is None else f"{latency_s:.3f}")
-    return _listed(head, cells, numbers=(2, 3, 4, 6, 7))
+    return listed(head, cells, numbers=(2, 3, 4, 6, 7))
 
 
 def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:

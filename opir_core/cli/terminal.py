@@ -17,9 +17,35 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Seq
     return "\n".join(_line(row, widths, numbers) for row in cells)
 
 
+#: Rows of targets and tracks that are printed.
+_LISTED = 12
+
+
+def listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int]) -> str:
+    """Return a table of the first rows, with the number of those omitted; "" without rows."""
+    omitted = f"\n... and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
+
+
 def grouped(number: int) -> str:
     """Return a whole number with spaces between thousands."""
     return f"{number:,}".replace(",", " ")
+
+
+#: Probabilities from which two decimals would be 1.00, and below which they would be 0.00.
+_SURE, _UNLIKELY = 0.995, 0.005
+
+
+def probability_text(chance: float) -> str:
+    """Return a probability with two decimals, `> 0.99` and `< 0.01` in place of 1.00 and 0.00: nothing is certain.
+
+    >>> from opir_core.cli import probability_text
+    >>> [probability_text(chance) for chance in (0.97, 0.996, 0.00004)]
+    ['0.97', '> 0.99', '< 0.01']
+    """
+    if chance >= _SURE:
+        return "> 0.99"
+    return "< 0.01" if chance < _UNLIKELY else f"{chance:.2f}"
 
 
 @contextmanager

@@ -12,8 +12,11 @@ from opir_core.flight.atmosphere_density import (
 from opir_core.flight.boost import (
     PROFILES_BY_TYPE as PROFILES_BY_TYPE,
     BoostPath as BoostPath,
+    ascent as ascent,
+    boost_path as boost_path,
     boost_profile as boost_profile,
     boost_profiles as boost_profiles,
+    launch_site as launch_site,
 )
 from opir_core.flight.conic_impact import (
     kepler_impact as kepler_impact,

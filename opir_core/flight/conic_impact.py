@@ -202,9 +202,9 @@ def kepler_impact(
 
     Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along its axis, such as ECEF
     frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the surface
-    of geodetic height `height_m` above the WGS 84 ellipsoid. A start below the surface must first rise through it; one
-    within 1e-6 m counts as on it, with an immediate impact if it descends. Arcs that start inside the Earth are
-    propagated through it. The point has the height to 1e-6 m.
+    of geodetic height `height_m` above the WGS 84 ellipsoid, to 1e-6 m. A start below the surface that descends has
+    come down: time 0, at the start. One that ascends, as from a launch site below the ellipsoid, must first rise
+    through the surface. A start within 1e-6 m of the surface is on it.
 
     `nan` without a descent (pericentre above the surface, apocentre below it, escape), where an input is not finite,
     and for heights below -6 000 km.
@@ -252,6 +252,11 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     low[~steep] = np.nan
     if grazing.size:
         low[grazing], high[grazing] = grazing_brackets(arcs.at(grazing), height[grazing], ON_SURFACE_M)
+    (deep,) = (outer > 1.0).nonzero()
+    if deep.size:
+        above, climb = arcs.at(deep).heights_and_slopes(np.zeros(deep.size))
+        down = deep[(above < height[deep] - ON_SURFACE_M) & (climb < 0.0)]
+        low[down] = high[down] = 0.0
     return low, high
 
 
@@ -260,16 +265,14 @@ def _steep_brackets(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the anomalies of the first descents through the two spheres.
 
-    A start that falls between them is bracketed by its own height: above the surface it has yet to fall, on it the
-    impact is immediate, below it the impact is one turn later.
+    A start that falls between them has yet to fall through the surface, or is on it: then the impact is immediate.
     """
     low, high = arcs.first_descent(outer), arcs.first_descent(inner)
     (falling,) = ((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0)).nonzero()
     if falling.size:
         above = arcs.at(falling).heights_m(np.zeros(falling.size)) - height[falling]
-        here, below = np.abs(above) <= ON_SURFACE_M, above < -ON_SURFACE_M
-        low[falling] = np.where(below, low[falling], 0.0)
-        high[falling] = np.where(here, 0.0, high[falling] + np.where(below, arcs.turns()[falling], 0.0))
+        low[falling] = 0.0
+        high[falling] = np.where(above <= ON_SURFACE_M, 0.0, high[falling])
     return low, high
 
 

@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.altitude_events import AltitudeEvents, GroundContact, Seams
 from opir_core.flight.atmosphere_density import air_layers
+from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
 from opir_core.flight.forces import Forces
-from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag
+from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag, height_and_climb
 
 #: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below rounding.
 LOOSEST_TOLERANCE_M = 0.1
@@ -312,6 +313,15 @@ def columns_of(
     position, velocity = (np.broadcast_to(vector, (*shape, 3)).reshape(-1, 3).T for vector in vectors)
     duration, tolerance, beta, height = (np.broadcast_to(scalar, shape).reshape(-1) for scalar in scalars)
     return ArcColumns(shape, position, velocity, np.where(np.isnan(height), np.nan, duration), tolerance, beta, height)
+
+
+def come_down(columns: ArcColumns) -> RowArray:
+    """Return the rows of arcs that start below their height and descend."""
+    with np.errstate(all="ignore"):
+        inverse_radius = 1.0 / np.sqrt(_square(columns.position))
+        height, climb = height_and_climb(columns.position, columns.velocity, inverse_radius)
+    down = (height < columns.target - ON_SURFACE_M) & (climb < 0.0) & ~np.isnan(columns.duration)
+    return down.nonzero()[0]
 
 
 def integrations(

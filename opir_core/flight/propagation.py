@@ -40,7 +40,7 @@ def propagate(
     forces = forces_of(forces)
     if forces.is_kepler:
         return propagate_kepler(position_m, velocity_m_s, duration_s, forces.gravity.mu_m3_s2)
-    columns, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
+    columns, _, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
     position, velocity = np.empty((columns.duration.size, 3)), np.empty((columns.duration.size, 3))
     for part, integration in integrations:
         ends = integration.ends()
@@ -49,11 +49,16 @@ def propagate(
 
 
 def _integrated(*arguments: Any) -> Any:
-    """Return the columns of arcs and the integrations of their blocks; two-body arcs never import these."""
-    from opir_core.flight.integration import columns_of, integrations
+    """Return the columns of arcs, the rows of those that have come down, and the integrations of their blocks.
+
+    Two-body arcs never import these.
+    """
+    from opir_core.flight.integration import columns_of, come_down, integrations
 
     columns = columns_of(*arguments)
-    return columns, integrations(columns, arguments[4])
+    here = come_down(columns)
+    columns.duration[here] = 0.0
+    return columns, here, integrations(columns, arguments[4])
 
 
 #: The default longest time of flight, s.
@@ -109,7 +114,8 @@ def impact_states_eci(
 
     States are inertial, in the axes of ECEF at the start, and so is the point of impact:
     `opir_core.geometry.eci_to_ecef` of it and its `duration_s` is the place on the ground, hundreds of kilometres
-    further west. Leading axes broadcast. A start on or below the surface must first rise through it. The step that
+    further west. Leading axes broadcast. A start below the height that descends has come down: time 0, at the start.
+    One that ascends, as from a launch site below the ellipsoid, must first rise through the height. The step that
     crosses the height is shortened until it ends within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m.
     `tolerance_m` is as in `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally
     larger below.
@@ -121,7 +127,7 @@ def impact_states_eci(
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
-    columns, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
+    columns, here, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
     count, shape = columns.duration.size, columns.shape
     duration, position, velocity = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
     reason = np.empty(count, np.int8)
@@ -131,6 +137,8 @@ def impact_states_eci(
         hit = reason[part] == ImpactReason.IMPACT
         duration[part] = np.where(hit, ends.elapsed, np.nan)
         position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
+    duration[here], reason[here] = 0.0, ImpactReason.IMPACT
+    position[here], velocity[here] = columns.position[:, here].T, columns.velocity[:, here].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
 

@@ -91,10 +91,15 @@ class SensorModel(Component):
 
 @frozen(kw_only=True)
 class DetectionModel(Component):
-    """`build(config, context) -> DetectionProbability`: exposures to probability of detection."""
+    """`build(config, context) -> DetectionProbability`: exposures to probability of detection.
+
+    `classifier` is the name of the classifier that a scene with this model has if it names none; "" is `paper`.
+    """
 
     hook = "opir_detection_models"
     kind = "detection model"
+
+    classifier: str = ""
 
 
 @frozen(kw_only=True)

@@ -49,6 +49,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-render": ("renderers.compiled",),
     "opir-report": ("commands.report", "run_views.map", "run_views.plot"),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
+    "opir-scoring": ("commands.score",),
     "opir-stonesoup": ("trackers.stonesoup",),
     "opir-studies": (
         "commands.compare",

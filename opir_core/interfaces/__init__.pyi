@@ -22,3 +22,6 @@ from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS as TRACK_CONTAINMENTS,
     TRACK_ENDS as TRACK_ENDS,
 )
+from opir_core.interfaces.weighed_tracks import (
+    hypothesis_columns as hypothesis_columns,
+)

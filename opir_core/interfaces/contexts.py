@@ -92,7 +92,8 @@ class TrackerContext:
     """The context of a tracker; it has no targets.
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light is instantaneous.
-    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`.
+    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`. `false_alarms_per_scan`
+    (sensors,) is the mean number of false alarms in a scan of the whole field of regard, None where it is unknown.
     """
 
     sensors: tuple[Sensor, ...]
@@ -101,6 +102,7 @@ class TrackerContext:
     forces: "ForceModel" = "kepler"
     light_time: bool = True
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
+    false_alarms_per_scan: tuple[float, ...] | None = None
 
 
 #: Returns lines of text, given their number and their columns.
@@ -118,12 +120,14 @@ class RendererContext:
 class EncoderContext:
     """The context of an encoder; `reported_types` are the names of the detections' codes.
 
-    `render` joins lines from columns for the core's encoders; None is the reference.
+    `hypotheses` are the names of what a hot object may be, in the order of `Tracks.hypothesis_probability`. `render`
+    joins lines from columns for the core's encoders; None is the reference.
     """
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
     reported_types: tuple[str, ...] = REPORTED_TYPES
+    hypotheses: tuple[str, ...] = ()
     render: Renderer | None = field(default=None, eq=False)
 
 

@@ -392,12 +392,27 @@ class Classifier(PluginPart):
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
-    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray | None:
-        """Return ln P (n, 4) over `REPORTED_TYPES`, or None for a classifier without probabilities."""
+    @optional
+    def uses_truth(self) -> bool:
+        """Whether what is reported may depend on the targets' true types; with other targets it is built anew."""
+        return True
+
+    def expected_launches(self, duration_s: float) -> float | None:
+        """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
         return None
 
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray | None:
+        """Return ln P (n, 4) over `REPORTED_TYPES`, or (n, H) over the context's `hypotheses` with an `over_types`, or
+        None for a classifier without probabilities.
+        """
+        return None
+
+    def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
+        """Return posteriors as ln P (n, types) over types that are reported."""
+        return log_posterior
+
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
-        """Return posteriors (n, 4) combined with type probabilities from the tracks' motion, (n, 4)."""
+        """Return posteriors combined with type probabilities from the tracks' motion, (n, 4)."""
         raise NotImplementedError
 
     def reported(self, log_posterior: FloatArray) -> ByteArray:
@@ -420,7 +435,7 @@ class Confidence(PluginPart):
         """Return confidences (n,) in [0, 1]."""
 
     def of_types(self, reported_type: ByteArray, log_probability: FloatArray) -> FloatArray | None:
-        """Return confidences (n,) of reported types (n,) with ln P (n, 4) over `REPORTED_TYPES`.
+        """Return confidences (n,) of reported types (n,) with the classifier's posteriors.
 
         None, the default, for models whose confidences do not follow from type probabilities alone.
         """
@@ -454,6 +469,10 @@ class Tracker(PluginPart):
     @abstractmethod
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
+
+    def expected_launches(self, duration_s: float) -> float | None:
+        """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        return None
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Use new settings of the sensors, as many in the same order; a running scene may change them."""

@@ -90,7 +90,8 @@ class Detections(Columns):
     the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
     beyond the sensor's own bands; B is the largest number of bands of the run's sensors, or 0 if the detection model
     measures no irradiance or there are no rows. `type_log_probability` (n, 4) is over `REPORTED_TYPES`, (n, 0) if the
-    classifier has no probabilities.
+    classifier has no probabilities; `hypothesis_log_probability` (n, H) is over the scene's hypotheses, (n, 0) if it
+    has none of them.
 
     `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call `angles()` once.
     """
@@ -101,6 +102,7 @@ class Detections(Columns):
         "sensor_ecef_m": (3,),
         "band_irradiance_w_m2": (0,),
         "type_log_probability": (0,),
+        "hypothesis_log_probability": (0,),
     }
 
     time_ns: IntArray
@@ -122,6 +124,9 @@ class Detections(Columns):
         default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
     )
     reported_ns: IntArray = field(default=Factory(lambda rows: rows.time_ns, takes_self=True))
+    hypothesis_log_probability: FloatArray = field(
+        default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
+    )
 
     @property
     def is_delayed(self) -> bool:
@@ -187,8 +192,8 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 #: the impact with no stated probability.
 IMPACT_METHODS = ("posterior", "paper")
 
-#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it was
-#: lost.
+#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it
+#: was lost.
 TRACK_ENDS = ("", "impact", "orbit", "lost")
 
 

@@ -40,6 +40,7 @@ from opir_core.output.events.text import (
 from opir_core.output.geojson import (
     DECIMALS as DECIMALS,
     geometry_of as geometry_of,
+    region_figures as region_figures,
     region_texts as region_texts,
 )
 from opir_core.output.pump import (
@@ -47,6 +48,9 @@ from opir_core.output.pump import (
 )
 from opir_core.output.run_files import (
     TruthFile as TruthFile,
+)
+from opir_core.output.saved_runs import (
+    read_run as read_run,
 )
 from opir_core.output.sink_thread import (
     SinkStatus as SinkStatus,

@@ -81,7 +81,7 @@ def deliver(
     not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of
     the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
     shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
     windows = tally.over(plan_windows(plan) if shared is None else shared.windows())
     files = OutputFiles(manifest_path)
@@ -145,7 +145,7 @@ def _recorded(
             from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
 
             place = files.stage(tracks_path, only_appends=True, kind="tracks")
-            tracks = opened.enter_context(TracksFile(place))
+            tracks = opened.enter_context(TracksFile(place, plan.hypothesis_names))
         for window in windows:
             if truth is not None:
                 truth.write(window)
@@ -220,7 +220,7 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 
-    origin = Origin(plan.scene.epoch_us, plan.sensors, plan.reported_types)
+    origin = Origin(plan.scene.epoch_us, plan.sensors, plan.reported_types, plan.hypothesis_names)
     return transport_sink(choice, made, make_encoder, origin)
 
 
@@ -252,7 +252,12 @@ def _encoder(plan: Plan, choice: Choice) -> Encoder:
 
 
 def _origin(plan: Plan) -> EncoderContext:
-    return EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+    return EncoderContext(
+        sensors=plan.sensors,
+        epoch_us=plan.scene.epoch_us,
+        reported_types=plan.reported_types,
+        hypotheses=plan.hypothesis_names,
+    )
 
 
 def _is_of_core(component: Any) -> bool:

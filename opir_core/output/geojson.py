@@ -5,6 +5,7 @@ Positions are longitude and latitude in degrees, outer rings counter-clockwise, 
 """
 
 from collections.abc import Mapping, Sequence
+from math import isnan, nan
 from typing import Any
 
 import msgspec
@@ -13,7 +14,7 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
 #: Decimals of positions, degrees: 0.1 m on the ground.
 DECIMALS = 6
@@ -31,7 +32,7 @@ Rings = list[FloatArray]
 
 
 def region_texts(column: NDArray[np.object_]) -> list[bytes]:
-    """Return tuples of regions (n,) as JSON arrays of containment, area and GeoJSON geometry; equal ones once."""
+    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones once."""
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:
@@ -41,13 +42,30 @@ def region_texts(column: NDArray[np.object_]) -> list[bytes]:
 
 
 def region_document(region: ImpactRegion) -> dict[str, Any]:
-    """Return containment, area_km2 and geometry of a region."""
-    area_km2 = round(region.area_km2, _AREA_DECIMALS)
-    return {"containment": region.containment, "area_km2": area_km2, "geometry": geometry_of(region)}
+    """Return the figures and the geometry of a region."""
+    return {**region_figures(region), "geometry": geometry_of(region)}
+
+
+def region_figures(region: ImpactRegion) -> dict[str, Any]:
+    """Return containment and area_km2 of a region, its condition with its probability, and effective_samples."""
+    samples = region.effective_samples
+    return {
+        "containment": region.containment,
+        "area_km2": round(region.area_km2, _AREA_DECIMALS),
+        "condition": region.condition,
+        "probability": region.probability,
+        "effective_samples": None if isnan(samples) else samples,
+    }
 
 
 def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
-    """Return the region of a document; raises KeyError, TypeError or ValueError if it is none."""
+    """Return the region of a document; raises KeyError, TypeError or ValueError if it is none.
+
+    It may lack condition, probability and effective samples.
+    """
+    condition, samples = document.get("condition", IMPACT_CONDITIONS[0]), document.get("effective_samples")
+    if condition not in IMPACT_CONDITIONS:
+        raise ValueError(f"{condition!r} is no condition of a region; give one of {', '.join(IMPACT_CONDITIONS)}")
     geometry = document["geometry"]
     if geometry["type"] not in ("Polygon", "MultiPolygon"):
         raise ValueError(f"a {geometry['type']} is no region; give a Polygon or a MultiPolygon")
@@ -56,6 +74,9 @@ def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
         containment=float(document["containment"]),
         area_km2=float(document["area_km2"]),
         polygons=tuple(tuple(_ring_from(ring) for ring in polygon) for polygon in polygons),
+        condition=condition,
+        probability=float(document.get("probability", 1.0)),
+        effective_samples=nan if samples is None else float(samples),
     )
 
 

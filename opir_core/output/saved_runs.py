@@ -152,7 +152,7 @@ def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], p
     place = tracks or events.with_suffix(_TRACKS)
     if tracks is None and not place.exists() and plan.make_tracker().cadence_s is None:
         return Tracks.empty()
-    estimates = read_tracks(_existing(place, "tracks"))
+    estimates = read_tracks(_existing(place, "tracks"), plan.hypothesis_names)
     if tracks is None:
         require_file_of_run("tracks", place, manifest)
     return estimates
@@ -314,7 +314,7 @@ def _summary(
     plan: Plan, detections: Detections, truth: DetectionTruth, tracks: Tracks, manifest: Mapping[str, Any]
 ) -> Mapping[str, Any]:
     """Return the summary of the whole run, counted as one window."""
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
     looks = int(manifest.get("counts", {}).get("looks", 0))
     tally.count(Window(0.0, plan.end_ns * 1e-9, looks, detections, truth, tracks, Tracks.empty()))
     return tally.summary()

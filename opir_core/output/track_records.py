@@ -13,6 +13,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
+from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
 from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
@@ -72,6 +73,11 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     available_at: str | UnsetType | None = UNSET
     target_type: str | None = None
     type_probability: dict[str, float] | None = None
+    hypotheses: dict[str, float] | None = None
+    probability_launch: float | None = None
+    probability_missile: float | None = None
+    probability_orbit: float | None = None
+    probability_comes_down: float | None = None
     position_ecef_m: _Vector | None = None
     velocity_ecef_m_s: _Vector | None = None
     covariance: tuple[_Six, _Six, _Six, _Six, _Six, _Six] | None = None
@@ -82,10 +88,19 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     impact_regions: Any = ()
     probability_burning: float | None = None
     probability_relights: float | None = None
+    end: Literal["impact", "orbit", "lost"] | None = None
 
 
-def track_records(tracks: Tracks, epoch_us: int | None = None, schema_version: str | UnsetType = UNSET) -> list[Any]:
-    """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps too."""
+def track_records(
+    tracks: Tracks,
+    hypotheses: Sequence[str],
+    epoch_us: int | None = None,
+    schema_version: str | UnsetType = UNSET,
+) -> list[Any]:
+    """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps too.
+
+    `hypotheses` are the names of the columns of `hypothesis_probability`.
+    """
     types = _types(tracks)
     columns = {
         "time_s": tracks.tick_s.tolist(),
@@ -95,6 +110,7 @@ def track_records(tracks: Tracks, epoch_us: int | None = None, schema_version: s
         "available_at": _timestamps(tracks.available_s, epoch_us),
         "target_type": [None if share is None else max(share, key=share.__getitem__) for share in types],
         "type_probability": types,
+        **hypothesis_columns(tracks, hypotheses),
         "position_ecef_m": _known(tracks.state[:, :3]),
         "velocity_ecef_m_s": _known(tracks.state[:, 3:]),
         "covariance": _known(tracks.state_covariance),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.interfaces.impact_regions import ImpactRegion
-from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS, Tracks
 from opir_core.output.geojson import region_from_document
 from opir_core.output.run_files import LinesFile, content, invalid_file
 from opir_core.output.track_records import LaunchRecord, TrackRecord, track_records
@@ -21,27 +21,32 @@ _BLOCK_ROWS = 4_096
 
 
 class TracksFile(LinesFile):
-    """Writes tracks to a file, tick by tick; use it as a context."""
+    """Writes tracks to a file, tick by tick; use it as a context. `hypotheses` are the names of a run's hypotheses."""
 
     _kind = "the tracks file"
+
+    def __init__(self, path: Path, hypotheses: Sequence[str] = ()) -> None:
+        super().__init__(path)
+        self._hypotheses = hypotheses
 
     def write(self, tracks: Tracks) -> None:
         """Write the tracks of a window."""
         for start in range(0, len(tracks), _BLOCK_ROWS):
-            self._write(track_records(tracks.take(slice(start, start + _BLOCK_ROWS))))
+            self._write(track_records(tracks.take(slice(start, start + _BLOCK_ROWS)), self._hypotheses))
 
 
-def read_tracks(path: Path) -> Tracks:
+def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it is invalid.
 
-    Of a line only `time_s` and `track_id` are required.
+    Of a line only `time_s` and `track_id` are required. `hypotheses` are the names of the columns of
+    `hypothesis_probability`, by default those of the file in its order; others in the file are an error.
     """
     decoder = msgspec.json.Decoder(TrackRecord)
     rows = [_row(decoder, line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
     regions = np.empty(len(rows), dtype=np.object_)
     for number, row in enumerate(rows, start=1):
         regions[number - 1] = _regions(row, number, path)
-    tracks = _tracks(rows, regions)
+    tracks = _tracks(rows, regions, _weighed(rows, hypotheses, path))
     order = np.lexsort((tracks.track, tracks.tick_s))
     tracks = tracks.take(order)
     again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
@@ -72,12 +77,26 @@ def _regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, .
         raise invalid_file(path, f"line {number}: impact_regions", f"not what opir writes: {words}") from error
 
 
-def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_]) -> Tracks:
+def _weighed(rows: Sequence[TrackRecord], hypotheses: Sequence[str] | None, path: Path) -> FloatArray:
+    """Return the probabilities of hypotheses (n, H); (n, 0) if no row has any."""
+    first = dict[str, int]()
+    for number, row in enumerate(rows, start=1):
+        for name in row.hypotheses or ():
+            first.setdefault(name, number)
+    names = tuple(first if hypotheses is None or not first else hypotheses)
+    unknown = next((name for name in first if name not in names), None)
+    if unknown is not None:
+        words = f"the scene has no hypothesis {unknown!r} with the plugins installed: {', '.join(names)}"
+        raise invalid_file(path, f"line {first[unknown]}: hypotheses", words)
+    return _column([row.hypotheses and _shares(row.hypotheses, names) for row in rows], len(names))
+
+
+def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: FloatArray) -> Tracks:
     tick_s = np.array([row.time_s for row in rows], dtype=np.float64)
     available = [row.time_s if row.available_s is None else row.available_s for row in rows]
     burnouts = [row.burnout for row in rows]
     methods = [IMPACT_METHODS[0] if row.impact is None else row.impact.method for row in rows]
-    types = [None if row.type_probability is None else _shares(row.type_probability) for row in rows]
+    types = [None if row.type_probability is None else _shares(row.type_probability, REPORTED_TYPES) for row in rows]
     return Tracks(
         tick_s=tick_s,
         track=np.array([row.track_id for row in rows], dtype=np.int64),
@@ -105,6 +124,11 @@ def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_]) -> Tracks
         probability_burning=_column([row.probability_burning for row in rows]),
         probability_relights=_column([row.probability_relights for row in rows]),
         impact_method=np.array([IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8),
+        hypothesis_probability=weighed,
+        probability_launch=_column([row.probability_launch for row in rows]),
+        probability_missile=_column([row.probability_missile for row in rows]),
+        probability_orbit=_column([row.probability_orbit for row in rows]),
+        end=np.array([TRACK_ENDS.index(row.end or "") for row in rows], dtype=np.uint8),
     )
 
 
@@ -117,8 +141,8 @@ def _column(rows: Sequence[Any], *shape: int) -> FloatArray:
     return column
 
 
-def _shares(chances: dict[str, float]) -> list[float]:
-    return [chances.get(name, 0.0) for name in REPORTED_TYPES]
+def _shares(chances: dict[str, float], names: Sequence[str]) -> list[float]:
+    return [chances.get(name, 0.0) for name in names]
 
 
 def _place(point: LaunchRecord | None) -> tuple[float, float, float] | None:

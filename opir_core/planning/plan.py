@@ -104,6 +104,11 @@ class Plan(PlanParts):
         """What a hot object may be, from all target classes that plugins offer."""
         return offered_hypotheses(self.host)
 
+    @property
+    def hypothesis_names(self) -> tuple[str, ...]:
+        """The names of the hypotheses, in the order of `Tracks.hypothesis_probability`."""
+        return tuple(each.name for each in self.hypotheses)
+
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
         is_paper = self.reported_types == REPORTED_TYPES
@@ -171,7 +176,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
-    make_tracker = partial(_tracker, scene, host, sensors)
+    make_tracker = partial(_tracker, scene, host, sensors, detection)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
     return PlanParts(
@@ -199,7 +204,8 @@ def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
     with PluginErrors(plan.host, plan.scene):
-        detection, classifier, confidence = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
+        parts = plan.scene, plan.host, plan.sensors, targets, plan.sources
+        detection, classifier, confidence = _models(*parts, plan.classifier)
     changed = evolve(plan, detection=detection, classifier=classifier, confidence=confidence)
     return evolve(changed, targets=targets, pairs=pairs, sightlines=sightlines)
 
@@ -225,9 +231,17 @@ def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
 
 
 def _models(
-    scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
+    scene: Scene,
+    host: Host,
+    sensors: tuple[Sensor, ...],
+    targets: Targets,
+    sources: "tuple[Sources, ...]",
+    former: Classifier | None = None,
 ) -> tuple[DetectionProbability, Classifier, Confidence]:
-    """Return the models of detection, classification and confidence."""
+    """Return the models of detection, classification and confidence; a `former` classifier stays if it knows no truth.
+
+    The densities of a classifier may take a second to compute.
+    """
     context = ModelContext(
         sensors=sensors,
         target_type_code=targets.type_code,
@@ -239,14 +253,17 @@ def _models(
     )
     detection = DetectionProbability.adopt(built(host, scene.detection, context), _owner(host, scene.detection))
     context = evolve(context, detection=detection)
-    classifier = Classifier.adopt(built(host, scene.classification, context), _owner(host, scene.classification))
+    if former is None or former.uses_truth:
+        former = Classifier.adopt(built(host, scene.classification, context), _owner(host, scene.classification))
+    classifier = former
     context = evolve(context, classifier=classifier)
     confidence = Confidence.adopt(built(host, scene.confidence, context), _owner(host, scene.confidence))
     return detection, classifier, confidence
 
 
-def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
+def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability) -> Tracker:
     """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
+    rates = detection.rate_per_scan
     context = TrackerContext(
         sensors=with_paper_types(sensors, host),
         epoch_us=scene.epoch_us,
@@ -254,6 +271,7 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
         forces=_forces(scene),
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
+        false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
     )
     tracker: Tracker = built(host, scene.tracker, context)
     fault = _tracker_fault(tracker)

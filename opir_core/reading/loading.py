@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -29,8 +29,10 @@ from opir_core.reading.structuring import block_of
 from opir_core.scene.input_file import file_bytes
 from opir_core.scene.scene import Scene
 
+#: Returns the name of the component that a key chooses, given the nodes of a scene.
+DefaultName = Callable[[str, Mapping[str, Any]], str]
+
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "UTF-8", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
-_DEFAULTS = {key: default for key, (_, default) in CHOICES.items()}
 
 
 def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), host: Host | None = None) -> Scene:
@@ -68,9 +70,9 @@ def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, sour
         block_of(root, ("scene", "epoch", "duration_s", "sensors"))
     except InvalidNode as refused:
         raise _scene_error([*complaints_inside(root), *refused.complaints], source) from None
-    complaints = overridden(root, overrides, _DEFAULTS)
-    complaints += complaints_inside(root)
     builder = SceneBuilder(host or Host.discover())
+    complaints = overridden(root, overrides, builder.default_name)
+    complaints += complaints_inside(root)
     scene = builder.scene(root)
     complaints += builder.collector.complaints
     if complaints:
@@ -123,24 +125,24 @@ _SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECA
 _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
 
-def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str | None]) -> list[Complaint]:
+def overridden(root: Node, overrides: Sequence[str], default_name: DefaultName | None = None) -> list[Complaint]:
     """Apply overrides to a scene's nodes in order, and return their errors.
 
     A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
     `[*]` stands for every item of a list.
-    `defaults` are the keys that choose a component, with the name chosen where the scene has none: a component named
+    `default_name` returns the name of the component that a key chooses where the scene has none: a component named
     without settings (`detection: constant`) becomes a block when a setting of it is overridden.
     """
     complaints: list[Complaint] = []
     for override in overrides:
         try:
-            _apply(root, override, defaults)
+            _apply(root, override, default_name)
         except InvalidNode as refused:
             complaints += refused.complaints
     return complaints
 
 
-def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> None:
+def _apply(root: Node, override: str, default_name: DefaultName | None) -> None:
     path, equals, text = override.partition("=")
     # A path that may set a secret: no message repeats its value.
     is_secret = _SECRET.search(path.rpartition(".")[2])
@@ -149,8 +151,8 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
         raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
     steps = _steps(path.strip(), shown)
     value = _value(text.strip(), shown)
-    if steps[0] in defaults:
-        _open_choice(root, steps, defaults, shown)
+    if default_name is not None and steps[0] in CHOICES:
+        _open_choice(root, steps, default_name, shown)
     _set(root, steps, value, shown)
 
 
@@ -183,12 +185,12 @@ def _value(text: str, shown: str) -> Node:
         raise InvalidNode(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
 
 
-def _open_choice(root: Node, steps: Sequence[_Step], defaults: Mapping[str, str | None], shown: str) -> None:
+def _open_choice(root: Node, steps: Sequence[_Step], default_name: DefaultName, shown: str) -> None:
     """Turn the name of a component into a block, if the path leads to one of its settings."""
     key = steps[0]
     if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
         return
-    chosen = root.value.get(key, Node(defaults[key], shown))
+    chosen = root.value.get(key) or Node(default_name(key, root.value), shown)
     if type(chosen.value) is str and chosen.value:
         root.value[key] = Node({"model": chosen}, chosen.place, chosen.key_place)
 

@@ -11,7 +11,7 @@ from attrs import evolve
 from opir_core.host.components import Constellation
 from opir_core.host.host import Host
 from opir_core.reading.component_reader import ComponentReader, Settings, component_name
-from opir_core.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, Node, index_step, key_step, under
+from opir_core.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, InvalidNode, Node, index_step, key_step, under
 from opir_core.reading.scene_schema import CHOICES, SceneFile, epoch_us_of_text
 from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, refusal, unknown_key
 from opir_core.reading.targets import ID_RULE, Identifier, SourceReader, TargetReader, is_id, read_forces
@@ -159,10 +159,22 @@ class SceneBuilder:
             if key in values:
                 with self.collector.at(key_step(key)):
                     parts[key] = read(values[key])
-        for key, (hook, default) in CHOICES.items():
+        for key, (hook, _) in CHOICES.items():
             with self.collector.at(key_step(key)):
-                parts[key] = self._model(hook, values.get(key), key, default)
+                parts[key] = self._model(hook, values.get(key), key, self.default_name(key, values))
         return parts
+
+    def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
+        """Return the name that a key has if the scene names none; a detection model may bring its classifier."""
+        default, chosen = CHOICES[key][1], nodes.get("detection") if key == "classification" else None
+        if isinstance(chosen, Node) and isinstance(chosen.value, dict):
+            chosen = chosen.value.get("model")
+        if not isinstance(chosen, Node) or not isinstance(chosen.value, str):
+            return default
+        try:
+            return self.components.component(CHOICES["detection"][0], chosen.value, "detection").classifier or default
+        except InvalidNode:
+            return default
 
     def _model(self, hook: str, node: Node | None, key: str, default: str) -> Choice:
         if node is None:

@@ -41,7 +41,8 @@ def _epoch_complaint(epoch: str) -> str | None:
 
 def _chosen(kind: str, key: str) -> dict[str, Any]:
     words = f"{kind}: its name, or a block of model and settings"
-    return {"help": words, "default": None, "source": f"`{CHOICES[key][1]}` if none is named"}
+    with_model = ", or that of the detection model" if key == "classification" else ""
+    return {"help": words, "default": None, "source": f"`{CHOICES[key][1]}` if none is named{with_model}"}
 
 
 @frozen(kw_only=True)

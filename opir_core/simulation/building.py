@@ -14,7 +14,13 @@ from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PairStreams, RowDraws, WindowNumbers
-from opir_core.simulation.measurement import classified, classifier_inputs, confidences, measured_lines_of_sight
+from opir_core.simulation.measurement import (
+    Classified,
+    classified,
+    classifier_inputs,
+    confidences,
+    measured_lines_of_sight,
+)
 from opir_core.simulation.observation import Hits, Observation
 from opir_core.simulation.output_checks import checked_measured, checked_types
 
@@ -108,16 +114,16 @@ class BuildDetections:
         self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, rng: RowDraws
     ) -> Detections:
         none = np.full(len(hits), -1, dtype=np.int64)
-        reported_type, log_probability = self._types(sightings, hits, rng)
+        types = self._types(sightings, hits, rng)
         return Detections(
             time_ns=hits.time_ns,
             sensor=exposed.sensor,
             scan=exposed.scan,
             detection_id=uuid8_words(self.id_keys[hits.pair], exposed.scan),
-            reported_type=reported_type,
+            reported_type=types.reported_type,
             bands=sightings.bands,
             detection_count=hits.count,
-            confidence=confidences(self.confidence, sightings, reported_type, log_probability),
+            confidence=confidences(self.confidence, sightings, types),
             line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
@@ -125,13 +131,13 @@ class BuildDetections:
             estimate=none,
             line_of_sight_sigma_rad=sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
-            type_log_probability=log_probability,
+            **types.columns,
         )
 
-    def _types(self, sightings: ClassifierInputs, hits: Hits, rng: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
+    def _types(self, sightings: ClassifierInputs, hits: Hits, rng: RowDraws) -> Classified:
         if self.pair_type is None:
             return classified(self.classifier, sightings, rng, self.types)
-        return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
+        return Classified(self.pair_type.take(hits.pair), np.empty((len(hits), 0)), {})
 
 
 def _measured_columns(measured: Measured | None) -> dict[str, Any]:

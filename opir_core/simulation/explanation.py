@@ -2,20 +2,22 @@
 
 import math
 from collections.abc import Mapping
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import asdict
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.contract import has_own
+from opir_core.interfaces.protocols import Classifier, Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.plan_checks import launch_expectations, plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.summary import planned_work
@@ -59,6 +61,9 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "focal_planes": _focal_planes(plan),
         "reporting": _reporting(plan),
         "tracking": _tracking(plan),
+        "hypotheses": _hypotheses(plan),
+        "expected_launches": launch_expectations(plan),
+        "truth_users": _truth_users(plan),
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }
@@ -187,6 +192,34 @@ def _tracking(plan: Plan) -> Mapping[str, Any]:
     """Return the order in which the tracker gets detections and its lag, None for the order of observation."""
     order = plan.scene.tracking_order
     return {"order": order, "lag_s": tracking_lag_ns(plan) * 1e-9 if order == BY_REPORT else None}
+
+
+#: What distinguishes the groups of hypotheses: growth and persistence, motion, bands.
+_EVIDENCE = {
+    "noise": "later looks do not see it",
+    "ground": "stands still; lasts for hours, or while the Sun glints; bands of a warm or burning surface",
+    "bolide": "over in seconds; falls, faster than any boost",
+    "missile": "grows in seconds, over in minutes; climbs and speeds up; bands of a plume; falls freely after burnout",
+    "orbit": "as a missile, but burns on or again until it is as fast as an orbit",
+    "glide": "as a missile until burnout; then air bends its path",
+    "none": "unlike all of them in motion or duration",
+}
+
+
+def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return what a hot object may be and what distinguishes it, by group; nothing if no part of the plan weighs it."""
+    if plan.make_tracker().cadence_s is None and not has_own(Classifier, plan.classifier, "log_posterior"):
+        return []
+    return [
+        {"hypotheses": [each.name for each in own], "group": group, "distinguished_by": _EVIDENCE[group]}
+        for group, own in groupby(plan.hypotheses, lambda each: each.group)
+    ]
+
+
+def _truth_users(plan: Plan) -> list[str]:
+    """Return the classifier, if what it reports may depend on the true types of targets."""
+    choice = plan.scene.classification
+    return [f"{choice.path}: {choice.name}"] if plan.classifier.uses_truth else []
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:

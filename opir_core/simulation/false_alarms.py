@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
@@ -23,7 +22,7 @@ from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.measurement import classified, classifier_inputs, confidences
+from opir_core.simulation.measurement import Classified, classified, classifier_inputs, confidences
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
 
 
@@ -133,16 +132,16 @@ class FalseAlarmGenerator:
         sightings = self._classifier_inputs(noise, measured)
         none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
-        reported_type, log_probability = self._types(sightings)
+        types = self._types(sightings)
         detections = Detections(
             time_ns=noise.time_ns,
             sensor=noise.sensor,
             scan=noise.scan,
             detection_id=noise.detection_id,
-            reported_type=reported_type,
+            reported_type=types.reported_type,
             bands=measured.bands,
             detection_count=sightings.detection_count,
-            confidence=confidences(self._confidence, sightings, reported_type, log_probability),
+            confidence=confidences(self._confidence, sightings, types),
             line_of_sight_ecef=noise.line_of_sight_ecef,
             sensor_ecef_m=noise.sensor_ecef_m,
             snr=measured.snr,
@@ -150,7 +149,7 @@ class FalseAlarmGenerator:
             estimate=none,
             line_of_sight_sigma_rad=self._states.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
-            type_log_probability=log_probability,
+            **types.columns,
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
         # Rows are in order of sensors; a stable sort keeps this order at equal times.
@@ -174,11 +173,12 @@ class FalseAlarmGenerator:
             self._needed.take(noise.sensor),
         )
 
-    def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
-        """Return reported types and log probabilities; UNKNOWN from classifiers that go by pairs."""
+    def _types(self, sightings: ClassifierInputs) -> Classified:
+        """Return what is reported; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
         if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
-            return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
+            unknown = np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
+            return Classified(unknown, np.empty((len(sightings), 0)), {})
         return classified(self._classifier, sightings, _NoDraws(len(sightings)), self._types_total)
 
 

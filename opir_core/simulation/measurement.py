@@ -1,7 +1,10 @@
 """Type, confidence and measured line of sight of looks that detect, from their measurements."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
@@ -48,24 +51,38 @@ def classifier_inputs(
     )
 
 
+@frozen(eq=False)
+class Classified:
+    """Reported types (n,), the posteriors that they are from, or (n, 0), and the columns of detections of these."""
+
+    reported_type: NDArray[np.uint8]
+    log_posterior: FloatArray
+    columns: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int) -> "Classified":
+        """Return what a classifier reports for posteriors of `rows` detections, which its `method` returned."""
+        over_types = classifier.over_types(log_posterior, REPORTED_TYPES)
+        columns = {"type_log_probability": checked_log_probability(over_types, rows, len(REPORTED_TYPES), method)}
+        if log_posterior.shape != over_types.shape:
+            columns["hypothesis_log_probability"] = log_posterior
+        return cls(checked_types(classifier.reported(log_posterior), rows, types, "reported"), log_posterior, columns)
+
+
 def classified(
     classifier: Classifier, sightings: ClassifierInputs, rng: RandomDraws, types: int = len(REPORTED_TYPES)
-) -> tuple[NDArray[np.uint8], FloatArray]:
-    """Return reported types (n,) and ln of the type probabilities (n, 4), or (n, 0) if the classifier has none."""
-    rows = len(sightings)
-    posterior = classifier.log_posterior(sightings)
-    if posterior is None:
-        codes = checked_types(classifier.reported_type(sightings, rng), rows, types, "reported_type")
-        return codes, np.empty((rows, 0))
-    log_probability = checked_log_probability(posterior, rows, len(REPORTED_TYPES), "log_posterior")
-    return checked_types(classifier.reported(log_probability), rows, types, "reported"), log_probability
+) -> Classified:
+    """Return what a classifier reports, with its probabilities if it has any."""
+    rows, posterior = len(sightings), classifier.log_posterior(sightings)
+    if posterior is not None:
+        return Classified.of(classifier, rows, posterior, "log_posterior", types)
+    codes = checked_types(classifier.reported_type(sightings, rng), rows, types, "reported_type")
+    return Classified(codes, np.empty((rows, 0)), {})
 
 
-def confidences(
-    model: Confidence, sightings: ClassifierInputs, reported_type: NDArray[np.uint8], log_probability: FloatArray
-) -> FloatArray:
-    """Return confidences (n,) of detections with reported types (n,) and ln of the type probabilities (n, 4)."""
-    of_types = model.of_types(reported_type, log_probability)
+def confidences(model: Confidence, sightings: ClassifierInputs, types: Classified) -> FloatArray:
+    """Return confidences (n,) of classified detections."""
+    of_types = model.of_types(types.reported_type, types.log_posterior)
     if of_types is not None:
         return checked_confidence(of_types, len(sightings), "of_types")
     return checked_confidence(model.confidence(sightings), len(sightings), "confidence")
@@ -86,15 +103,23 @@ def with_tracks(
     if not len(rows):
         return detections
     of_track = estimates.type_probability[detections.estimate[rows]]
-    log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
-    revised = classifier.revised(log_probability[rows], of_track)
-    log_probability[rows] = checked_log_probability(revised, len(rows), log_probability.shape[1], "revised")
-    reported[rows] = checked_types(classifier.reported(log_probability[rows]), len(rows), 256, "reported")
-    changed = evolve(detections, type_log_probability=log_probability, reported_type=reported)
-    of_types = confidence.of_types(reported, log_probability)
+    has_all = detections.hypothesis_log_probability.shape[1] > 0
+    posterior = detections.hypothesis_log_probability if has_all else detections.type_log_probability
+    types = Classified.of(classifier, len(rows), classifier.revised(posterior[rows], of_track), "revised", 256)
+    found = {"reported_type": types.reported_type, **types.columns}
+    columns = {name: _replaced(getattr(detections, name), rows, column) for name, column in found.items()}
+    changed = evolve(detections, **columns)
+    of_types = confidence.of_types(changed.reported_type, _replaced(posterior, rows, types.log_posterior))
     if of_types is None:
         return changed
     return evolve(changed, confidence=checked_confidence(of_types, len(detections), "of_types"))
+
+
+def _replaced(column: Any, rows: IntArray, values: Any) -> Any:
+    """Return a copy of a column with other values in some rows."""
+    copy = column.copy()
+    copy[rows] = values
+    return copy
 
 
 def measured_lines_of_sight(

@@ -1,9 +1,11 @@
-"""The warnings about a plan, which runs all the same: implausible values, and events of targets on scan instants.
+"""The warnings about a plan, which runs all the same.
 
-On the scan instants of sensors with aligned phases latencies show the phase.
+They are of implausible values, of events of targets on scan instants, on which latencies show the phase, and of priors
+that expect another number of launches.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -18,6 +20,9 @@ from opir_core.sensors.scan_patterns import AlignedScan
 
 #: How far an event may be from a scan instant, in scan periods.
 TOLERANCE = 1e-6
+
+#: Factor between expected and actual launches, of one at least, from which a warning is given.
+_UNEXPECTED, _COUNTS = 10.0, ("expected_launches", "launches")
 
 #: Ids that a message lists.
 _LISTED = 3
@@ -34,8 +39,41 @@ class CheckedScene(PlanParts):
 
 
 def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
-    """Return the warnings: scan instants that coincide with events of targets, and implausible values."""
-    return [*alignment_warnings(plan), *_implausible(plan)]
+    """Return the warnings: coinciding scan instants, implausible values, more or fewer launches than expected."""
+    return [*alignment_warnings(plan), *_implausible(plan), *_unexpected(plan)]
+
+
+def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:
+    """Return the launches that the classifier and the tracker expect in the scene, where they have such a prior."""
+    duration_s, launches = plan.scene.duration_s, len(plan.scene.targets)
+    models = (plan.scene.classification, plan.classifier), (plan.scene.tracker, plan.make_tracker())
+    expected = [
+        (f"{choice.path}: {choice.name}", model.expected_launches(duration_s))
+        for choice, model in models
+        if hasattr(model, "expected_launches")
+    ]
+    return [
+        {"component": name, "expected_launches": float(mean), "launches": launches}
+        for name, mean in expected
+        if mean is not None
+    ]
+
+
+def _unexpected(plan: Plan | CheckedScene) -> list[str]:
+    rows = [(row, sorted(max(row[key], 1.0) for key in _COUNTS)) for row in launch_expectations(plan)]
+    return [
+        f"{expectation_text(row)}: its probabilities are those of a world with as many launches as it expects; set its"
+        " rate of launches"
+        for row, (fewer, more) in rows
+        if more >= _UNEXPECTED * fewer
+    ]
+
+
+def expectation_text(row: Mapping[str, Any]) -> str:
+    """Return `classification: spectral expects 0.7 launches in the scene, which has 90`."""
+    return (
+        f"{row['component']} expects {row['expected_launches']:.2g} launches in the scene, which has {row['launches']}"
+    )
 
 
 def _implausible(plan: Plan | CheckedScene) -> list[str]:

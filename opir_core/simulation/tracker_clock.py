@@ -12,7 +12,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.protocols import Sensor, Tracker
-from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
 from opir_core.planning.plan import Plan
 from opir_core.simulation.output_checks import outline
 
@@ -108,7 +108,7 @@ def checked_tracker(plan: Plan) -> Tracker:
     if tracker.cadence_s is None:
         return tracker
     owner = partial(owner_text, plan.host, choice)
-    return CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name))
+    return CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses))
 
 
 def without_truth(detections: Detections) -> Detections:
@@ -129,11 +129,13 @@ class CheckedTracker(Tracker):
     """A tracker with checked output: shapes, track numbers and times, not the quality of estimates.
 
     Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors. `owner()` returns
-    the beginning of the message, `hint` is its end.
+    the beginning of the message, `hint` is its end, `hypotheses` the number of the scene's hypotheses.
     """
 
-    def __init__(self, tracker: Tracker, owner: Callable[[], str], hint: str) -> None:
+    def __init__(self, tracker: Tracker, owner: Callable[[], str], hint: str, hypotheses: int) -> None:
         self._tracker, self._owner, self._hint = tracker, owner, hint
+        self._hypotheses = hypotheses
+        self._width: int | None = None
 
     @property
     def cadence_s(self) -> float | None:
@@ -152,10 +154,16 @@ class CheckedTracker(Tracker):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at a tick."""
         estimates = self._called(f"step at {tick_s:g} s", lambda: self._tracker.step(tick_s, detections))
-        fault = _fault(estimates, tick_s)
+        fault = _fault(estimates, tick_s, self._hypotheses) or self._fault_in_width(estimates)
         if fault:
             raise self._error(f"step at {tick_s:g} s {fault}")
         return estimates
+
+    def _fault_in_width(self, estimates: Tracks) -> str:
+        """Return the error of columns of hypotheses that come or go from tick to tick, or ""."""
+        width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
+        before, self._width = self._width, width
+        return "" if before in (None, width) else f"returned {width} hypotheses, after {before} at earlier ticks"
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
@@ -172,24 +180,28 @@ def _are_whole(numbers: Any, count: int) -> bool:
     return isinstance(numbers, np.ndarray) and numbers.dtype.kind in "iu" and numbers.shape == (count,)
 
 
-def _fault(estimates: Any, tick_s: float) -> str:
+def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
     """Return the first error in the estimates of a tick, or ""."""
     if not isinstance(estimates, Tracks):
         return f"returned {outline(estimates)}, no opir_core.interfaces.records.Tracks"
     times: Any = estimates.tick_s
     rows = times.size if isinstance(times, np.ndarray) else 0
     for name, shape in _SHAPES.items():
-        column = getattr(estimates, name)
-        kinds = _KINDS.get(name, "fiu")
-        if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (rows, *shape):
-            shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
+        column, kinds = getattr(estimates, name), _KINDS.get(name, "fiu")
+        # A tracker weighs all hypotheses, or none.
+        due = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
+        is_array = isinstance(column, np.ndarray) and column.dtype.kind in kinds
+        if not is_array or column.shape not in [(rows, *each) for each in due]:
+            shapes = f"{rows} rows of shape {due[-1]}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
             return f"returned {name} as {outline(column)}, not {shapes}"
     if not rows:
         return ""
     if not _are_regions(estimates.impact_regions.tolist()):
         return f"returned impact_regions that are not {_CONTENTS['impact_regions']}"
-    if estimates.impact_method.min() < 0 or estimates.impact_method.max() >= len(IMPACT_METHODS):
-        return f"returned impact_method {estimates.impact_method[:6].tolist()}, not codes into {IMPACT_METHODS}"
+    for name, texts in (("impact_method", IMPACT_METHODS), ("end", TRACK_ENDS)):
+        codes = getattr(estimates, name)
+        if codes.min() < 0 or codes.max() >= len(texts):
+            return f"returned {name} {codes[:6].tolist()}, not codes into {texts}"
     track = estimates.track
     if not _are_whole(track, rows) or track[0] < 0 or np.count_nonzero(track[1:] <= track[:-1]):
         return f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers from 0 up in order"
@@ -206,12 +218,14 @@ def _fault_in_values(estimates: Tracks) -> str:
         lat_rad, lon_rad = np.abs(getattr(estimates, name)[:, :2]).T
         if np.any(lat_rad > 0.5 * np.pi + _ROUNDING) or np.any(lon_rad > 2.0 * np.pi + _ROUNDING):
             return f"returned {name} with a latitude or longitude outside the range of radians"
-    for name in ("probability_burning", "probability_relights", "type_probability"):
+    for name in _PROBABILITIES:
         values = getattr(estimates, name)
         if np.any((values < -_ROUNDING) | (values > 1.0 + _ROUNDING)):
             return f"returned {name} outside [0, 1]"
-    if np.any(np.abs(estimates.type_probability.sum(axis=1) - 1.0) > _SUM_ROUNDING):
-        return f"returned type_probability that sums to {estimates.type_probability.sum(axis=1)[:4].tolist()}, not to 1"
+    for name in ("type_probability", "hypothesis_probability"):
+        chances = getattr(estimates, name)
+        if chances.shape[1] and np.any(np.abs(chances.sum(axis=1) - 1.0) > _SUM_ROUNDING):
+            return f"returned {name} that sums to {chances.sum(axis=1)[:4].tolist()}, not to 1"
     return next((fault for name in _COVARIANCES if (fault := _fault_in_covariance(name, getattr(estimates, name)))), "")
 
 
@@ -243,10 +257,14 @@ def _are_regions(rows: list[Any]) -> bool:
 #: Rounding of angles and probabilities, of sums of probabilities, and of covariances scaled to correlations: the
 #: asymmetry and the most negative eigenvalue that rounding explains.
 _ROUNDING, _SUM_ROUNDING, _SYMMETRY, _NEGATIVE = 1e-9, 1e-6, 1e-6, 1e-6
+_PROBABILITIES = (
+    *("probability_burning", "probability_relights", "probability_launch", "probability_missile", "probability_orbit"),
+    *("type_probability", "hypothesis_probability"),
+)
 _COVARIANCES = ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance")
 
 #: Kinds of the columns that are not of any numbers, and what a row of them is.
-_KINDS = {"impact_regions": "O", "impact_method": "iu"}
-_CONTENTS = {"impact_regions": "tuples of opir_core.ImpactRegion", "impact_method": "whole numbers"}
+_KINDS = {"impact_regions": "O", "impact_method": "iu", "end": "iu"}
+_CONTENTS = dict.fromkeys(_KINDS, "whole numbers") | {"impact_regions": "tuples of opir_core.ImpactRegion"}
 #: The shape of a row of each column.
 _SHAPES = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}

@@ -35,8 +35,8 @@ def test_stated_bounds_hold(case) -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_has_a_case_or_a_reason(package: str) -> None:
-    of = "opir_photons" if package in ("radiometry", "detection") else "opir_core"
-    module = importlib.import_module(f"{of}.{package}")
+    of = {"radiometry": "opir_photons.", "detection": "opir_photons.", "scoring": "opir_"}.get(package, "opir_core.")
+    module = importlib.import_module(f"{of}{package}")
     have = {case.name.partition(",")[0] for case in [*every_case(), *every_bound()]}
     public = {f"{package}.{name}" for name in module.__all__}
     reasons = {name for name in left_out() if name.startswith(f"{package}.")}

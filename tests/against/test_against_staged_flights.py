@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from drawn_flights import flown
+from opir_scoring.containments import nees
 from tracked_flights import followed, last_told, rows_of, usual
-
-from opir_core.scoring.containments import nees
 
 
 @pytest.mark.slow

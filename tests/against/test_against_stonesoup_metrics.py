@@ -4,8 +4,7 @@ import datetime
 
 import numpy as np
 import pytest
-
-from opir_core.scoring.gospa_metric import gospa
+from opir_scoring.gospa_metric import gospa
 
 CASES = [
     (seed, estimates, truths)

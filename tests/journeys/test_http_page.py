@@ -95,6 +95,44 @@ TRACK: dict[str, Any] = {
 }
 
 
+def region(condition: str, probability: float, half_deg: float, samples: float | None) -> dict[str, Any]:
+    """Return a square region about the impact of `TRACK`."""
+    west, east, south, north = 40.0 - half_deg, 40.0 + half_deg, -45.0 - half_deg, -45.0 + half_deg
+    ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
+    figures = {"containment": 0.95, "area_km2": 1e4 * half_deg, "condition": condition, "probability": probability}
+    return figures | {"effective_samples": samples, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+
+
+@pytest.mark.slow
+def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(browser: Browser, stand: Stand) -> None:
+    page, complaints, _ = opened(browser, stand.port, 1280, "light")
+    page.wait_for_function("() => opirPlayer.timeS > 0")
+    page.evaluate("() => { document.getElementById('play').click(); opirStore.clear(); }")
+    weighed = TRACK | {
+        "timestamp": page.evaluate("new Date(opirPlayer.timeS * 1000 - 100).toISOString()"),
+        "hypotheses": {"noise": 0.0, "ground source": 0.002, "ICBM": 0.9, "SLV": 0.098},
+        "probability_launch": 0.998, "probability_orbit": 0.098, "probability_comes_down": 0.9, "end": None,
+        "impact_regions": [region("burn over", 0.8, 2.0, 500.0), region("relights", 0.1, 8.0, 40.0)],
+    }  # fmt: skip
+    plain = TRACK | {"track_id": 901, "timestamp": weighed["timestamp"], "latitude_deg": 60.0}
+    page.evaluate(f"() => {{ opirStore.addTrack({json.dumps(weighed)}); opirStore.addTrack({json.dumps(plain)}); }}")
+    row, other = (page.locator(f"#track-rows tr[data-track='{number}'] td") for number in (900, 901))
+    expect(row.nth(1)).to_have_text("ICBM 0.90", timeout=PATIENCE_MS)
+    expect(row.nth(2)).to_have_text("> 0.99")
+    expect(other.nth(1)).to_have_text("ICBM")
+    expect(other.nth(2)).to_have_text("–")
+    assert page.locator("#track-table thead th").count() == row.count() == 12
+    page.locator("#track-rows tr[data-track='900'] button").click()
+    details = page.locator("#picked")
+    for words in ("SLV 0.10", "0.90", "if the burn is over: 20,000 km²; relights 0.10: 80,000 km², thin"):
+        expect(details).to_contain_text(words, timeout=PATIENCE_MS)
+    page.wait_for_function("() => opirMap.drawn.regions >= 2")
+    page.locator("#track-rows tr[data-track='901'] button").click()
+    expect(details).not_to_contain_text("P(launch)", timeout=PATIENCE_MS)
+    assert not complaints
+    page.context.close()
+
+
 def wide(track: dict[str, Any]) -> dict[str, Any]:
     """Return a track of which nobody knows yet where it comes down: its ellipse would cross the map."""
     return track | {"impact_point": track["impact_point"] | {"ellipse": ELLIPSE | {"semi_major_m": 4.0e6}}}

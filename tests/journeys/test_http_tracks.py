@@ -15,8 +15,11 @@ import pytest
 from http_service import serving
 from opir_http.openapi import document
 from opir_http.tracks import TRAIL, TrackDocuments
-from opir_testing.doubles import stub_estimates, stub_regions
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
+from opir_core.scene import core_hypotheses
+
+HYPOTHESES = tuple(each.name for each in core_hypotheses())
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 
 
@@ -74,6 +77,30 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     assert [region["containment"] for region in track["impact_regions"]] == [0.5, 0.9, 0.95]
     assert {region["geometry"]["type"] for region in track["impact_regions"]} == {"Polygon"}
     validate({"tracks": [track]})
+
+
+def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() -> None:
+    over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
+    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
+    told = stub_estimates(
+        2,
+        track=[0, 1],
+        hypothesis_probability=[stub_hypotheses(ICBM=0.9, SLV=0.05), np.full(len(HYPOTHESES), np.nan)],
+        impact_regions=[(*over, *again), over],
+        end=[0, 3],
+    )
+    first, second = json.loads(msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(told)))["tracks"]
+    validate({"tracks": [first, second]})
+    assert list(first["hypotheses"]) == list(HYPOTHESES)
+    assert (first["hypotheses"]["ICBM"], first["hypotheses"]["none of these"]) == (0.9, 0.05)
+    sums = [first[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
+    assert (sums, first["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
+    figures = [
+        [each[name] for name in ("condition", "probability", "effective_samples")] for each in first["impact_regions"]
+    ]
+    assert figures == [["burn over", 0.75, 500.0]] * 3 + [["relights", 0.125, None]] * 3
+    assert (second["hypotheses"], second["probability_launch"], second["probability_comes_down"]) == (None, None, None)
+    assert second["end"] == "lost"
 
 
 def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> None:

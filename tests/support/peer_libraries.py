@@ -25,6 +25,7 @@ NAMES = (
     "polars",
     "pyproj",
     "schemathesis",
+    "scoringrules",
     "shapely",
     "skyfield",
 )

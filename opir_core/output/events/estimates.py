@@ -12,6 +12,7 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks, Window
+from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (
     METRE_DECIMALS,
@@ -80,7 +81,10 @@ class TrackState(msgspec.Struct):
     ellipsoid_sigmas: list[float] | None
 
 
-_TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_available_at":%b,'
+_TRACK_FIELDS = (
+    b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_hypotheses":%b,"track_probability_launch":%b,'
+    b'"track_probability_missile":%b,"track_probability_orbit":%b,"track_probability_comes_down":%b,"track_end":%b,"track_available_at":%b,'
+)
 _encode = msgspec.json.Encoder().encode
 
 
@@ -177,15 +181,19 @@ def _ellipses(
     ]
 
 
-def track_fields(window: Window, epoch_us: int) -> Looked:
-    """Return state, burnout, type probability and availability of each detection's track, of its estimate's tick."""
+def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Looked:
+    """Return what is estimated of each detection's track but launch and impact, of its estimate's tick.
+
+    `hypotheses` are the names of the columns of `hypothesis_probability`.
+    """
     rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
     used = window.estimates.take(rows[rows >= 0])
-    unknown = [_TRACK_FIELDS % (b"null", b"null", b"null", b"null")] * (len(rows) - len(used))
+    unknown = [_TRACK_FIELDS % ((b"null",) * _TRACK_FIELDS.count(b"%b"))] * (len(rows) - len(used))
     columns = (
         state_texts(used, epoch_us),
         burnout_texts(used, epoch_us),
         type_texts(used),
+        *(map(_encode, column) for column in hypothesis_columns(used, hypotheses, RATIO_DECIMALS).values()),
         map(_encode, time_texts(used.available_s, epoch_us)),
     )
     known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]

@@ -91,7 +91,8 @@ class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
     With `has_irradiances` an event has the irradiance measured in each band, if the detection model measures it; with
-    `has_tracks` the state of its track, the state at burnout, their covariances and the type probabilities.
+    `has_tracks` the state of its track, the state at burnout, their covariances, the probabilities of types and
+    hypotheses, and how it ended.
     """
 
     content_type = "application/json"
@@ -100,7 +101,7 @@ class ForgeEncoder(Encoder):
     def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
         self._sensors, self._types = context.sensors, len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
-        self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
+        self._epoch_us, self._has_tracks, self._hypotheses = context.epoch_us, has_tracks, context.hypotheses
         sensors = context.sensors
         self._sensor_texts = [text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)]
         self._band_texts = [text for sensor in sensors for text in _band_texts(sensor)]
@@ -136,7 +137,7 @@ class ForgeEncoder(Encoder):
                 *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
-                *(_track_fields(window, self._epoch_us) if self._has_tracks else ()),
+                *(_track_fields(window, self._epoch_us, self._hypotheses) if self._has_tracks else ()),
                 *_positions(window),
             ],
         )
@@ -226,8 +227,8 @@ def _positions(window: Window) -> list[Column]:
     ]
 
 
-def _track_fields(window: Window, epoch_us: int) -> tuple[Column, ...]:
+def _track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> tuple[Column, ...]:
     """Return the fields of the tracks that detections belong to."""
     from opir_core.output.events.estimates import track_fields
 
-    return (track_fields(window, epoch_us),)
+    return (track_fields(window, epoch_us, hypotheses),)

@@ -24,10 +24,10 @@ class TracksEncoder(Encoder):
     encodes_tracks = True
 
     def __init__(self, context: EncoderContext) -> None:
-        self._epoch_us = context.epoch_us
+        self._epoch_us, self._hypotheses = context.epoch_us, context.hypotheses
 
     def encode(self, window: Window) -> bytes:
         """Return the window's tracks as lines; a tick outside the years 1 to 9999 raises `SinkError`."""
         timestamp_text(np.rint(window.tracks.tick_s * _US_PER_S).astype(np.int64) + self._epoch_us)
-        records = track_records(window.tracks, self._epoch_us, self.schema_version)
+        records = track_records(window.tracks, self._hypotheses, self._epoch_us, self.schema_version)
         return msgspec.json.Encoder().encode_lines(records)

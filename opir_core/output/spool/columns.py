@@ -22,7 +22,7 @@ from opir_core.simulation.report_order import with_own_estimates
 from opir_core.simulation.shifting import shifted
 
 CONTENT_TYPE = "application/vnd.opir.window+npz"
-VERSION = "4"
+VERSION = "5"
 _DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
 _TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
 _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}
@@ -33,11 +33,12 @@ _Record = TypeVar("_Record", bound=Columns)
 
 @frozen(eq=False)
 class Origin:
-    """The run that columns belong to: its epoch, µs since 1970-01-01, its sensors and the names of its types."""
+    """The run of columns: its epoch, µs since 1970-01-01, its sensors, the names of its types and hypotheses."""
 
     epoch_us: int
     sensors: Sequence[Sensor]
     reported_types: tuple[str, ...] = REPORTED_TYPES
+    hypotheses: tuple[str, ...] = ()
 
     def packed(self, window: Window) -> bytes:
         """Return a window as an archive."""
@@ -55,6 +56,7 @@ class Origin:
             "sensors": used,
             "sensor_ids": np.array([self.sensors[row].id for row in used.tolist()], dtype=str),
             "reported_types": np.array(self.reported_types),
+            "hypotheses": np.array(self.hypotheses, dtype=str),
         }
         archive = BytesIO()
         np.savez(archive, times=np.array([window.start_s, window.end_s]), looks=np.array(window.looks), **columns)
@@ -81,8 +83,14 @@ class Origin:
                 tracks=_record(Tracks, "tracks", archive),
                 estimates=_record(Tracks, "estimates", archive),
             )
+            self._require_hypotheses(archive)
             later_us = int(archive["epoch_us"]) - self.epoch_us
         return shifted(window, 1000 * later_us) if later_us else window
+
+    def _require_hypotheses(self, archive: Any) -> None:
+        weighed = any(archive[f"{record}.hypothesis_probability"].size for record in ("tracks", "estimates"))
+        if weighed and tuple(archive["hypotheses"].tolist()) != self.hypotheses:
+            raise SinkError(f"its spool holds tracks with other hypotheses; {_REMEDY}")
 
     def _rows(self, sensor: NDArray[Any], archive: Any) -> NDArray[Any]:
         """Return the rows of this run's sensors that have the ids of those of an archive."""

@@ -10,11 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
 #: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each tuple, region, polygon
-#: and ring, containments, areas and centres (nan: none) of all regions, and all points, latitude_rad and longitude_rad.
-REGION_PARTS = ("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "centre", "points")
+#: and ring, the figures of all regions (a condition is its place among all; nan: no centre), and all points,
+#: latitude_rad and longitude_rad.
+REGION_PARTS = (
+    *("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "centre", "points"),
+    *("condition", "probability", "effective_samples"),
+)
+_NUMBERS = ("containment", "area_km2", "probability", "effective_samples")
 
 
 def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
@@ -34,8 +39,8 @@ def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
         "polygons": _lengths([region.polygons for region in regions]),
         "rings": _lengths(polygons),
         "ring_points": _lengths(rings),
-        "containment": np.array([region.containment for region in regions], dtype=np.float64),
-        "area_km2": np.array([region.area_km2 for region in regions], dtype=np.float64),
+        **{name: np.array([getattr(region, name) for region in regions], dtype=np.float64) for name in _NUMBERS},
+        "condition": np.array([IMPACT_CONDITIONS.index(region.condition) for region in regions], dtype=np.uint8),
         "centre": np.array([region.centre or (np.nan, np.nan) for region in regions], dtype=np.float64).reshape(-1, 2),
         "points": np.concatenate([np.empty((0, 2)), *rings]),
     }
@@ -46,10 +51,16 @@ def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
     rings = np.split(parts["points"], np.cumsum(parts["ring_points"]))[:-1]
     polygons = _grouped(rings, parts["rings"])
     shapes = _grouped(polygons, parts["polygons"])
-    columns = (parts[name].tolist() for name in ("containment", "area_km2", "centre"))
+    figures = zip(*(parts[name].tolist() for name in _NUMBERS), strict=True)
+    columns = (parts[name].tolist() for name in ("centre", "condition"))
     regions = [
-        ImpactRegion(containment=share, area_km2=area, polygons=shape, centre=None if isnan(lat) else (lat, lon))
-        for share, area, (lat, lon), shape in zip(*columns, shapes, strict=True)
+        ImpactRegion(
+            **dict(zip(_NUMBERS, numbers, strict=True)),
+            polygons=shape,
+            centre=None if isnan(lat) else (lat, lon),
+            condition=IMPACT_CONDITIONS[code],
+        )
+        for numbers, (lat, lon), code, shape in zip(figures, *columns, shapes, strict=True)
     ]
     tuples = _grouped(regions, parts["regions"])
     column = np.empty(len(parts["of_row"]), dtype=np.object_)

@@ -40,7 +40,7 @@ def exporter_of(host: Host, name: str, settings: Sequence[str] = ()) -> Exporter
     """
     component = host.component(ExporterModel, name)
     root = Node({})
-    complaints = overridden(root, settings, {})
+    complaints = overridden(root, settings)
     try:
         config = class_reader(component.config)(root)
     except InvalidNode as refused:

@@ -125,10 +125,11 @@ class Feed:
         status: Callable[[], Any],
         reported_types: tuple[str, ...] = REPORTED_TYPES,
         render: Renderer | None = None,
+        hypotheses: tuple[str, ...] = (),
     ) -> None:
         self.history = History(history)
         self.activity = Activity([sensor.id for sensor in sensors])
-        self.tracks = TrackDocuments(epoch_us, most_tracks)
+        self.tracks = TrackDocuments(epoch_us, most_tracks, hypotheses)
         self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
         self._status = status
         self._encoder = ForgeEncoder(

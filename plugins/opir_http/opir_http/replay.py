@@ -40,7 +40,7 @@ class Replay:
             render=chosen_renderer(run.plan.host)[1],
         )
         self._encoder = ForgeEncoder(context)
-        self._documents = TrackDocuments(self.scene.epoch_us)
+        self._documents = TrackDocuments(self.scene.epoch_us, hypotheses=run.plan.hypothesis_names)
         self._by_sensor = [self._time_us[self._detections.sensor == row] for row in range(len(run.sensors))]
         self.since_us = self.scene.epoch_us
         last = [each[-1] for each in (self._time_us, self._tick_us) if len(each)]

@@ -6,7 +6,7 @@ from typing import Any
 from attrs import fields
 
 from opir_core.builtin import BallisticConfig
-from opir_core.interfaces import IMPACT_METHODS
+from opir_core.interfaces import IMPACT_CONDITIONS, IMPACT_METHODS, TRACK_ENDS
 from opir_core.output import detection_schema
 from opir_core.plugin import REPORTED_TYPES, FieldInfo
 from opir_core.reading import ID_RULE
@@ -185,6 +185,10 @@ def track() -> Schema:
             "type_probability": closed(dict.fromkeys(REPORTED_TYPES, or_null(NUMBER))),
             "state": state,
             "burnout": state,
+            "hypotheses": or_null({"type": "object", "additionalProperties": share})
+            | {"description": "probability of each of what the object may be; null if the tracker weighs none"},
+            **{f"probability_{name}": share for name in ("launch", "missile", "orbit", "comes_down")},
+            "end": {"enum": [*TRACK_ENDS[1:], None], "description": "how the track ended; null for one that goes on"},
             "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], "items": False})
             | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},
         },
@@ -217,7 +221,9 @@ def _region() -> Schema:
     rings = listed(listed(listed(NUMBER) | {"minItems": 2, "maxItems": 2}) | {"minItems": 4})
     kinds = {"Polygon": rings, "MultiPolygon": listed(rings)}
     geometry = {"anyOf": [closed({"type": {"const": kind}, "coordinates": each}) for kind, each in kinds.items()]}
-    return closed({"containment": NUMBER, "area_km2": NUMBER, "geometry": geometry})
+    condition = {"type": "string", "enum": list(IMPACT_CONDITIONS), "description": "what the region presumes"}
+    figures = {"containment": NUMBER, "area_km2": NUMBER, "condition": condition, "probability": NUMBER}
+    return closed({**figures, "effective_samples": or_null(NUMBER), "geometry": geometry})
 
 
 def _sensor() -> Schema:

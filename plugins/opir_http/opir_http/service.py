@@ -34,7 +34,9 @@ class Service:
         self.run, self.settings = run, settings
         bounds = settings.history, settings.maximum_tracks
         _, render = chosen_renderer(run.plan.host)
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, *bounds, self.status, run.plan.reported_types, render)
+        plan = run.plan
+        sensors, epoch_us, names = plan.sensors, run.scene.epoch_us, plan.hypothesis_names
+        self.feed = Feed(sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

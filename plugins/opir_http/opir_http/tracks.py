@@ -3,6 +3,7 @@
 import math
 from array import array
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -10,6 +11,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces import hypothesis_columns
 from opir_core.output import (
     burnout_texts,
     impact_texts,
@@ -30,10 +32,13 @@ Position = tuple[str, float, float, float]
 
 
 class TrackDocuments:
-    """The latest estimate of each track, at most `most`: those not updated for longest are removed."""
+    """The latest estimate of each track, at most `most`: those not updated for longest are removed.
 
-    def __init__(self, epoch_us: int, most: int = 1_000) -> None:
-        self._epoch_us, self.most = epoch_us, most
+    `hypotheses` are the names of the run's hypotheses.
+    """
+
+    def __init__(self, epoch_us: int, most: int = 1_000, hypotheses: Sequence[str] = ()) -> None:
+        self._epoch_us, self.most, self._hypotheses = epoch_us, most, hypotheses
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
         #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
         self._trails: dict[int, array[float]] = {}
@@ -101,7 +106,9 @@ class TrackDocuments:
             map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
             map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
         )
-        return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
+        weighed = hypothesis_columns(tracks, self._hypotheses, 4)
+        names = (*_NAMES, *weighed)
+        return [dict(zip(names, values, strict=True)) for values in zip(*columns, *weighed.values(), strict=True)]
 
 
 _NAMES = (

@@ -3,6 +3,7 @@
 from functools import cached_property
 
 import numpy as np
+from opir_scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
 
 from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
@@ -10,7 +11,6 @@ from opir_core.estimation import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import TargetClass, Tracks
-from opir_core.scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
 from opir_report.maps.spheres import oriented
 from opir_report.palette import Hues
 
@@ -87,6 +87,7 @@ class RunFacts:
 def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list[FloatArray]]]:
     """Return area, km², and rings of the impact regions of an estimate by containment, else of its ellipses.
 
+    The regions are those of the most probable condition.
     Rings (n, 2) are closed latitudes and longitudes, rad, with the region on their left.
     """
     regions = tracks.impact_regions[row]
@@ -101,6 +102,7 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list
                 ],
             )
             for region in regions
+            if region.condition == regions[0].condition
         }
     ellipses = {containment: _ellipse(tracks, row, containment) for containment in TRACK_CONTAINMENTS}
     return {containment: found for containment, found in ellipses.items() if found is not None}

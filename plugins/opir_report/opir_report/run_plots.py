@@ -11,6 +11,7 @@ from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
 from opir_report.plots.flights import fields_of_view, ground_tracks
+from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
 from opir_report.plots.maps import launch_map, world_map
@@ -88,6 +89,19 @@ class RunPlots:
         axes = new_axes(3.8) if ax is None else ax
         with rc_context(STYLE):
             return confidence_plot(axes, self.facts, confidences(self.facts))
+
+    def hypotheses(self, track: int | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the probability of each hypothesis of a track over time.
+
+        `track` is one of the tracks of the first launches or sources, by default the first. `KeyError` for others.
+        """
+        axes = new_axes(3.8) if ax is None else ax
+        known = list(weighed_tracks(self.facts))
+        if track is not None and track not in known:
+            raise KeyError(f"no plot of the track {track}; there are those of {', '.join(map(str, known)) or 'none'}")
+        number = next(iter(known), -1) if track is None else track
+        with rc_context(STYLE):
+            return hypotheses_plot(axes, self.facts, hypothesis_history(self.facts), number)
 
     def latency(self, ax: Axes | None = None) -> Axes:
         """Draw the distribution of latencies to the first detection, by sensor type, against the closed form."""

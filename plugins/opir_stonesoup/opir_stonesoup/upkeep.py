@@ -5,7 +5,14 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from opir_trackers import FIRST_FORCE_M_S2, FIRST_HEIGHT_M, TrackCandidates, prior_axes, prior_sigmas
+from opir_trackers import (
+    FIRST_CLIMB_M_S,
+    FIRST_FORCE_M_S2,
+    FIRST_HEIGHT_M,
+    TrackCandidates,
+    prior_axes,
+    prior_sigmas,
+)
 from ordered_set import OrderedSet
 from stonesoup.base import Property
 from stonesoup.deleter.base import Deleter
@@ -81,9 +88,10 @@ def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray,
     axes = prior_axes(begun)[0]
     sides, speed = prior_sigmas(begun)
     mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))
-    mean[:3] = place_ecef_m
+    mean[:3], mean[3:6] = place_ecef_m, FIRST_CLIMB_M_S * axes[2]
     covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes
-    for block, sigma in ((1, speed[0]), (2, _FORCE_SIGMA_M_S2), (3, _JERK_SIGMA_M_S3)):
+    covariance[3:6, 3:6] = (axes.T * speed[0] ** 2) @ axes
+    for block, sigma in ((2, _FORCE_SIGMA_M_S2), (3, _JERK_SIGMA_M_S3)):
         rows = np.arange(3 * block, min(3 * block + 3, ndim_state))
         covariance[rows, rows] = float(sigma) ** 2
     if ndim_state > 6:

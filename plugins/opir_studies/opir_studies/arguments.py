@@ -2,7 +2,9 @@
 
 import argparse
 
-from opir_core.cli import add_overrides, add_score_settings
+from opir_scoring import add_score_settings
+
+from opir_core.cli import add_overrides
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:

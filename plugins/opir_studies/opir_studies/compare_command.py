@@ -4,7 +4,9 @@ import argparse
 import json
 import sys
 
-from opir_core.cli import progress, score_settings, scorecard_text
+from opir_scoring import score_settings, scorecard_text
+
+from opir_core.cli import progress
 from opir_core.errors import Problem, SceneError
 from opir_studies.comparison import compared
 
@@ -29,5 +31,8 @@ def compare(arguments: argparse.Namespace) -> int:
             on_run=on_run,
         )
     plain = {name: card.as_plain() for name, card in cards.items()}
-    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else scorecard_text(cards)) + "\n")
+    is_paper = [name for name, card in cards.items() if card.figures["impact_method"] == "paper"]
+    notes = [f"\n{name}: impacts by the paper's law, without containment" for name in is_paper]
+    text = json.dumps(plain, indent=2) if arguments.json else "\n".join([scorecard_text(cards), *notes])
+    sys.stdout.write(text + "\n")
     return 0

@@ -7,13 +7,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from attrs import evolve
-
-from opir_core import Scene, compile_plan, run_of_plan
-from opir_core.arrays import IntArray
-from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.plugin import Detections, Host, Tracker, Tracks
-from opir_core.reading import load_scene
-from opir_core.scoring import (
+from opir_scoring import (
     USUAL_SETTINGS,
     Scorecard,
     ScoredRun,
@@ -22,6 +16,12 @@ from opir_core.scoring import (
     scorecard_of,
     scored_run,
 )
+
+from opir_core import Scene, compile_plan, run_of_plan
+from opir_core.arrays import IntArray
+from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.plugin import Detections, Host, Tracker, Tracks
+from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_studies.runs import worker_host
 
@@ -56,6 +56,13 @@ class TimedTracker(Tracker):
             self.seconds += time.process_time() - start
 
 
+class _Scored(NamedTuple):
+    """A scored run, and whether it has impacts by the paper's law."""
+
+    run: ScoredRun
+    has_paper_impacts: bool
+
+
 def compared(
     path: str,
     *,
@@ -70,8 +77,8 @@ def compared(
 
     `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a `SceneError` is
     raised. `workers` is the number of processes; a script with several needs `if __name__ == "__main__":`, because they
-    are spawned. Figures other than times do not depend on it. `on_run` is called after each run with its tracker and
-    number.
+    are spawned. Figures other than times do not depend on it. The figure `impact_method` is `paper` for a tracker with
+    impacts by the paper's law. `on_run` is called after each run with its tracker and number.
     """
     host = Host.discover()
     named = list(dict.fromkeys(trackers)) if trackers else [None]
@@ -80,7 +87,14 @@ def compared(
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
     scored = _scored_runs(tasks, list(scenes), workers, on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
-    return {label: scorecard_of(own, settings) for label, own in rows.items()}
+    return {label: _card(own, settings) for label, own in rows.items()}
+
+
+def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:
+    """Return the scorecard of runs, with the method of their impacts."""
+    card = scorecard_of([row.run for row in rows], settings)
+    method = "paper" if any(row.has_paper_impacts for row in rows) else "posterior"
+    return evolve(card, figures={**card.figures, "impact_method": method})
 
 
 def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
@@ -103,11 +117,11 @@ class _Task(NamedTuple):
 
 def _scored_runs(
     tasks: Sequence[_Task], labels: Sequence[str], workers: int, on_run: Callable[[str, int], None]
-) -> Sequence[ScoredRun]:
+) -> Sequence[_Scored]:
     """Return scored runs in the order of their tasks, made by an executor."""
     workers, runs = min(workers, len(tasks)), len(tasks) // len(labels)
     executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers)
-    found: dict[int, ScoredRun] = {}
+    found: dict[int, _Scored] = {}
     done = dict.fromkeys(labels, 0)
     try:
         for index, scored in executor.results(_scored, tasks):
@@ -123,8 +137,10 @@ def _scored_runs(
     return [found[index] for index in range(len(tasks))]
 
 
-def _scored(task: _Task) -> ScoredRun:
+def _scored(task: _Task) -> _Scored:
     plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), worker_host())
     timed = TimedTracker(plan.make_tracker())
     run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
-    return scored_run(evidence_of_run(run, plan, timed.seconds), task.settings)
+    impacts = [row["impact"] for row in run.summary["tracks"] if row["impact"] is not None]
+    has_paper_impacts = any(impact["method"] == "paper" for impact in impacts)
+    return _Scored(scored_run(evidence_of_run(run, plan, timed.seconds), task.settings), has_paper_impacts)

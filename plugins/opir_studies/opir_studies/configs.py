@@ -40,7 +40,7 @@ class DetectionByTimeConfig:
     )
 
 
-#: Phases of a flight at which predicted impacts are scored, as in `opir_core.scoring`.
+#: Phases of a flight at which predicted impacts are scored, as in `opir_scoring`.
 PHASE_NAMES = (
     "25 % of burn",
     "50 % of burn",

@@ -10,12 +10,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-
-from opir_core import Run
-from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.planning import Looks
-from opir_core.plugin import Detections
-from opir_core.scoring import (
+from opir_scoring import (
     evidence_of_run,
     ground_error,
     impact_scores,
@@ -24,6 +19,11 @@ from opir_core.scoring import (
     place_of,
     rows_in_force,
 )
+
+from opir_core import Run
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.planning import Looks
+from opir_core.plugin import Detections
 from opir_core.simulation import ProbabilityInterpolant
 
 #: What each error says; all are 0 where the runs agree, and infinite where only one of them has an answer.

@@ -62,7 +62,7 @@ def _forces(scene: Scene, plain: Mapping[str, Any]) -> Iterator[Knob]:
 
 def _classifier(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
     if scene.classification.name == "spectral":
-        yield Knob("launches of the classifier", tuple((f"classification.launches={n}",) for n in (384, 96, 24, 8)))
+        yield Knob("launches of the classifier", tuple((f"classification.launches={n}",) for n in (240, 60, 24, 8)))
 
 
 def _tracker(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:

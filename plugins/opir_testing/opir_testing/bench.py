@@ -122,7 +122,12 @@ def bench_run(scene: SceneFile, host: Host, *, window_s: float | None = None) ->
 def encoder_of(plan: Plan, name: str = "forge") -> Encoder:
     """Return an encoder for a plan's detections."""
     component = plan.host.component("opir_event_encoders", name)
-    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+    context = EncoderContext(
+        sensors=plan.sensors,
+        epoch_us=plan.scene.epoch_us,
+        reported_types=plan.reported_types,
+        hypotheses=plan.hypothesis_names,
+    )
     return Encoder.adopt(component.build(component.config(), context))
 
 

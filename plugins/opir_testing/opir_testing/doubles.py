@@ -15,6 +15,7 @@ from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.orbits import GeostationaryOrbit
 from opir_core.planning import PairCompiler, drawn_bias, join_targets, solar_exclusions
 from opir_core.plugin import (
+    LAUNCH_GROUPS,
     Band,
     Classifier,
     ClassifierInputs,
@@ -23,6 +24,7 @@ from opir_core.plugin import (
     Detections,
     Exposures,
     Host,
+    Hypothesis,
     ImpactRegion,
     Measured,
     NoConfig,
@@ -34,7 +36,7 @@ from opir_core.plugin import (
     Window,
 )
 from opir_core.random_streams import id_key, uuid8_words
-from opir_core.scene import UNKNOWN_TYPE, Choice
+from opir_core.scene import UNKNOWN_TYPE, Choice, core_hypotheses
 from opir_core.sensors import AlignedScan
 
 _NS_PER_S = 1_000_000_000
@@ -70,10 +72,11 @@ def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = N
     )
 
 
-def stub_estimates(count: int, **columns: Any) -> Tracks:
+def stub_estimates(count: int, hypotheses: Sequence[Hypothesis] | None = None, **columns: Any) -> Tracks:
     """Return estimates with tick (0, 1, … s), track (0) and nan; `columns` replace columns.
 
-    `impact_regions` is a sequence of tuples, one per row.
+    `impact_regions` is a sequence of tuples, one per row. With `hypothesis_probability`, over `hypotheses` (by default
+    `core_hypotheses()`), the probabilities of launches, missiles and orbits are its sums.
     """
     unknown = {
         name: np.full((count, *column.shape[1:]), np.nan if column.dtype == np.float64 else 0, dtype=column.dtype)
@@ -81,6 +84,10 @@ def stub_estimates(count: int, **columns: Any) -> Tracks:
     }
     unknown["tick_s"] = np.arange(count, dtype=np.float64)
     regions = columns.pop("impact_regions", [()] * count)
+    if "hypothesis_probability" in columns:
+        width = np.shape(columns["hypothesis_probability"])[-1]
+        unknown["hypothesis_probability"] = np.full((count, width), np.nan)
+        columns = hypothesis_sums(columns["hypothesis_probability"], hypotheses) | columns
     given = {
         name: np.array(np.broadcast_to(value, unknown[name].shape), dtype=unknown[name].dtype)
         for name, value in columns.items()
@@ -91,10 +98,33 @@ def stub_estimates(count: int, **columns: Any) -> Tracks:
     return Tracks(**(unknown | given))
 
 
+def stub_hypotheses(**chances: float) -> FloatArray:
+    """Return the probabilities (H,) of `core_hypotheses()`, by names with `_` for spaces; the rest is none of these."""
+    names = [each.name.replace(" ", "_") for each in core_hypotheses()]
+    shares = np.zeros(len(names))
+    for name, chance in chances.items():
+        shares[names.index(name)] = chance
+    shares[-1] += 1.0 - shares.sum()
+    return shares
+
+
+def hypothesis_sums(chances: Any, hypotheses: Sequence[Hypothesis] | None = None) -> dict[str, FloatArray]:
+    """Return the sums that `Tracks` has of probabilities (..., H) of hypotheses, `core_hypotheses()` by default."""
+    groups = [each.group for each in hypotheses or core_hypotheses()]
+    summed = {"launch": LAUNCH_GROUPS, "missile": ("missile",), "orbit": ("orbit",)}
+    return {
+        f"probability_{name}": np.asarray(chances)[..., [group in own for group in groups]].sum(axis=-1)
+        for name, own in summed.items()
+    }
+
+
 def stub_regions(
-    latitude_deg: float, longitude_deg: float, radius_km: float = 100.0, corners: int = 64
+    latitude_deg: float, longitude_deg: float, radius_km: float = 100.0, corners: int = 64, **figures: Any
 ) -> tuple[ImpactRegion, ...]:
-    """Return round regions for `TRACK_CONTAINMENTS` about a point: geodesic circles, the 95 % one of `radius_km`."""
+    """Return round regions for `TRACK_CONTAINMENTS` about a point: geodesic circles, the 95 % one of `radius_km`.
+
+    `figures` are other attributes of the regions: condition, probability, effective samples.
+    """
     radii = radius_km * np.sqrt(np.log1p(-np.array(TRACK_CONTAINMENTS)) / np.log1p(-TRACK_CONTAINMENTS[-1]))
     turn = np.linspace(0.0, 2.0 * np.pi, corners + 1)
     latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
@@ -108,7 +138,7 @@ def stub_regions(
         ring = np.stack([np.arcsin(sine), np.mod(east + np.pi, 2.0 * np.pi) - np.pi], axis=1)
         ring[-1] = ring[0]
         area_km2 = 2.0 * np.pi * _EARTH_RADIUS_KM**2 * float(1.0 - np.cos(angle))
-        regions.append(ImpactRegion(containment=containment, area_km2=area_km2, polygons=((ring,),)))
+        regions.append(ImpactRegion(containment=containment, area_km2=area_km2, polygons=((ring,),), **figures))
     return tuple(regions)
 
 

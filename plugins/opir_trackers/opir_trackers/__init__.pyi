@@ -9,6 +9,7 @@ from opir_trackers.lines_of_sight import (
     emission_s as emission_s,
 )
 from opir_trackers.track_priors import (
+    FIRST_CLIMB_M_S as FIRST_CLIMB_M_S,
     FIRST_FORCE_M_S2 as FIRST_FORCE_M_S2,
     prior_axes as prior_axes,
     prior_sigmas as prior_sigmas,

@@ -82,12 +82,109 @@ class ThrustConfig:
     growth_noise_per_s: float = number(
         default=0.001, unit="1/s/√s", minimum=0.0, maximum=1.0, help="process-noise density of that rate"
     )
-    jerk_noise_m_s3: float = number(
+    free_share: float = number(
         default=0.1,
-        unit="m/s³/√s",
+        minimum=0.0,
+        maximum=0.5,
+        source="notional: one burn in ten after the dark, or after looks that no boost explains",
+        help="probability that a burn after the dark has a force in any direction (a stage that flies back)",
+    )
+    free_sigma_m_s2: float = number(
+        default=22.0,
+        unit="m/s²",
+        above=0.0,
+        maximum=1000.0,
+        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22; notional",
+        help="prior standard deviation of a force in any direction, on each axis",
+    )
+    free_noise_m_s2: float = number(
+        default=2.5,
+        unit="m/s²/√s",
+        above=0.0,
+        maximum=1000.0,
+        source="a force of 40 m/s² that loses a third in 30 s as engines are shut down one by one; notional",
+        help="process-noise density of a force in any direction, on each axis",
+    )
+    free_s: float = number(
+        default=300.0,
+        unit="s",
+        above=0.0,
+        maximum=1e4,
+        source="several times a burn of 30 to 60 s that flies back: it keeps its direction; notional",
+        help="mean time until a force in any direction is one along the velocity again",
+    )
+    residual_share: float = number(
+        default=0.05,
+        minimum=0.0,
+        maximum=1.0,
+        source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
+        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
+    )
+    launch_noise_m_s2: float = number(
+        default=0.25,
+        unit="m/s²/√s",
         minimum=0.0,
         maximum=1000.0,
-        help="process-noise density of the jerk on a path followed back to its launch",
+        source="a cubic through the true motion of 150 flights of the tracker's prior, followed back to the launch"
+        " over 20 to 80 s, misses the velocity as 0.14 to 0.4 would; notional",
+        help="process-noise density of the force on a path followed back to its launch",
+    )
+
+
+@frozen(kw_only=True)
+class HypothesesConfig:
+    """Prior rates and densities of what a track may be."""
+
+    launches_per_day: float = number(
+        default=1.0,
+        unit="1/day",
+        above=0.0,
+        maximum=1e6,
+        source="one launch for each thousand hot sources on the ground; some 250 launches to orbit a year alone;"
+        " notional",
+        help="prior rate of launches in view: anything powered that rises",
+    )
+    ground_sources_per_day: float = number(
+        default=1000.0,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e9,
+        source="MODIS Collection 6 lists 40 196 fire pixels on one day on Earth (30 September 2020), in clusters;"
+        " notional",
+        help="prior rate of hot sources that appear on the ground in view: fires, flares, glints, industry",
+    )
+    bolides_per_day: float = number(
+        default=0.1,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="CNEOS fireballs: 35.8 a year on Earth",
+        help="prior rate of bolides in view",
+    )
+    others_per_day: float = number(
+        default=0.1,
+        unit="1/day",
+        above=0.0,
+        maximum=1e6,
+        help="prior rate of objects in view that are none of these: aircraft, balloons, what nobody thought of",
+    )
+    in_flight_share: float = number(
+        default=0.15,
+        minimum=0.0,
+        maximum=1.0,
+        help="share of launches that are first seen in flight: out of cloud, or when a sensor begins to look",
+    )
+    ground_drift_m_s: float = number(
+        default=1.0,
+        unit="m/s",
+        above=0.0,
+        maximum=100.0,
+        source="a wind-driven fire front advances by some 1 m/s; a pointing bias of 20 µrad from a low orbit"
+        " moves a source by less",
+        help="standard deviation of the apparent velocity of a source on the ground, per axis",
+    )
+    bolide_s: float = number(
+        default=5.0, unit="s", above=0.0, maximum=1000.0, help="mean time for which a bolide is bright"
     )
 
 
@@ -131,6 +228,15 @@ class ImmConfig:
     boost_s: float = number(default=150.0, unit="s", above=0.0, maximum=10000.0, help="mean duration of a boost")
     coast_s: float = number(
         default=1000.0, unit="s", above=0.0, maximum=1e6, help="mean duration of a coast before another boost"
+    )
+    hypotheses: HypothesesConfig = nested(
+        default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
+    )
+    least_launch_probability: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        help="a track that is a launch with a lower probability has no launch point and no predicted impact",
     )
     late_s: float = number(
         default=0.0,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import taylor_weights
 from opir_core.flight import height_and_up
@@ -36,57 +36,113 @@ def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
 
 #: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
 #: profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top, after 49 to 73 s.
-_BEFORE_S, _TIMES = 80.0, 80
+BEFORE_S, _TIMES = 80.0, 80
 
-#: Prior probability that a launch is detected from the ground at the next look; others are hidden by clouds at first.
-_AT_ONCE = 0.5
+#: Prior probability that a launch is seen from the ground, and detected at the next looks; others are hidden by clouds
+#: at first.
+AT_ONCE = 0.5
 
 #: Standard deviations of the height of launch sites above the ellipsoid, m, and of the velocity at ignition, m/s.
-_SITE_M, _REST_M_S = 100.0, 1.0
+SITE_M, _REST_M_S = 100.0, 1.0
 
 #: Gate, squared distance with 4 degrees of freedom, for a start from rest at the best time.
 _LAUNCHED = 25.0
 
-#: Edges of the time intervals before the first detection, s.
-_EDGES_S = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
-_MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
+#: Edges of the time intervals before the first detection, s: times of launch are worked out in each.
+EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
+_MIDDLES_S, _WIDTHS_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1]), np.diff(EDGES_S)
 
 #: Prior probability of a late detection in each interval.
-_LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
+_LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
 
 #: Variances of the height of a site, m², and of the velocity at rest, m²/s².
-_AT_REST = np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
+_AT_REST = np.square([SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
 
 
 #: Indices below the diagonal.
 _BELOW = np.tril_indices(3, -1)
 
 
+class FirstMotion(NamedTuple):
+    """What the filter assumed of motions (n,) at the first detection: (n,) each, or numbers.
+
+    Height, m, over the ellipsoid, climb, m/s, net acceleration, m/s², and jerk, m/s³, upwards; standard deviations of
+    position, m, velocity, m/s, acceleration and jerk, the same on each axis.
+    """
+
+    height: FloatArray
+    climb: FloatArray
+    acceleration: FloatArray
+    jerk: float
+    sigmas: tuple[FloatArray, FloatArray, float, float]
+
+    def log_rest_densities(self, noise: float) -> FloatArray:
+        """Return the log densities (n, times), but for a constant, of rest on the ground before the first detection."""
+        span = _MIDDLES_S
+        place, speed, force, growth = (np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas))
+        noisy, square = noise * noise, span * span
+        fast = _AT_REST[1] + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
+        high = _AT_REST[0] + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        high = high + noisy / 20.0 * square * square * span
+        both = -span * (speed + square * (0.5 * force + square / 12.0 * growth)) - noisy / 8.0 * square * square
+        climb = self.climb[:, None]
+        gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span) - climb
+        height = self.height[:, None] - climb * span
+        height += square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
+        apart = high * fast - both * both
+        misfit = (fast * height * height + 2.0 * both * height * gained + high * gained * gained) / apart
+        # Upwards height and velocity together; velocity along each axis of the ground alone.
+        return np.asarray(-0.5 * (np.log(apart) + misfit) - np.log(fast))
+
+
+class LaunchPrior(NamedTuple):
+    """What is known of launches (n,) before the first line.
+
+    `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first detection for a launch
+    that is seen at once. With a prior probability of 1/2 it is, else the first detection is uniformly late, up to 80 s.
+    The path seen is followed back from the filter's estimate, which holds the prior `motion`: a start from rest is as
+    likely as the ratio of its densities after and before the lines (Dickey, Annals of Mathematical Statistics 42,
+    1971). Without the ratio, late detections would seem earlier ones: what was known before is wider the longer the
+    path is.
+    """
+
+    at_once: FloatArray
+    motion: FirstMotion
+
+
+def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray) -> FloatArray:
+    """Return the prior (n, times) of the time from launch to first detection of launches seen from the ground.
+
+    Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect a launch with
+    `detection_probability`; `seen` (n, s) are those that see each track. Probabilities are those of the intervals.
+    """
+    looks = EDGES_S / period_s[:, None]
+    whole, chance = np.floor(looks), detection_probability[:, None]
+    log_unseen = whole * np.log1p(-chance) + np.log1p(-chance * (looks - whole))
+    return -np.diff(np.exp(seen @ log_unseen), axis=1)
+
+
 def launches(
     predicted: PredictedMeasurements,
     first_s: FloatArray,
-    pause_s: FloatArray,
+    prior: LaunchPrior,
     noise: float,
     biased: FloatArray | None = None,
 ) -> LaunchPoints:
     """Return launch points of boosts from rest on the ground at an unknown time before `first_s` (n,); nan if none.
 
-    `noise` is the process-noise density of the jerk, m/s³/√s. The prior: with probability 1/2 the launch is detected at
-    once, after an exponential time of mean `pause_s` (n,); else after a uniform time up to 80 s. Mean and covariance
-    are the moments of the mixture over launch times. `biased` (n, 3, 3) is the position covariance due to sensor
-    biases, along the whole path.
+    `first_s` is the time at which the light of the first detection was emitted, `noise` the process-noise density of
+    the force, m/s²/√s, on the path followed back. Mean and covariance are the moments of the mixture over launch times.
+    `biased` (n, 3, 3) is the position covariance due to sensor biases, along the whole path.
     """
     count = len(predicted.root)
     if not count:
         return LaunchPoints.nowhere(0)
     when = (first_s[:, None] - _MIDDLES_S).ravel()
     starts = _rest_likelihood(predicted, when, noise, biased)
-    soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
-    log = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
-    log += np.log(_AT_ONCE * soon + _LATER)
-    chance = np.exp(log - log.max(axis=1, keepdims=True))
-    chance /= chance.sum(axis=1, keepdims=True)
-    place, covariance = _moment_matched(*_places(starts, when), when, chance)
+    log_density = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
+    chance = _launch_times(log_density - prior.motion.log_rest_densities(noise), prior.at_once)
+    place, covariance = moment_matched(*_places(starts, when), when, chance)
     covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
     row, column = _BELOW
     covariance[:, row, column] = covariance[:, column, row]
@@ -96,7 +152,14 @@ def launches(
     return LaunchPoints(place, covariance)
 
 
-class _LaunchTimes(NamedTuple):
+def _launch_times(log_likelihood: FloatArray, at_once: FloatArray) -> FloatArray:
+    """Return the probabilities (n, times) of a launch in each of `EDGES_S`, given the likelihoods."""
+    log = log_likelihood + np.log(AT_ONCE * at_once + _LATER)
+    chance: FloatArray = np.exp(log - log.max(axis=1, keepdims=True))
+    return chance / chance.sum(axis=1, keepdims=True)
+
+
+class _Starts(NamedTuple):
     """Paths at times (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood of a start from rest.
 
     `white` (4, 4, m) is whitened: the first three columns are by the position, the last is the residual. `misfit` (m,)
@@ -112,7 +175,7 @@ class _LaunchTimes(NamedTuple):
 
 def _rest_likelihood(
     predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
-) -> _LaunchTimes:
+) -> _Starts:
     """Return the likelihood of starts from rest at times (m,), equally many per track."""
     count = len(predicted.root)
     weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
@@ -131,7 +194,7 @@ def _rest_likelihood(
     points[0, -1] = height
     log = _whitened(points)
     white = points[:, 4:]
-    return _LaunchTimes(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+    return _Starts(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
 
 
 def _whitened(rows: FloatArray) -> FloatArray:
@@ -151,7 +214,7 @@ def _whitened(rows: FloatArray) -> FloatArray:
 _LEAST_PIVOT = _REST_M_S**2
 
 
-def _places(starts: _LaunchTimes, when: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ECEF positions (3, m) and covariances (3, 3, m) of starts from rest."""
     white, off = starts.white[:, :3], starts.white[:, 3]
     place = starts.place - np.add.reduce(white * off[:, None])
@@ -201,11 +264,11 @@ def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatA
 
 
 def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> None:
-    """Add to covariances (6, 6, m) the process noise of the jerk over spans (m,)."""
+    """Add to covariances (6, 6, m) the process noise of the force over spans (m,)."""
     square = span_s * span_s
-    fast = (intensity / 20.0) * square * square * span_s
-    both = span_s * fast * (-20.0 / 72.0)
-    far = square * fast * (20.0 / 252.0)
+    fast = (intensity / 3.0) * square * span_s
+    both = (-intensity / 8.0) * square * square
+    far = square * fast * (3.0 / 20.0)
     for axis in range(3):
         covariance[axis, axis] += far
         covariance[axis, axis + 3] += both
@@ -213,7 +276,7 @@ def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> 
         covariance[axis + 3, axis + 3] += fast
 
 
-def _moment_matched(
+def moment_matched(
     place: FloatArray, covariance: FloatArray, when: FloatArray, chance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over launch times."""

@@ -14,7 +14,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.plugin import TARGET_TYPES, Detections, Sensor
+from opir_core.plugin import TARGET_TYPES, Detections, Sensor, TrackerContext
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
 #: Detection probability of a sensor that states none for a type.
@@ -45,6 +45,14 @@ def expected_detection_rate(sensors: Sequence[Sensor]) -> float:
     return float(np.sum(schedule.detection_probability.mean(axis=1) / schedule.period_s))
 
 
+def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
+    """Return the false alarms (sensors,) per scan and steradian of the field of regard; `assumed` where unknown."""
+    if context.false_alarms_per_scan is None:
+        return np.full(len(context.sensors), assumed)
+    half_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
+    return np.asarray(np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad))))
+
+
 #: Prior standard deviation of a position in directions that lines do not determine, m.
 _PRIOR_SIGMA_M = 30e3
 
@@ -67,6 +75,12 @@ class Biases:
         if not self.any:
             return lines
         return evolve(lines, sigma_rad=np.hypot(lines.sigma_rad, self.sigma_rad[lines.sensor]))
+
+    def ranges_m(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
+        """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see them."""
+        apart = position_m[:, None] - self.geometry(time_s, seen)[0]
+        distance = np.sqrt(np.sum(apart * apart, axis=2))
+        return np.asarray(np.sum(distance * seen, axis=1) / np.maximum(seen.sum(axis=1), 1))
 
     def covariance(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
         """Return the covariance (n, 3, 3), m², of inertial positions (n, 3) due to biases.

@@ -2,24 +2,33 @@
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion
-from opir_core.flight import Drag, Forces, forces_of
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.estimation import COAST, Motion, dot
+from opir_core.flight import Drag, Forces, forces_of, height_and_up
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
-from opir_trackers.filter.burn_modes import NewStage
+from opir_trackers.filter.burn_modes import FreeBurn, NewStage
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
+from opir_trackers.launch_points import FirstMotion
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
+
+#: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the velocity over the
+#: ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s² upwards, a third of it across. Notional.
+FIRST_CLIMB_M_S, _SPEEDS_M_S = 150.0, (200.0, 200.0, 300.0)
+
+#: Prior standard deviation of the position of a candidate of several sensors, on each axis, m.
+FARTHER_M = 20e3
 
 #: Prior probability that a new target is burning.
 _BURN_PROBABILITY = 0.98
@@ -33,6 +42,11 @@ _COAST_DETECTION = 0.01
 _PAUSE_SCANS = 4.0
 
 
+#: Squared innovation of the position of both modes along the velocity, in standard deviations, at which a free burn is
+#: started: one slice in 50 exceeds it by chance (χ² of 3 degrees of freedom).
+_SURPRISE = 10.0
+
+
 def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
@@ -42,16 +56,27 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
+        coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),
+        free=_free_of(config.thrust, free),
     )
+
+
+def _follows_bodies(context: TrackerContext) -> bool:
+    return any(sensor.follows_bodies for sensor in context.sensors)
 
 
 def stage_of(thrust: ThrustConfig) -> NewStage:
     """Return what a new stage begins with: what a new track begins with."""
     force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
     return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s)
+
+
+def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:
+    motion = FreeThrust(thrust.free_noise_m_s2, thrust.growth_noise_per_s, forces)
+    return FreeBurn(motion, thrust.free_sigma_m_s2, thrust.free_share, thrust.free_s, _SURPRISE)
 
 
 def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
@@ -79,22 +104,53 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
     rate, sigmas = _first_rates(config.thrust)
     place, speed = prior_sigmas(candidates)
-    deviation = np.concatenate([np.repeat(speed[:, None], 3, axis=1), np.tile(sigmas, (count, 1))], axis=1)
+    velocity += np.where(candidates.sensors == 1, FIRST_CLIMB_M_S, 0.0)[:, None] * inertial[:, 2]
     mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
     size = mean.shape[1]
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
-    root[:, range(3, size), range(3, size)] = 1.0 / deviation
-    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
-    weight = np.tile([burning, 1.0 - burning], (count, 1))
+    root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
+    root[:, range(COAST, size), range(COAST, size)] = 1.0 / sigmas
+    weight = _first_weights(count, config)
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
 
-def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
-    """Return prior standard deviations (n, 3) of position, east-north-up, and (n,) of speed.
+def standing_estimates(
+    before: ModeEstimates, position_m: FloatArray, covariance: FloatArray, speed_sigma_m_s: float, config: ImmConfig
+) -> ModeEstimates:
+    """Return estimates (n,) of sources that stand on the ground, in place of those of their tracks.
 
-    For a candidate of one sensor: 30 km along the ground, 5 km in height, 400 m/s. Where its line grazes the ground the
+    `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances the weight.
+    """
+    count, size = before.boost_mean.shape
+    mean, root = before.boost_mean.copy(), np.zeros((count, size, size))
+    cubed = dot(position_m, position_m)[:, None] ** 1.5
+    mean[:, :3] = position_m
+    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack([-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1)
+    mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
+    mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
+    root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+    root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
+    root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
+    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    return ModeEstimates(_first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate)
+
+
+def _first_weights(count: int, config: ImmConfig) -> FloatArray:
+    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
+    return np.tile([burning, 1.0 - burning], (count, 1))
+
+
+#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to none.
+_STANDING_SIGMA = 0.01
+
+
+def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
+    """Return prior standard deviations (n, 3) of position and (n, 3) of velocity, east-north-up.
+
+    For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a climb: a line of
+    sight alone does not say whether its target climbs or descends. Where its line grazes the ground the
     height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. A candidate
     of several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
     steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights, those near the ground were
@@ -102,12 +158,35 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
-    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [20e3, 20e3, 20e3])
+    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [FARTHER_M] * 3)
     shift = HIGHER_M / np.maximum(candidates.sine, GRAZING_SINE)
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
-    place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
-    return place, np.where(alone, 400.0, SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height))
+    place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, FARTHER_M)
+    return place, np.where(alone[:, None], _SPEEDS_M_S, _speed_sigmas(height)[:, None])
+
+
+def _speed_sigmas(height_m: FloatArray) -> FloatArray:
+    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height_m)
+    return speed
+
+
+def first_motion(
+    predicted: PredictedMeasurements, first_s: FloatArray, alone: BoolArray, thrust: ThrustConfig
+) -> FirstMotion:
+    """Return what `prior_estimates` assume of motions (n,) at first detections at `first_s` (n,).
+
+    Heights are those of predictions; `alone` (n,) marks tracks of one sensor.
+    """
+    position = predicted.positions(np.arange(len(first_s)), first_s)
+    radius = np.sqrt(dot(position, position))
+    height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
+    place = np.where(alone, HIGHER_M, FARTHER_M)
+    speed = np.where(alone, _SPEEDS_M_S[2], _speed_sigmas(np.maximum(height, 0.0)))
+    jerk, force = thrust.growth_per_s * FIRST_FORCE_M_S2, thrust.force_sigma_m_s2
+    growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
+    net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
+    return FirstMotion(height, np.where(alone, FIRST_CLIMB_M_S, 0.0), net, jerk, (place, speed, force, growth))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

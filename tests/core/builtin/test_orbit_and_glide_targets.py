@@ -6,6 +6,8 @@ import numpy as np
 import opir_photons.detection.plugin as snr
 import opir_photons.radiometry.plugin as light
 import pytest
+from opir_scoring.evidence import evidence_of_run
+from opir_scoring.scorecards import scorecard
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 
@@ -15,8 +17,6 @@ from opir_core.geometry import ecef_to_eci
 from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.scorecards import scorecard
 from opir_core.simulation.run import run_of_plan
 
 HOST = Host.of(trackers, light, snr)

@@ -82,6 +82,12 @@ def first_descent(position, velocity, height, longest_s, samples=4001):
     return (times[falls[0]], times[falls[0] + 1]) if falls.size else (np.nan, np.nan)
 
 
+def have_come_down(position, velocity, height):
+    """Return which starts are below the height and descend, by their heights a hundredth of a second later."""
+    now, then = (ecef_to_geodetic(position + s * velocity).height_m for s in (0.0, 1e-2))
+    return (now < height - 1e-6) & (then < now)
+
+
 def longest_flight(position, velocity):
     """Return a period, or for open arcs some hours."""
     alpha = 2.0 / np.linalg.norm(position, axis=1) - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2
@@ -122,6 +128,10 @@ def test_it_is_the_first_descent(family, height):
     if height:
         position, velocity = position * (1.0 + height / 6378e3), velocity / np.sqrt(1.0 + height / 6378e3)
     duration, point = kepler_impact(position, velocity, height)
+    down = have_come_down(position, velocity, height)
+    assert np.all(duration[down] == 0.0)
+    np.testing.assert_allclose(point[down], position[down], atol=2e-9)
+    position, velocity, duration, point = (each[~down] for each in (position, velocity, duration, point))
     assert_on_arc_and_surface(position, velocity, height, duration, point)
     longest = np.fmax(longest_flight(position, velocity), duration * 1.2)
     if family is from_the_surface:
@@ -164,6 +174,32 @@ def test_a_start_on_the_surface():
     np.testing.assert_allclose(point, start, atol=2e-9)
     again, point = kepler_impact(*propagate_kepler(start, 1000.0 * up + 500.0 * north, rising))
     assert again == 0.0
+
+
+@pytest.mark.parametrize("depth_m", [1e-5, 1.0, 50.0, 5e3, 60e3])
+def test_a_start_below_that_descends_has_come_down(depth_m):
+    for latitude in (0.0, 0.6, np.pi / 2.0):
+        start, higher = (geodetic_to_ecef(latitude, 1.0, height) for height in (-depth_m, 1.0 - depth_m))
+        up = higher - start
+        east = np.array([-np.sin(1.0), np.cos(1.0), 0.0])
+        duration, point = kepler_impact(start, 2000.0 * east - 300.0 * up)
+        assert duration == 0.0
+        np.testing.assert_allclose(point, start, atol=2e-9)
+
+
+def test_a_launch_from_a_site_below_the_ellipsoid_comes_down_on_it():
+    """Straight up at the equator: the time to fall from the top is that of a radial ellipse, in closed form."""
+    start, speed = EARTH_EQUATORIAL_RADIUS_M - 400.0, 1500.0
+    duration, _ = kepler_impact([start, 0.0, 0.0], [speed, 0.0, 0.0])
+    a = 1.0 / (2.0 / start - speed**2 / EARTH_MU_M3_S2)
+
+    def since_top(radius):
+        share = radius / (2.0 * a)
+        return np.sqrt((2.0 * a) ** 3 / (2.0 * EARTH_MU_M3_S2)) * (
+            np.arccos(np.sqrt(share)) + np.sqrt(share * (1.0 - share))
+        )
+
+    assert duration == pytest.approx(since_top(start) + since_top(EARTH_EQUATORIAL_RADIUS_M), rel=1e-9)
 
 
 def test_a_start_below_has_to_rise_first():

@@ -157,6 +157,22 @@ def test_a_start_below_the_height_first_rises_through_it(name):
     assert ecef_to_geodetic(point).height_m == pytest.approx(4e3, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_start_below_that_descends_has_come_down(name):
+    """From 50 m below the ground an arc would fly through the Earth, and come out 2 034 s later."""
+    start, up = (geodetic_to_ecef(0.5, 1.0, height) for height in (-50.0, -49.0))
+    velocity = np.array([[-300.0, 2000.0], [-1e-3, 0.0], [-300.0, 7500.0]])
+    along = np.cross([0.0, 0.0, 1.0], start)
+    velocity = velocity[:, :1] * (up - start) + velocity[:, 1:] * along / np.linalg.norm(along)
+    states = impact_states_eci(start, velocity, 0.0, MODELS[name])
+    assert np.all(states.reason == ImpactReason.IMPACT)
+    assert np.all(states.duration_s == 0.0)
+    np.testing.assert_allclose(states.position_m, np.tile(start, (3, 1)), atol=2e-9)
+    np.testing.assert_allclose(states.velocity_m_s, velocity, atol=1e-9)
+    deep = start * (1.0 - 20e3 / 6378e3)
+    assert impact(deep, velocity[0], 0.0, MODELS[name])[0] == 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kepler", "j2", "us76"])
 @pytest.mark.parametrize("depth_m", [-50.0, -0.5, -0.01, 0.01, 0.5, 50.0])

@@ -53,6 +53,12 @@ def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(scene: 
     assert lines(plan, before, rest.advance(100 * NS)) == batch(scene, host)
 
 
+@pytest.mark.parametrize(("name", "stays"), [("none", True), ("paper", False)])
+def test_a_classifier_that_knows_no_truth_stays_when_a_launch_is_added(host: Host, name: str, stays: bool) -> None:
+    plan = compile_plan(scene_from_mapping({**mapping(), "classification": name}, host=host), host)
+    assert (launch_change(plan, LATER, 0, 0).engine.plan.classifier is plan.classifier) == stays
+
+
 @pytest.mark.slow
 def test_a_plan_that_many_launches_pass_through_stays_small(scene: Scene, host: Host) -> None:
     engine = Engine(compile_plan(scene, host))

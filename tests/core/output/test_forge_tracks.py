@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from opir_testing import stub_sensor
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_window
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
@@ -20,14 +20,18 @@ from opir_core.output.events import detection_schema
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.estimates import time_texts
 from opir_core.output.events.forge import ForgeEncoder
+from opir_core.scene.hypotheses import core_hypotheses
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import plan_windows
 
 EPOCH_US = 1_775_044_800_000_000
-CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US)
+HYPOTHESES = tuple(each.name for each in core_hypotheses())
+CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US, hypotheses=HYPOTHESES)
 PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
-ADDED = ("track_state", "burnout", "track_type_probability", "track_available_at")
+SUMS = ("track_probability_launch", "track_probability_missile", "track_probability_orbit")
+WEIGHED = ("track_hypotheses", *SUMS, "track_probability_comes_down", "track_end")
+ADDED = ("track_state", "burnout", "track_type_probability", *WEIGHED, "track_available_at")
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 
@@ -75,10 +79,10 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
     for line, without, row in zip(lines, plain, window.detections.estimate.tolist(), strict=True):
         event = json.loads(line)
         VALIDATOR.validate(event)
-        state, burnout, types, available = (event.pop(name) for name in ADDED)
+        state, burnout, types, *weighed, available = (event.pop(name) for name in ADDED)
         assert event == json.loads(without)
         if row < 0:
-            assert (state, burnout, types, available) == (None, None, None, None)
+            assert (state, burnout, types, available, weighed) == (None, None, None, None, [None] * 6)
             continue
         assert available == time_texts(estimates.available_s[row : row + 1], EPOCH_US)[0]
         told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
@@ -93,6 +97,22 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
             assert list(types.values()) == pytest.approx(shares.tolist(), abs=5.001e-7)
         else:
             assert types is None
+
+
+def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
+    fire, boost = stub_hypotheses(ground_source=0.75, SRBM=0.125), stub_hypotheses(ICBM=0.25, SLV=0.5)
+    estimates = stub_estimates(3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1])
+    window = stub_window(3, estimates=estimates, estimate=np.arange(3), track=np.arange(3))
+    first, second, third = (json.loads(line) for line in WITH_TRACKS.encode(window).splitlines())
+    for event in (first, second, third):
+        VALIDATOR.validate(event)
+    assert list(first["track_hypotheses"]) == list(HYPOTHESES)
+    assert {name: share for name, share in first["track_hypotheses"].items() if share} == {
+        "ground source": 0.75, "SRBM": 0.125, "none of these": 0.125,
+    }  # fmt: skip
+    assert [[event[name] for name in SUMS] for event in (first, second)] == [[0.125, 0.125, 0.0], [0.75, 0.25, 0.5]]
+    assert [event["track_end"] for event in (first, second, third)] == ["lost", None, "impact"]
+    assert [third[name] for name in ("track_hypotheses", *SUMS)] == [None] * 4
 
 
 @given(windows(), st.integers(1, 4))
@@ -121,7 +141,7 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
         VALIDATOR.validate(event)
         assert set(ADDED) <= set(event)
         if row < 0:
-            assert [event[name] for name in ADDED] == [None, None, None, None]
+            assert [event[name] for name in ADDED] == [None] * len(ADDED)
             continue
         tracked += 1
         told(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])

@@ -7,15 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import evolve
+from two_sides import two_sides_plan
 
 import opir_core
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, PluginError, SceneError
+from opir_core.output import deliver
 from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.output.saved_runs import read_run
 from opir_core.plugin import Host, RunView, hookimpl
+from opir_core.simulation.run import run_of_plan
 
 SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
+#: The files of a run beside its events.
+BESIDE = ("truth", "tracks", "manifest")
 #: All its three targets burn by then.
 CHANGES = ["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
 
@@ -70,6 +75,19 @@ def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run
     mine, theirs = saved.summary["targets"], memory.summary["targets"]
     assert [row["first_sensor_id"] for row in mine] == [row["first_sensor_id"] for row in theirs]
     assert [row["latency_s"] for row in mine] == pytest.approx([row["latency_s"] for row in theirs], abs=1e-6)
+
+
+def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(tmp_path: Path) -> None:
+    plan = two_sides_plan(duration_s=20.0, outputs=[{"jsonl": {"path": str(tmp_path / "events.jsonl")}}])
+    paths = {f"{what}_path": tmp_path / f"events.{what}.json{'' if what == 'manifest' else 'l'}" for what in BESIDE}
+    deliver(plan, **paths)
+    saved, memory = opir_core.load_run(tmp_path, plan.host), run_of_plan(plan)
+    for name in ("hypothesis_probability", "probability_launch", "probability_missile", "probability_orbit", "end"):
+        assert np.array_equal(getattr(saved.tracks, name), getattr(memory.tracks, name)), name
+    assert saved.tracks.hypothesis_probability.shape == (40, len(plan.hypotheses))
+    assert saved.summary["tracks"] == memory.summary["tracks"]
+    (mine,), (theirs,) = saved.summary["sources"], memory.summary["sources"]
+    assert mine == pytest.approx(theirs, abs=1e-6)
 
 
 @pytest.mark.slow

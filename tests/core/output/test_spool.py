@@ -7,11 +7,12 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from attrs import evolve
 from forked_processes import killed_at_random
 from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_regions, stub_window
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
 from spool_transports import (
     ENCODER,
     MIB,
@@ -36,7 +37,7 @@ from opir_core.interfaces.records import Batch, Tracks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.pump import pump
 from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
-from opir_core.output.spool.columns import Origin
+from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.sent_batches import AHEAD_BYTES
 from opir_core.output.spool.transport_sink import Policy, TransportSink
@@ -302,7 +303,9 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     shared, hole = stub_regions(9.0, 167.7, 200.0), stub_regions(-5.0, -179.9)
     ring, inner = hole[2].polygons[0][0], hole[0].polygons[0][0]
     several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
-    known = stub_estimates(4, impact_regions=[shared, (), several, shared])
+    given = stub_regions(5.0, 5.0, condition="relights", probability=0.25, effective_samples=80.0)
+    known = stub_estimates(4, impact_regions=[(*shared, *given), (), several, shared])
+    known.impact_regions[3] = known.impact_regions[0]
     first = TransportSink(
         "stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
     )
@@ -320,6 +323,27 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     for tracks in (kept.windows[0].tracks, kept.windows[0].estimates):
         assert tracks.impact_regions.tolist() == known.impact_regions.tolist()
         assert tracks.impact_regions[0] is tracks.impact_regions[3]
+
+
+def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
+    chances = stub_hypotheses(ICBM=0.75)
+    known = stub_estimates(2, hypothesis_probability=chances, end=1)
+    origin = Origin(0, SENSORS, hypotheses=tuple(f"H{number}" for number in range(len(chances))))
+    packed = origin.packed(evolve(stub_window(2), tracks=known))
+    batch = Batch(
+        body=packed,
+        keys=("",),
+        key_of=np.zeros(2, dtype=np.uint16),
+        content_type=CONTENT_TYPE,
+        schema_version=VERSION,
+    )
+    tracks = origin.unpacked(batch).tracks
+    assert np.array_equal(tracks.hypothesis_probability, [chances] * 2)
+    assert tracks.end.tolist() == [1, 1]
+    with pytest.raises(SinkError, match="its spool holds tracks with other hypotheses; run the scene that made them"):
+        Origin(0, SENSORS, hypotheses=("H0",)).unpacked(batch)
+    none = evolve(batch, body=origin.packed(evolve(stub_window(2), tracks=stub_estimates(2))))
+    assert len(Origin(0, SENSORS).unpacked(none).tracks) == 2
 
 
 def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_regions, stub_window
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
 from scored_scene import SCENE
 from spool_transports import MIB, QUICK, SENSORS, Holding
 from waiting import until
@@ -30,11 +30,13 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
+from opir_core.scene.hypotheses import core_hypotheses
 from opir_core.simulation.run import run_of_plan
 
 AIM = {"lat_deg": 32.0, "lon_deg": -124.0}
 EPOCH_US = 1_775_044_800_000_000
-CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US)
+HYPOTHESES = tuple(each.name for each in core_hypotheses())
+CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US, hypotheses=HYPOTHESES)
 ENCODER: Encoder = TracksEncoder(CONTEXT)
 VALIDATOR = jsonschema.Draft202012Validator(
     schema("track"), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
@@ -58,6 +60,8 @@ def tracks_of(count: int, **columns: Any) -> Tracks:
         "impact_regions": [stub_regions(17.2, -11.5)] * count,
         "impact_method": np.arange(count) % 2,
         "type_probability": [0.7, 0.3, 0.0, 0.0],
+        "hypothesis_probability": stub_hypotheses(ICBM=0.5, SLV=0.25),
+        "end": np.arange(count) % 4,
         "probability_burning": 0.5,
     }
     return stub_estimates(count, **(known | columns))
@@ -76,13 +80,14 @@ def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> Non
         for message in messages_of(tracks):
             VALIDATOR.validate(message)
             assert list(message) == schema("track")["required"]
-    with pytest.raises(jsonschema.ValidationError):
-        VALIDATOR.validate(messages_of(tracks_of(1))[0] | {"probability_burning": 1.5})
+    for wrong in ({"probability_burning": 1.5}, {"end": "gone"}, {"hypotheses": {"ICBM": 2.0}}):
+        with pytest.raises(jsonschema.ValidationError):
+            VALIDATOR.validate(messages_of(tracks_of(1))[0] | wrong)
 
 
 def test_messages_are_the_lines_of_the_tracks_file_with_timestamps(tmp_path: Path) -> None:
     tracks = tracks_of(3, available_s=np.full(3, 61.5))
-    with TracksFile(tmp_path / "t.jsonl") as file:
+    with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
     lines = [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
     for line, message in zip(lines, messages_of(tracks), strict=True):
@@ -151,9 +156,9 @@ def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_pa
     assert (
         written[0]
         == written[1]
-        == TracksEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)).encode(
-            evolve(stub_window(0), tracks=run.tracks)
-        )
+        == TracksEncoder(
+            EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names)
+        ).encode(evolve(stub_window(0), tracks=run.tracks))
     )
     last, seen_s = json.loads(written[0].splitlines()[-1]), run.detections.time_s[run.detections.track >= 0].max()
     assert (last["time_s"], last["impact"]["method"]) == (plan.scene.duration_s, "posterior")

@@ -6,14 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from attrs import fields
-from opir_testing.doubles import stub_estimates, stub_regions
+from attrs import evolve, fields
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
+from opir_core.errors import SceneError
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.output import TracksFile, read_tracks
+from opir_core.scene.hypotheses import core_hypotheses
 
 RNG = np.random.default_rng(7)
-REGIONS = stub_regions(9.0, 167.7, 120.0)
+HYPOTHESES = tuple(each.name for each in core_hypotheses())
+REGIONS = (
+    *stub_regions(9.0, 167.7, 120.0, condition="burn over", probability=0.75, effective_samples=250.0),
+    *stub_regions(9.0, 167.7, 900.0, condition="relights", probability=0.125),
+)
 
 
 def covariances(count: int, size: int) -> Any:
@@ -36,17 +42,19 @@ def tracks_of(count: int, **changes: Any) -> Tracks:
         "impact_covariance": covariances(count, 3),
         "impact_sigmas": [1.1, 2.2, 2.6],
         "type_probability": [0.7, 0.2, 0.1, 0.0],
+        "hypothesis_probability": stub_hypotheses(ICBM=0.5, SLV=0.25),
         "burnout": RNG.normal(size=(count, 7)),
         "burnout_covariance": covariances(count, 7),
         "impact_regions": [REGIONS] * count,
         "probability_burning": 0.25,
         "probability_relights": 0.125,
+        "end": 1,
     }
     return stub_estimates(count, **(columns | changes))
 
 
 def written(tmp_path: Path, tracks: Tracks) -> list[dict[str, Any]]:
-    with TracksFile(tmp_path / "t.jsonl") as file:
+    with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
     return [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
 
@@ -55,9 +63,10 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     tracks = tracks_of(1, launch=np.radians([[34.5, -120.25, np.degrees(12.0)]]))
     (line,) = written(tmp_path, tracks)
     assert list(line) == [
-        "time_s", "track_id", "available_s", "target_type", "type_probability", "position_ecef_m",
+        "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses", "probability_launch",
+        "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
         "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
-        "probability_burning", "probability_relights",
+        "probability_burning", "probability_relights", "end",
     ]  # fmt: skip
     assert (line["time_s"], line["track_id"], line["available_s"]) == (61.0, 0, 61.5)
     assert line["target_type"] == "ICBM"
@@ -72,9 +81,16 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     assert (line["impact"]["method"], line["impact"]["sigma_m"]) == ("posterior", None)
     assert line["impact"]["containment"] == list(TRACK_CONTAINMENTS)
     assert line["impact"]["ellipse_sigmas"] == [1.1, 2.2, 2.6]
-    assert [region["containment"] for region in line["impact_regions"]] == list(TRACK_CONTAINMENTS)
+    regions = line["impact_regions"]
+    assert [region["containment"] for region in regions] == list(TRACK_CONTAINMENTS) * 2
+    figures = [[region[name] for name in ("condition", "probability", "effective_samples")] for region in regions]
+    assert figures == [["burn over", 0.75, 250.0]] * 3 + [["relights", 0.125, None]] * 3
     assert {region["geometry"]["type"] for region in line["impact_regions"]} == {"Polygon"}
     assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+    assert list(line["hypotheses"]) == list(HYPOTHESES)
+    assert [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")] == [0.5, 0.25, 0.25]
+    sums = [line[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
+    assert (sums, line["end"]) == ([0.75, 0.5, 0.25, 0.875], "impact")
 
 
 def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
@@ -91,7 +107,9 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     read = read_tracks(tmp_path / "t.jsonl")
     assert_equal(read, tracks)
     for one, other in zip(read.impact_regions[0], REGIONS, strict=True):
-        assert one.containment == other.containment
+        for name in ("containment", "condition", "probability"):
+            assert getattr(one, name) == getattr(other, name)
+        assert np.array_equal(one.effective_samples, other.effective_samples, equal_nan=True)
         assert one.area_km2 == pytest.approx(other.area_km2, abs=1e-3)
         corners, due = one.polygons[0][0], other.polygons[0][0][::-1]
         apart = np.abs(corners[:, None] - due[None]).max(axis=2).min(axis=1)
@@ -105,6 +123,41 @@ def assert_equal(read: Tracks, tracks: Tracks) -> None:
             assert np.allclose(mine, theirs, rtol=4e-16, atol=0.0, equal_nan=True), item.name
         elif item.name != "impact_regions":
             assert np.array_equal(mine, theirs, equal_nan=True), item.name
+
+
+def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> None:
+    """In another order, with one that the file lacks; rows without any are nan; others are refused with their line."""
+    unknown = np.full(len(HYPOTHESES), np.nan)
+    written(tmp_path, tracks_of(2, hypothesis_probability=[unknown, stub_hypotheses(ICBM=0.5, SLV=0.25)]))
+    names = ["MIRV", *reversed(HYPOTHESES)]
+    read = read_tracks(tmp_path / "t.jsonl", names).hypothesis_probability
+    assert np.isnan(read[0]).all()
+    assert {name: share for name, share in zip(names, read[1].tolist(), strict=True) if share} == {
+        "none of these": 0.25, "SLV": 0.25, "ICBM": 0.5,
+    }  # fmt: skip
+    with pytest.raises(SceneError, match="line 2: hypotheses: the scene has no hypothesis 'ICBM' with the plugins"):
+        read_tracks(tmp_path / "t.jsonl", [name for name in HYPOTHESES if name != "ICBM"])
+
+
+def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: Path) -> None:
+    none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
+    whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
+    without = tracks_of(1, impact_regions=[()])
+    told = [written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)]
+    assert told == [None, 0.5, None]
+
+
+def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path: Path) -> None:
+    ring = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
+    region = {"containment": 0.5, "area_km2": 1.0, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    line = {"time_s": 1.0, "track_id": 4, "impact_regions": [region]}
+    (tmp_path / "t.jsonl").write_text(json.dumps(line))
+    (read,) = read_tracks(tmp_path / "t.jsonl").impact_regions[0]
+    assert (read.condition, read.probability, np.isnan(read.effective_samples)) == ("comes down", 1.0, True)
+    region["condition"] = "soon"
+    (tmp_path / "t.jsonl").write_text(json.dumps(line))
+    with pytest.raises(SceneError, match=r"line 1: impact_regions: .*'soon' is no condition of a region"):
+        read_tracks(tmp_path / "t.jsonl")
 
 
 def test_an_impact_of_the_paper_s_law_has_a_sigma_and_no_containment(tmp_path: Path) -> None:

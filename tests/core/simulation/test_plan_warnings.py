@@ -5,11 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import opir_core as opir
 from opir_core.planning.plan import Plan
+from opir_core.plugin import Classifier
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import alignment_warnings
+from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations, plan_warnings
 
 SENSOR = {"model": "generic-scanner", "orbital_slot_deg": -130.0, "detection_probability": {"ICBM": 1.0}}
 
@@ -91,3 +93,49 @@ def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> No
     assert len(latency_s) == 500
     # 3.29 standard deviations of the mean: 99.9 %.
     assert abs(latency_s.mean() - 2.5) < 3.29 * 5.0 / np.sqrt(12.0 * 500.0)
+
+
+class Expecting(Classifier):
+    """A classifier that expects so many launches a day."""
+
+    uses_truth = False
+
+    def __init__(self, launches_per_day: float) -> None:
+        self.launches_per_day = launches_per_day
+
+    def reported_type(self, sightings: Any, rng: Any) -> Any:
+        return np.zeros(len(sightings), dtype=np.uint8)
+
+    def expected_launches(self, duration_s: float) -> float:
+        return self.launches_per_day * duration_s / 86_400.0
+
+
+@pytest.mark.parametrize(
+    ("launches", "expected", "is_reported"),
+    [
+        (1, 0.001, False),
+        (9, 0.5, False),
+        (11, 0.5, True),
+        (30, 3.5, False),
+        (30, 2.5, True),
+        (1, 9.0, False),
+        (1, 11.0, True),
+    ],
+)
+def test_ten_times_as_many_launches_as_expected_are_reported(launches: int, expected: float, is_reported: bool) -> None:
+    made = plan({})
+    scene = evolve(made.scene, targets=made.scene.targets * launches)
+    made = evolve(made, scene=scene, classifier=Expecting(expected * 720.0))
+    assert launch_expectations(made) == [
+        {"component": "classification: paper", "expected_launches": pytest.approx(expected), "launches": launches}
+    ]
+    warnings = [words for words in plan_warnings(made) if "expects" in words]
+    assert bool(warnings) == is_reported
+    assert all(f"in the scene, which has {launches}" in words for words in warnings)
+
+
+def test_explain_says_which_classifier_knows_the_truth() -> None:
+    made = plan({})
+    assert explained(made)["truth_users"] == ["classification: paper"]
+    assert not explained(made)["expected_launches"]
+    assert not explained(plan({}, classification="none"))["truth_users"]

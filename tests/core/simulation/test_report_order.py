@@ -231,8 +231,9 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 
 @pytest.mark.slow
 def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from opir_scoring.evidence import evidence_of_files, evidence_of_run
+
     from opir_core.output.delivery import deliver
-    from opir_core.scoring.evidence import evidence_of_files, evidence_of_run
 
     monkeypatch.chdir(tmp_path)
     plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
@@ -261,8 +262,9 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
 def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(tmp_path: Any) -> None:
     from opir_core.output.tracks_file import TracksFile, read_tracks
 
-    tracks = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report")).tracks
-    with TracksFile(tmp_path / "t.jsonl") as file:
+    run = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report"))
+    tracks = run.tracks
+    with TracksFile(tmp_path / "t.jsonl", run.plan.hypothesis_names) as file:
         file.write(tracks)
     again = read_tracks(tmp_path / "t.jsonl")
     assert np.array_equal(again.available_s, tracks.available_s)

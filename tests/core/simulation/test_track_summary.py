@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_regions
+from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
 from opir_core.cli.answer_lines import track_cells
 from opir_core.interfaces.records import Tracks
-from opir_core.simulation.summary import LatestTracks
+from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.simulation.latest_tracks import LatestTracks
 
 TRACK = stub_estimates(
     1,
@@ -26,7 +27,7 @@ def summary_of(tracks: Tracks) -> tuple[dict[str, Any], str]:
     latest = LatestTracks()
     latest.take(tracks)
     (row,) = latest.rows()
-    return row["impact"], track_cells(row)[-1]
+    return row["impact"], track_cells(row, weighs=False)[-1]
 
 
 def test_an_impact_has_an_axis_until_there_are_regions() -> None:
@@ -55,3 +56,52 @@ def test_the_paper_s_law_has_a_sigma_and_no_containment() -> None:
     assert text == "9.00 N 167.70 E at 1800.0 s (sigma 30.0 km)"
     impact, text = summary_of(evolve(TRACK, impact=np.full((1, 3), np.nan)))
     assert (impact, text) == (None, "-")
+
+
+def row_of(chances: Any, regions: Any = (), **columns: Any) -> dict[str, Any]:
+    weighed = stub_estimates(1, hypothesis_probability=chances)
+    names = ("hypothesis_probability", "probability_launch", "probability_missile", "probability_orbit")
+    given = {name: getattr(weighed, name) for name in names} | columns
+    tracks = evolve(TRACK, impact_regions=stub_estimates(1, impact_regions=[regions]).impact_regions, **given)
+    latest = LatestTracks([each.name for each in core_hypotheses()])
+    latest.take(tracks)
+    (row,) = latest.rows()
+    return row
+
+
+def test_a_track_has_its_hypotheses_by_name_and_its_likeliest() -> None:
+    row = row_of(stub_hypotheses(ICBM=0.25, SLV=0.625), end=np.array([2], dtype=np.uint8))
+    assert (row["likeliest_hypothesis"], row["hypothesis_probability"], row["end"]) == ("SLV", 0.625, "orbit")
+    shares = {name: share for name, share in row["hypotheses"].items() if share}
+    assert shares == {"ICBM": 0.25, "SLV": 0.625, "none of these": 0.125}
+    sums = [row[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
+    assert sums == [0.875, 0.25, 0.625, None]
+    assert track_cells(row, weighs=True)[1:3] == ("SLV 0.62", "0.88")
+
+
+def test_a_tracker_that_weighs_nothing_has_no_hypotheses() -> None:
+    latest = LatestTracks([each.name for each in core_hypotheses()])
+    latest.take(TRACK)
+    (row,) = latest.rows()
+    names = ("hypotheses", "likeliest_hypothesis", "hypothesis_probability", "probability_launch", "end")
+    assert [row[name] for name in (*names, "probability_orbit", "probability_comes_down")] == [None] * 7
+    assert track_cells(row, weighs=False)[1] == "ICBM 0.75"
+
+
+def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
+    over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
+    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0)
+    row = row_of(stub_hypotheses(ICBM=0.9), (*over, *again))
+    assert row["probability_comes_down"] == 0.875
+    assert row["impact"]["regions"] == [
+        {"condition": "burn over", "probability": 0.75, "area_95_km2": over[2].area_km2, "effective_samples": 500.0},
+        {"condition": "relights", "probability": 0.125, "area_95_km2": again[2].area_km2, "effective_samples": 12.0},
+    ]
+    assert row["impact"]["region_95_km2"] == over[2].area_km2
+    impact = "9.00 N 167.70 E at 1800.0 s (if the burn is over: 95 % in 11 000 km2)"
+    assert track_cells(row, weighs=True)[-2:] == (impact, "-")
+
+
+def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
+    fire = row_of(stub_hypotheses(ground_source=0.75, SRBM=0.25), stub_regions(9.0, 167.7))
+    assert track_cells(fire, weighs=True)[1:] == ("ground source 0.75", "0.25", "60.0", "60.0", "-", "-", "-")

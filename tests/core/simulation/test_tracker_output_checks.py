@@ -11,6 +11,7 @@ import opir_core as opir
 from opir_core.errors import ModelError
 from opir_core.interfaces.records import Tracks
 from opir_core.plugin import TrackerModel, hookimpl, text
+from opir_core.scene import core_hypotheses
 from opir_core.simulation.run import run_of_plan
 
 SCENE = {
@@ -53,6 +54,10 @@ def told(tick_s, **changes):
     return evolve(tracks, **changes)
 
 
+#: The number of hypotheses of a host without plugins.
+HYPOTHESES = len(core_hypotheses())
+WEIGHED = np.full((2, HYPOTHESES), 1.0 / HYPOTHESES)
+
 #: What a method answers instead, and the words that it is told in.
 FAULTS = {
     "associate": [
@@ -94,6 +99,26 @@ FAULTS = {
         (
             lambda tick_s, _: told(tick_s, impact_method=np.array([0, 2], dtype=np.uint8)),
             "step at 1 s returned impact_method [0, 2], not codes into ('posterior', 'paper')",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, end=np.array([0, 4], dtype=np.uint8)),
+            "step at 1 s returned end [0, 4], not codes into ('', 'impact', 'orbit', 'lost')",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, hypothesis_probability=np.ones((2, 2))),
+            "step at 1 s returned hypothesis_probability as float64 (2, 2), not 2 rows of shape",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, hypothesis_probability=np.full((2, HYPOTHESES), 0.5 / HYPOTHESES)),
+            "step at 1 s returned hypothesis_probability that sums to [0.5, 0.5], not to 1",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, probability_launch=np.array([0.5, 1.5])),
+            "step at 1 s returned probability_launch outside [0, 1]",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, **({"hypothesis_probability": WEIGHED} if tick_s > 1.0 else {})),
+            f"step at 2 s returned {HYPOTHESES} hypotheses, after 0 at earlier ticks",
         ),
     ],
     "cadence_s": [
@@ -181,8 +206,9 @@ def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "imm"}))
 
 
-def test_a_sound_tracker_runs():
-    host = host_of(lambda *_: Sound())
+@pytest.mark.parametrize("weighed", [np.empty((2, 0)), WEIGHED, np.nan * WEIGHED])
+def test_a_sound_tracker_runs(weighed):
+    host = host_of(lambda *_: broken("step", lambda tick_s, _: told(tick_s, hypothesis_probability=weighed)))
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)
     assert len(run.tracks) == 2 * 15
 

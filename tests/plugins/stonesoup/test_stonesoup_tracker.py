@@ -167,6 +167,7 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
     assert len(set(run.tracks.track.tolist())) == 1
     end = predictor.predict(now, timestamp=now.timestamp.replace(minute=1, second=0, microsecond=0))
     assert run.tracks.tick_s[-1] == 60.0
+    assert run.tracks.hypothesis_probability.shape == (len(run.tracks), 0)
     sigma = np.sqrt(np.diag(np.array(end.covar, float)))[:6]
     assert np.all(np.abs(run.tracks.state[-1] - np.array(end.state_vector, float)[:6, 0]) < 1e-6 * sigma)
     np.testing.assert_allclose(

@@ -66,6 +66,7 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         "tracks per launch",
     ):
         assert figure in told
+    assert told.rstrip().splitlines()[-1] == "kepler-arc: impacts by the paper's law, without containment"
 
 
 @pytest.mark.slow
@@ -82,6 +83,7 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
         told.append(cards)
     assert told[0] == told[1]
     assert list(told[0]) == ["imm", "kepler-arc"]
+    assert [card["impact_method"] for card in told[0].values()] == ["posterior", "paper"]
     assert told[0]["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
 
 

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from opir_scoring.impacts import PHASES
 from opir_studies.configs import PHASE_NAMES, ImpactConfig
 from opir_studies.metrics.track_metrics import (
     AccuracyMetric,
@@ -18,7 +19,6 @@ from study_scene import SCENE as UNTRACKED
 
 import opir_core
 from opir_core.plugin import MetricContext
-from opir_core.scoring.impacts import PHASES
 
 
 class TestTracks(MetricContract):

@@ -22,7 +22,7 @@ from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run
 
-LIT = {**SCENE, "duration_s": 60.0, "detection": "snr", "atmosphere": "lowtran"}
+LIT = {**SCENE, "duration_s": 60.0, "detection": "snr", "classification": "none", "atmosphere": "lowtran"}
 #: Another launch, seen by another sensor, at another time of day.
 ELSEWHERE = {
     **LIT,
@@ -69,7 +69,8 @@ def test_only_settings_of_what_a_scene_names_are_turned() -> None:
         return {knob.name for knob in knobs_of(scene_from_mapping({**SCENE, **more}))}
 
     assert names() == {"light time"}
-    assert names(light_time=False, detection="snr") == {"probability tolerance"}
+    assert names(light_time=False, detection="snr") == {"probability tolerance", "launches of the classifier"}
+    assert names(light_time=False, detection="snr", classification="none") == {"probability tolerance"}
     assert names(atmosphere="lowtran", light_time=False) == set()  # a model is never left out
     assert "tracker cadence" in names(tracker="kepler-arc")
     assert {"reassignments", "impact regions"} <= names(tracker="imm")

@@ -59,12 +59,12 @@ def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
     assert np.abs((covariance.transpose(2, 0, 1) - exact) / (unit[:, :, None] * unit[:, None])).max() < 1e-9
 
 
-def test_noise_gathers_as_that_of_a_chain_of_three_integrators() -> None:
-    """∫ of τ³/6 and τ²/2, the ways from a jerk's noise to position and velocity, run backwards: τ is against them."""
+def test_noise_gathers_as_that_of_a_chain_of_two_integrators() -> None:
+    """∫ of τ²/2 and τ, the ways from a force's noise to position and velocity, run backwards: τ is against them."""
     covariance, span = np.zeros((6, 6, 2)), np.array([3.0, 50.0])
     _add_noise(covariance, 0.09, span)
     tau = (np.arange(20000) + 0.5) / 20000 * span[:, None]
-    far, fast = -(tau**3) / 6.0, tau**2 / 2.0
+    far, fast = tau**2 / 2.0, -tau
     for row, column, sums in ((0, 0, far * far), (0, 3, far * fast), (3, 3, fast * fast)):
         for axis in range(3):
             assert np.allclose(covariance[row + axis, column + axis], 0.09 * sums.mean(axis=1) * span, rtol=1e-6)

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.launch_points import LaunchPoints, launches, updated_points
+from opir_trackers.launch_points import (
+    EDGES_S,
+    FirstMotion,
+    LaunchPoints,
+    LaunchPrior,
+    delays_at_once,
+    launches,
+    updated_points,
+)
 
 from opir_core.geometry import geodetic_to_ecef, local_axes
 
@@ -20,12 +28,20 @@ def risen(since: float) -> np.ndarray:
     return np.stack([place, SPIN + gain * since, gain, np.zeros(3), np.zeros(3)])
 
 
+def prior_of(runs: int, period_s: float) -> LaunchPrior:
+    """Return the prior for one sensor that misses nothing, and a motion of which nothing was known."""
+    zero, wide = np.zeros(runs), np.full(runs, 1e9)
+    nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
+    looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
+    return LaunchPrior(looks, nothing)
+
+
 def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     """Its velocity is known, so it gives the time of the launch; what is not known of the place stays."""
     side = np.zeros((1, 12, 12))
     side[0, :3, :3] = 100.0 * np.eye(3)
-    seen, pause = np.array([2.0]), np.array([0.1])
-    found = launches(PredictedMeasurements(8.0, risen(8.0)[None], side), seen, pause, 0.0)
+    seen, prior = np.array([2.0]), prior_of(1, 0.1)
+    found = launches(PredictedMeasurements(8.0, risen(8.0)[None], side), seen, prior, 0.0)
     assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
     assert found.place[0, 2] == pytest.approx(0.0, abs=0.1)
     assert np.sqrt(np.diag(found.covariance[0])[:2]) == pytest.approx(100.0, rel=0.01)
@@ -33,14 +49,14 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     assert 0.08 < np.sqrt(found.covariance[0, 2, 2]) < 0.3
     assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
     high = PredictedMeasurements(8.0, (risen(8.0) + np.array([300e3 * UP, *np.zeros((4, 3))]))[None], side)
-    assert np.isnan(launches(high, seen, pause, 0.0).place).all()
+    assert np.isnan(launches(high, seen, prior, 0.0).place).all()
 
 
 @pytest.mark.slow
 def test_launches_are_as_sure_as_they_say() -> None:
     """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 80 s late."""
     rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4
-    first_s = np.where(rng.random(runs) < 0.5, rng.exponential(pause_s, runs), rng.uniform(0.0, 80.0, runs))
+    first_s = np.where(rng.random(runs) < 0.5, rng.uniform(0.0, pause_s, runs), rng.uniform(0.0, 80.0, runs))
     sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
     path = np.tile(risen(now_s), (runs, 1, 1))
     drift = rng.normal(size=(runs, 3))
@@ -48,7 +64,7 @@ def test_launches_are_as_sure_as_they_say() -> None:
     path[:, 1] += drift
     path[:, :4] += (sigma * rng.normal(size=(runs, 12))).reshape(runs, 4, 3)
     found = launches(
-        PredictedMeasurements(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, np.full(runs, pause_s), 0.0
+        PredictedMeasurements(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, prior_of(runs, pause_s), 0.0
     )
     known = np.isfinite(found.place[:, 2])
     assert known.mean() > 0.999
@@ -59,6 +75,33 @@ def test_launches_are_as_sure_as_they_say() -> None:
     square = np.einsum("ni,nij,nj->n", plane, np.linalg.inv(found.covariance[known][:, :2, :2]), plane)
     assert np.mean(square) / 2.0 == pytest.approx(1.0, abs=0.1)
     assert np.mean(square < 5.99) == pytest.approx(0.95, abs=3.3 * np.sqrt(0.95 * 0.05 / runs))
+
+
+def test_first_detections_at_once_are_the_first_of_periodic_looks() -> None:
+    """Two sensors, phases unknown, each look missed by chance: as drawn."""
+    rng, period_s, chance = np.random.default_rng(9), np.array([0.5, 10.0]), np.array([0.6, 0.9])
+    looks = rng.uniform(size=(20000, 2)) + rng.geometric(chance, (20000, 2)) - 1.0
+    drawn = np.min(looks * period_s, axis=1)
+    stated = delays_at_once(period_s, chance, np.array([[True, True], [False, True]]))
+    for row, delay in ((0, drawn), (1, looks[:, 1] * period_s[1])):
+        found = np.histogram(delay, EDGES_S)[0] / 20000
+        assert np.abs(found - stated[row]).max() < 4.0 * np.sqrt(0.25 / 20000)
+        assert stated[row].sum() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
+    """A path followed back for 60 s is as uncertain as the prior of the filter: the launch time keeps its own prior."""
+    sigma = 1e4, 1e3, 10.0, 0.3
+    path = np.array([SITE + 1e4 * UP, SPIN, 8.0 * UP + PULL, 0.2 * UP, np.zeros(3)])
+    known = PredictedMeasurements(0.0, path[None], np.diag(np.repeat(sigma, 3))[None])
+    prior = prior_of(1, 0.1)
+    motion = FirstMotion(
+        np.array([1e4]), np.zeros(1), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
+    )
+    found = launches(known, np.zeros(1), LaunchPrior(prior.at_once, motion), 0.25)
+    # Half at once, half uniform over 80 s: mean 20 s.
+    assert found.place[0, 2] == pytest.approx(-20.0, abs=0.2)
+    assert launches(known, np.zeros(1), prior, 0.25).place[0, 2] > -15.0
 
 
 def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from opir_scoring import evidence_of_run
+from opir_scoring.evidence import ownership
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
-from opir_core.scoring import evidence_of_run
-from opir_core.scoring.evidence import ownership
 from opir_core.simulation.run import run_of_plan
 
 SCENE = EXAMPLES / "pacific_test_range.yaml"

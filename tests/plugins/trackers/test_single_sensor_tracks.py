@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from opir_scoring import evidence_of_run
+from opir_scoring.containments import nees
+from opir_scoring.evidence import ownership, true_states_ecef
 from opir_trackers.imm.track_management import are_below_ground, are_uncertain, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
-from opir_core.scoring import evidence_of_run
-from opir_core.scoring.containments import nees
-from opir_core.scoring.evidence import ownership, true_states_ecef
 from opir_core.simulation.run import run_of_plan
 
 SCENE = EXAMPLES / "pacific_test_range.yaml"
@@ -25,7 +25,8 @@ def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_know
     evidence = evidence_of_run(run_of_plan(plan), plan)
     owners = ownership(evidence)
     assert sorted(owners.target.tolist()) == [0, 1, 2]
-    told = evidence.tracks.take(np.flatnonzero(evidence.tracks.tick_s % 20.0 == 0.0))
+    launched = (evidence.tracks.tick_s % 20.0 == 0.0) & (evidence.tracks.probability_launch > 0.5)
+    told = evidence.tracks.take(np.flatnonzero(launched))
     target = owners.target[np.searchsorted(owners.track, told.track)]
     away = told.state - true_states_ecef(plan, target, told.tick_s)
     known = np.flatnonzero(np.isfinite(away).all(axis=1))

@@ -77,22 +77,25 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1098), ({"slice_s": 0.5}, 2162)],
+    [({}, 1020), ({"slice_s": 0.5}, 2100)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
-    """A burn has two parts, as a stage may begin at any time: each is predicted and updated; its stages are kept."""
+    """A burn has two parts, as a stage may begin at any time: each is predicted, updated and matched.
+
+    What it is was decided before: of that only the table of hypotheses is composed.
+    """
     calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
     assert np.median(calls[20:]) <= most
 
 
 @pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
-    """The silent one may still burn, so both parts of its burn are predicted."""
+    """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 2178
-    assert np.median(calls[75:]) <= 789
+    assert sorted(calls[3:12])[-2] <= 2650
+    assert np.median(calls[75:]) <= 715
 
 
 @pytest.mark.slow

@@ -12,6 +12,8 @@ CAUGHT_BY: dict[tuple[str, str], str] = {}
 SOUND = {
     ("opir_trackers", "sound-tracker"),
     ("opir_trackers", "sound-regions"),
+    ("opir_trackers", "sound-conditions"),
+    ("opir_trackers", "sound-hypotheses"),
     ("opir_detection_models", "sound-detection"),
 }
 

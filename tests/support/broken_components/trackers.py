@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
-from opir_testing.doubles import stub_regions
+from opir_testing.doubles import hypothesis_sums, stub_regions
 
 from broken_components.offers import mutant
 from opir_core.interfaces.records import Detections, Tracks
@@ -217,6 +217,78 @@ class RegionsWithoutImpact(WithRegions):
 class RegionsWithoutRings(WithRegions):
     def changed(self, regions: list[Any]) -> tuple[Any, ...]:
         return (evolve(regions[0], polygons=()),)
+
+
+@tracker_mutant("regions-least-likely-first", "test_impact_regions_are_nested_and_closed")
+class RegionsLeastLikelyFirst(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        over, again = ([evolve(each, condition=name) for each in regions] for name in ("burn over", "relights"))
+        return *(evolve(each, probability=0.1) for each in over), *(evolve(each, probability=0.8) for each in again)
+
+
+@tracker_mutant("regions-of-no-condition", "test_impact_regions_are_nested_and_closed")
+class RegionsOfNoCondition(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return tuple(evolve(each, condition="soon") for each in regions)
+
+
+class WithConditions(WithRegions):
+    """Regions of two conditions, the most probable first."""
+
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        over = (evolve(each, condition="burn over", probability=0.8) for each in regions)
+        return *over, *(evolve(each, condition="relights", probability=0.1) for each in regions)
+
+
+tracker_mutant("sound-conditions", "")(WithConditions)
+
+
+class WithHypotheses(OneTrack):
+    """One track with valid probabilities of hypotheses, which `changed` spoils."""
+
+    def __init__(self, hypotheses: Any) -> None:
+        super().__init__()
+        self.hypotheses = hypotheses
+
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        chances = np.full((len(number), len(self.hypotheses)), 1.0 / len(self.hypotheses))
+        weighed = {"hypothesis_probability": chances, **hypothesis_sums(chances, self.hypotheses)}
+        return evolve(super().tracks(tick_s, number), **self.changed(weighed))
+
+    def changed(self, weighed: dict[str, Any]) -> dict[str, Any]:
+        return weighed
+
+
+def weighing_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer a tracker of a class of its own that is built of the context's hypotheses."""
+
+    def offered(made: Any) -> Any:
+        mutant(TrackerModel, name, caught_by)(lambda _config, context: made(context.hypotheses))
+        return made
+
+    return offered
+
+
+weighing_mutant("sound-hypotheses", "")(WithHypotheses)
+
+
+@weighing_mutant("more-than-everything", "test_shapes_and_positions_are_valid")
+class MoreThanEverything(WithHypotheses):
+    def changed(self, weighed: dict[str, Any]) -> dict[str, Any]:
+        return {name: 1.1 * column for name, column in weighed.items()}
+
+
+@weighing_mutant("forgets-none-of-these", "test_shapes_and_positions_are_valid")
+class ForgetsNoneOfThese(WithHypotheses):
+    def changed(self, weighed: dict[str, Any]) -> dict[str, Any]:
+        chances = weighed["hypothesis_probability"][:, :-1]
+        return weighed | {"hypothesis_probability": chances / chances.sum(axis=1, keepdims=True)}
+
+
+@weighing_mutant("launches-without-orbits", "test_shapes_and_positions_are_valid")
+class LaunchesWithoutOrbits(WithHypotheses):
+    def changed(self, weighed: dict[str, Any]) -> dict[str, Any]:
+        return weighed | {"probability_launch": weighed["probability_missile"]}
 
 
 @tracker_mutant("remembers-all", "test_work_grows_linearly_with_detections")

@@ -6,8 +6,8 @@ from types import ModuleType
 import mpmath as mp
 import numpy as np
 import opir_photons.detection as detection
+import opir_scoring as scoring
 
-import opir_core.scoring as scoring
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
 from opir_core.estimation import square_root, tangent_axes
@@ -422,8 +422,8 @@ LEFT_OUT = {
             ],
             "a record",
         ),
-        "consistency": "SciPy's χ² quantiles (tests/core/scoring)",
-        "containment": "counts, and SciPy's χ² quantile (tests/core/scoring)",
+        "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
+        "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
         **dict.fromkeys(
             [
                 "evidence_of_files",
@@ -441,6 +441,14 @@ LEFT_OUT = {
             "takes runs, not numbers",
         ),
         **dict.fromkeys(["state_errors", "true_states_ecef"], "takes runs, not numbers"),
+        **dict.fromkeys(
+            ["energy_scores", "log_scores", "brier_scores"],
+            "closed forms and another library (tests/against/test_against_crps_of_scoringrules.py)",
+        ),
+        **dict.fromkeys(["open_set_rate", "reliability"], "counts (tests/plugins/scoring/test_hypothesis_scores.py)"),
+        **dict.fromkeys(["main_regions", "regions_given"], "chooses records"),
+        "region_energy_m": "areas to 1 % (tests/plugins/scoring/test_impact_scores.py)",
+        **dict.fromkeys(["add_score_settings", "score_settings", "scorecard_text"], "texts"),
         **dict.fromkeys(["GEOMETRIES", "OLDEST_S", "PHASES", "USUAL_SETTINGS"], "a constant"),
     },
 }

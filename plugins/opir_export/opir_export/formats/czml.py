@@ -12,12 +12,14 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces import IMPACT_CONDITIONS
 from opir_core.plugin import ImpactRegion
 from opir_export.files import write_bytes
 from opir_export.scenery.map_features import (
     Flight,
     Prediction,
     SensorPath,
+    condition_words,
     flights,
     predictions,
     sensor_paths,
@@ -134,9 +136,10 @@ def _prediction_packets(run: Any, prediction: Prediction, end_s: float) -> Itera
             "point": {"pixelSize": 6, "color": _colour(_PREDICTION)},
         }
     for region in prediction.regions:
-        title = f"Track {prediction.track}: impact, {100 * region.containment:g} %"
+        title = f"Track {prediction.track}: impact{condition_words(region)}, {100 * region.containment:g} %"
+        presumed = "" if region.condition == IMPACT_CONDITIONS[0] else f"{region.condition}/"
         for number, rings in enumerate(region.polygons):
-            id_ = f"{named}/{region.containment:g}/{number}"
+            id_ = f"{named}/{presumed}{region.containment:g}/{number}"
             yield {"id": id_, "name": title, "description": _words(region), **shared, "polygon": _polygon(rings)}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.output import DECIMALS, geometry_of
+from opir_core.output import DECIMALS, geometry_of, region_figures
 from opir_core.plugin import ImpactRegion
 from opir_export.files import write_bytes
 from opir_export.scenery.map_features import (
@@ -93,8 +93,7 @@ def _prediction_features(run: Any, prediction: Prediction) -> Iterator[Feature]:
             time = timestamps(run, [place[2]])[0] if np.isfinite(place[2]) else None
             yield _feature(_point(np.degrees(place[1::-1])), kind=kind, **named, time=time)
     for region in prediction.regions:
-        measures = {"containment": region.containment, "area_km2": round(region.area_km2, 3)}
-        yield _feature(geometry_of(region), kind="impact region", **named, **measures)
+        yield _feature(geometry_of(region), kind="impact region", **named, **region_figures(region))
 
 
 def area(ring: FloatArray) -> dict[str, Any]:

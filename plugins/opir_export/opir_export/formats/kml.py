@@ -16,6 +16,7 @@ from opir_export.scenery.map_features import (
     Flight,
     Prediction,
     SensorPath,
+    condition_words,
     flights,
     predictions,
     sensor_paths,
@@ -98,7 +99,8 @@ def _add_prediction(folder: Any, run: Any, prediction: Prediction) -> None:
         point = _placemark(folder, f"{named}: predicted impact", "prediction", times=times)
         _add_point(point, np.array([*np.degrees(prediction.impact[1::-1]), 0.0]))
     for region in prediction.regions:
-        title, words = f"{named}: impact, {100 * region.containment:g} %", f"{region.area_km2:.0f} km2"
+        title = f"{named}: impact{condition_words(region)}, {100 * region.containment:g} %"
+        words = f"{region.area_km2:.0f} km2"
         _add_area(_placemark(folder, title, "prediction", words, times), geometry_of(region))
 
 

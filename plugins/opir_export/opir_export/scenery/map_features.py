@@ -7,6 +7,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.cli import probability_text
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.output import timestamp_text
 from opir_core.planning import whole_flights
@@ -121,6 +122,15 @@ def _changes(rows: Tracks, known: Any) -> Any:
         same_point = np.array_equal(impact[place], impact[place - 1], equal_nan=True)
         changed[place] = not (same_point and regions[place] == regions[place - 1])
     return known[changed]
+
+
+_CONDITION_WORDS = {"burn over": " if the burn is over", "relights": " if it relights"}
+
+
+def condition_words(region: ImpactRegion) -> str:
+    """Return what a region presumes, ` if it relights (0.12)`; "" for that the target comes down."""
+    words = _CONDITION_WORDS.get(region.condition, "")
+    return words and f"{words} ({probability_text(region.probability)})"
 
 
 def longitude_latitude_height(position_ecef_m: FloatArray) -> FloatArray:

@@ -13,8 +13,11 @@ _ANGLES = (("lat_deg", "deg", "geodetic latitude"), ("lon_deg", "deg", "longitud
 
 def target_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `targets` of a run: the truth of each target, and what the run saw of it."""
-    targets, seen = run.plan.targets, run.summary["targets"]
-    truths = targets.truth()
+    targets, summary = run.plan.targets, run.summary
+    seen_of = {row["source_id"]: row for row in summary["sources"]} | {
+        row["target_id"]: row for row in summary["targets"]
+    }
+    seen, truths = [seen_of[name] for name in targets.ids], targets.truth()
     yield TableColumn("target_id", texts(targets.ids), "", "the target")
     yield TableColumn("target_type", texts(targets.class_names), "", "target class, or type of another hot source")
     yield TableColumn("profile", texts([_word(row.get("profile")) for row in truths]), "", "boost profile")
@@ -33,7 +36,7 @@ def target_columns(run: Any) -> Iterator[TableColumn]:
         ("latency_s", "from ignition to the first detection"),
         ("last_detection_s", "scene time of the last detection"),
     ):
-        yield TableColumn(key, plain_numbers([row[key] for row in seen]), "s", meaning)
+        yield TableColumn(key, plain_numbers([row.get(key) for row in seen]), "s", meaning)
     yield TableColumn("reported_type", texts([row["reported_type"] for row in seen]), "", "type reported most often")
 
 

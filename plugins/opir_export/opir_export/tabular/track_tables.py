@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces import IMPACT_METHODS, TRACK_CONTAINMENTS
+from opir_core.interfaces import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS
 from opir_core.output import geometry_of
 from opir_core.plugin import REPORTED_TYPES, Tracks
 from opir_export.tabular.columns import TableColumn, instants, lists, names, nanoseconds, numbers, texts
@@ -42,6 +42,21 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
     yield TableColumn("probability_burning", numbers(rows.probability_burning), "", "probability of a burn at the time")
     relights = rows.probability_relights
     yield TableColumn("probability_relights", numbers(relights), "", "probability of no burn now and another later")
+    yield from _hypotheses(run)
+    ends = [TRACK_ENDS[code] or None for code in rows.end.tolist()]
+    yield TableColumn("end", texts(ends), "", "how the track ended; null for one that goes on")
+
+
+def _hypotheses(run: Any) -> Iterator[TableColumn]:
+    """Yield the sums over hypotheses, and the columns of each, if the tracker weighs them."""
+    rows: Tracks = run.tracks
+    for name, meaning in (("launch", "that it was launched"), ("missile", "of a missile"), ("orbit", "of an orbit")):
+        yield TableColumn(
+            f"probability_{name}", numbers(getattr(rows, f"probability_{name}")), "", f"probability {meaning}"
+        )
+    if rows.hypothesis_probability.shape[1]:
+        for name, share in zip(run.plan.hypothesis_names, rows.hypothesis_probability.T, strict=True):
+            yield TableColumn(f"hypothesis_{name.replace(' ', '_')}", numbers(share), "", f"probability of {name}")
 
 
 def _state(prefix: str, values: FloatArray, when: str) -> Iterator[TableColumn]:
@@ -80,6 +95,11 @@ def region_columns(run: Any) -> Iterator[TableColumn]:
     yield TableColumn("containment", numbers(containment), "", "probability that the region contains the impact")
     area_km2 = np.array([region.area_km2 for region in regions], dtype=np.float64)
     yield TableColumn("area_km2", numbers(area_km2), "km2", "area of the region")
+    conditions = texts([region.condition for region in regions])
+    yield TableColumn("condition", conditions, "", "what the region presumes")
+    for name, meaning in (("probability", "of the condition"), ("effective_samples", "of the distribution")):
+        values = np.array([getattr(region, name) for region in regions], dtype=np.float64)
+        yield TableColumn(name, numbers(values), "", f"{name.replace('_', ' ')} {meaning}")
     methods = [IMPACT_METHODS[code] for code in rows.impact_method[place].tolist()]
     yield TableColumn("impact_method", texts(methods), "", "how the impact was predicted")
     shapes = pa.array([well_known_binary(geometry_of(region)) for region in regions], type=pa.binary())

@@ -157,25 +157,30 @@ export class Layers {
     pen.stroke();
   }
 
-  // The areas of 50, 90 and 95 % at their true size, if that is `leastM` or more; the ellipses of a track that has no regions.
+  // The areas of 50, 90 and 95 % at their true size, if that is `leastM` or more, dashed for all conditions but the most
+  // probable one; the ellipses of a track that has no regions.
   drawRegions(id, report, isSelected, leastM = 0) {
     const pen = this.pen, impact = report.impact_point;
     pen.strokeStyle = pen.fillStyle = isSelected ? this.colour.select : this.colour.impact; pen.lineWidth = (isSelected ? 2 : 1.2) * this.unit;
-    const alpha = pen.globalAlpha, shapes = [];
-    for (const region of report.impact_regions || []) if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([region.containment, () => rewound(region.geometry)]);
+    const alpha = pen.globalAlpha, shapes = [], regions = report.impact_regions || [];
+    for (const region of regions) {
+      const key = `${region.condition} ${region.containment}`, isMain = region.condition === regions[0].condition;
+      if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([key, () => rewound(region.geometry), isMain ? [] : [4, 4]]);
+    }
     this.drawn.regions += shapes.length;
-    if (!(report.impact_regions || []).length && impact) {
+    if (!regions.length && impact) {
       for (const [share, shape] of [[0.5, impact.ellipse_50], [0.9, impact.ellipse_90], [0.95, impact.ellipse]]) {
-        if (shape && shape.semi_major_m <= WIDEST_M && shape.semi_major_m >= leastM) shapes.push([share, () => ellipse(impact, shape)]);
+        if (shape && shape.semi_major_m <= WIDEST_M && shape.semi_major_m >= leastM) shapes.push([share, () => ellipse(impact, shape), []]);
       }
       this.drawn.ellipses += shapes.length;
     }
-    for (const [share, make] of shapes) {
-      const path = this.path(`region ${id} ${share}`, report, make);
-      pen.globalAlpha = alpha * 0.12; pen.fill(path);
-      pen.globalAlpha = alpha; pen.stroke(this.path(`edge ${id} ${share}`, report, () => edges(make())));
+    for (const [key, make, dash] of shapes) {
+      const path = this.path(`region ${id} ${key}`, report, make);
+      pen.globalAlpha = alpha * 0.12; if (!dash.length) pen.fill(path);
+      pen.setLineDash(dash);
+      pen.globalAlpha = alpha; pen.stroke(this.path(`edge ${id} ${key}`, report, () => edges(make())));
     }
-    pen.globalAlpha = alpha;
+    pen.globalAlpha = alpha; pen.setLineDash([]);
   }
 
   // The prepared place of a launch or impact point; kept until it changes.

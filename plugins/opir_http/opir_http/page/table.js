@@ -2,7 +2,7 @@
 // around them are elements: a browser lays out a table as a whole, and a thousand lines take longer than a frame.
 import { byId, position, whole } from "/page/panels.js";
 
-const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 11, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
+const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 12, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
 
 export class TrackTable {
   constructor(body, store, onPick) {
@@ -115,17 +115,24 @@ function spacer() {
   return line;
 }
 
+// The likeliest hypothesis; the likeliest type, if the tracker weighs no hypotheses.
 export function likeliest(report) {
-  const known = TYPES.filter((type) => report.type_probability[type] !== null && report.type_probability[type] !== undefined);
-  if (!known.length) return "–";
-  return known.reduce((best, type) => (report.type_probability[type] > report.type_probability[best] ? type : best));
+  const chances = report.hypotheses || report.type_probability, known = Object.keys(chances).filter((name) => chances[name] !== null);
+  return known.length ? known.reduce((best, name) => (chances[name] > chances[best] ? name : best)) : "–";
 }
 
-const share = (value) => (value === null || value === undefined ? "–" : value.toFixed(2));
+// Nothing is certain: no probability is shown as 1.00 or 0.00.
+export function share(value) {
+  if (value === null || value === undefined) return "–";
+  if (value >= 0.995) return "> 0.99";
+  return value < 0.005 ? "< 0.01" : value.toFixed(2);
+}
+
+const named = (report) => (report.hypotheses ? `${likeliest(report)} ${share(report.hypotheses[likeliest(report)])}` : likeliest(report));
 
 function cellsOf(report) {
   return [
-    likeliest(report), ...TYPES.map((type) => share(report.type_probability[type])), share(report.probability_burning),
+    named(report), share(report.probability_launch), ...TYPES.map((type) => share(report.type_probability[type])), share(report.probability_burning),
     report.altitude_m === null ? "–" : whole.format(Math.round(report.altitude_m / 1000) + 0),
     position(report.launch_point), position(report.impact_point), area(report),
   ];
@@ -136,6 +143,27 @@ export function area(report) {
   const region = (report.impact_regions || []).find((each) => each.containment > 0.94), shape = report.impact_point && report.impact_point.ellipse;
   if (region) return whole.format(Math.round(region.area_km2));
   return shape ? whole.format(Math.round(Math.PI * shape.semi_major_m * shape.semi_minor_m / 1e6)) : "–";
+}
+
+// The areas of the 95 % regions with their conditions, the most probable first.
+export function areas(report) {
+  const regions = (report.impact_regions || []).filter((each) => each.containment > 0.94);
+  if (!regions.length) return `${area(report)} km²`;
+  const words = { "burn over": () => "if the burn is over: ", relights: (each) => `relights ${share(each.probability)}: ` };
+  return regions.map((each) => {
+    const thin = typeof each.effective_samples === "number" && each.effective_samples < 100 ? ", thin" : "";
+    return `${(words[each.condition] || (() => ""))(each)}${whole.format(Math.round(each.area_km2))} km²${thin}`;
+  }).join("; ");
+}
+
+// What the object may be, for trackers that weigh hypotheses.
+function weighed(report) {
+  if (!report.hypotheses) return [];
+  const others = Object.entries(report.hypotheses).filter(([name, chance]) => chance >= 0.01 && name !== likeliest(report)).sort((one, other) => other[1] - one[1]);
+  return [
+    ["Or", others.map(([name, chance]) => `${name} ${share(chance)}`).join(", ") || "–"], ["P(launch)", share(report.probability_launch)],
+    ["P(comes down)", share(report.probability_comes_down)], ["P(in orbit)", share(report.probability_orbit)], ["Ended", report.end || "–"],
+  ];
 }
 
 // Name and value pairs of what is selected.
@@ -149,9 +177,9 @@ export function detailsOf(store, key, timeS) {
   if (!report) return [["Track", `${key.slice(6)}, not at this time`]];
   const cells = cellsOf(report), impact = report.impact_point;
   return [
-    ["Track", `${track.id}`], ["Estimate of", `${report.timestamp.slice(11, 22)} Z`], ["Type", likeliest(report)], ["P(burning)", cells[5]],
-    ["P(ICBM, IRBM, SRBM)", cells.slice(1, 4).join(", ")], ["Altitude", `${cells[6]} km`], ["Launch point", cells[7]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z` : "–"],
-    ["Impact point", cells[8]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z` : "–"], ["95 % area", `${cells[9]} km²`], ["Impact method", (impact && impact.method) || "–"],
+    ["Track", `${track.id}`], ["Estimate of", `${report.timestamp.slice(11, 22)} Z`], [report.hypotheses ? "Likeliest" : "Type", named(report)], ...weighed(report), ["P(burning)", cells[6]],
+    ["P(ICBM, IRBM, SRBM)", cells.slice(2, 5).join(", ")], ["Altitude", `${cells[7]} km`], ["Launch point", cells[8]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z` : "–"],
+    ["Impact point", cells[9]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z` : "–"], ["95 % area", areas(report)], ["Impact method", (impact && impact.method) || "–"],
   ];
 }
 

@@ -6,25 +6,20 @@ from typing import Any, ClassVar
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import TARGET_TYPES, nested, number
+from opir_core.plugin import nested, number
 
 #: Tolerance of the sum of the prior.
 PRIOR_SUM_TOLERANCE = 1e-9
 
 
 def _prior_complaint(prior: Mapping[str, Any]) -> str | None:
-    strange = [name for name in prior if name not in TARGET_TYPES]
-    if strange:
-        return f"{strange[0]!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
-    missing = [name for name in TARGET_TYPES if not prior.get(name, 0.0) > 0.0]
-    if missing:
-        return f"{missing[0]} has no share above 0"
     total = math.fsum(prior.values())
-    return None if abs(total - 1.0) <= PRIOR_SUM_TOLERANCE else f"the shares sum to {total:.10g}, not to 1"
+    is_whole = not prior or abs(total - 1.0) <= PRIOR_SUM_TOLERANCE
+    return None if is_whole else f"the shares sum to {total:.10g}, not to 1"
 
 
-#: Kinds of hot sources that are no missiles.
-SOURCE_KINDS = ("fire", "flare", "glint", "bolide")
+#: Kinds of hot sources that stand on the ground.
+SOURCE_KINDS = ("fire", "flare", "glint")
 
 
 def _sources_complaint(sources: Mapping[str, Any]) -> str | None:
@@ -47,12 +42,14 @@ class SpectralConfig:
         help="probability below which the likeliest type is not reported, but UNKNOWN",
     )
     prior: Mapping[str, float] = nested(
-        default=Factory(lambda: dict.fromkeys(TARGET_TYPES, 1.0 / 3.0)),
+        default=Factory(dict),
         unit="1",
         minimum=0.0,
         maximum=1.0,
         check=_prior_complaint,
-        help="before anything is measured: by type the share of launches",
+        help="before anything is measured: by target class the share of launches; classes not named are not expected."
+        " Empty: 0.85 missiles, equally of each type, 0.1 space launches, 0.05 gliders",
+        source="notional",
     )
     launches_per_day: float = number(
         default=1.0,
@@ -60,15 +57,30 @@ class SpectralConfig:
         maximum=1e9,
         unit="1/day",
         help="launches to be expected in a sensor's field of regard; with the rate of false alarms and the hot sources"
-        " it gives the prior probability of a missile",
+        " it gives the prior probability of a launch",
     )
     sources_in_view: Mapping[str, float] = nested(
-        default=Factory(lambda: {"fire": 1.0, "flare": 1.0, "glint": 0.1, "bolide": 3e-5}),
+        default=Factory(lambda: {"fire": 1.0, "flare": 1.0, "glint": 0.1}),
         unit="1",
         minimum=0.0,
         maximum=1e9,
         check=_sources_complaint,
         help="by kind the mean number of hot sources in the field of regard at a time; none of the kinds not named",
+    )
+    bolides_per_day: float = number(
+        default=0.04,
+        minimum=0.0,
+        maximum=1e9,
+        unit="1/day",
+        source="CNEOS, 1988 to 2026: 35.8 a year on Earth, of which a geostationary sensor sees 42 %",
+        help="bolides in a sensor's field of regard",
+    )
+    unknown_per_day: float = number(
+        default=0.03,
+        above=0.0,
+        maximum=1e9,
+        unit="1/day",
+        help="hot objects in a sensor's field of regard that are none of the others",
     )
     least_log_odds: float | None = number(
         default=None,
@@ -103,7 +115,7 @@ class SpectralConfig:
         help="the same of each band by itself",
     )
     launches: int = number(
-        default=96, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
+        default=60, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
     )
 
     def __attrs_post_init__(self) -> None:

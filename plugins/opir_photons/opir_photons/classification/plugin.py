@@ -21,7 +21,7 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
     """Yield `spectral`."""
     yield ClassifierModel(
         name="spectral",
-        summary="probabilities of each type from measured band intensities, for detection: snr",
+        summary="probabilities of each hypothesis from measured band intensities; default with detection: snr",
         config=SpectralConfig,
         build=_spectral,
     )

@@ -6,7 +6,7 @@ measurements use the scene's own atmosphere and background.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,23 +14,29 @@ from attrs import frozen
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.flight import PROFILES_BY_TYPE, BoostPath, aim, boost_profile
+from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.flight import BoostPath, aim, ascent, boost_path, launch_site
 from opir_core.geometry import Geodetic, components, ecef_to_geodetic, elevation_rad, geodetic_to_ecef, vector
 from opir_core.planning import Targets
-from opir_core.plugin import EMITTER_TYPES, TARGET_TYPES, Band, BoostProfile, Exposures, SignatureContext, Signatures
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Ballistic,
+    Band,
+    BoostProfile,
+    EquilibriumGlide,
+    Exposures,
+    OrbitInsertion,
+    Plume,
+    SignatureContext,
+    Signatures,
+    TargetClass,
+)
 from opir_core.scene import MAXIMUM_BANDS
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
 from opir_photons.radiometry.plume import plume_signatures
 
 _RADIUS_M = 6.371e6
-
-#: Class profiles, type by type, and the type of each as a code into `TARGET_TYPES`.
-PROFILES = tuple(name for kind in TARGET_TYPES for name in PROFILES_BY_TYPE[kind])
-PROFILE_TYPE = np.array([code for code, kind in enumerate(TARGET_TYPES) for _ in PROFILES_BY_TYPE[kind]])
-
-#: Number of profiles of the type of each profile; all are equally frequent.
-_PROFILES_OF_TYPE = np.bincount(PROFILE_TYPE)[PROFILE_TYPE]
 
 #: Looks per burn.
 MOMENTS = 40
@@ -41,17 +47,39 @@ DRAWS = 4
 #: Least sine of the elevation, and longest range of a launch, m.
 _LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
 
+#: Least range where a profile has no limit of its own, m.
+_LEAST_M = 5e4
+
 #: Margin of ranges inside a profile's limits, since positions are on a sphere.
 _WITHIN = 1.01
 
 
-class SourceKind(NamedTuple):
-    """A kind of hot source other than missiles: a grey body; `area_m2` is the median of emissivity times area.
+class Flight(NamedTuple):
+    """A boost that a target class flies, what follows it, and its plume."""
 
-    It shines for `shining_s` on average.
+    profile: BoostProfile
+    after_burnout: Ballistic | OrbitInsertion | EquilibriumGlide
+    plume: Plume
+
+
+def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[Flight, ...], list[list[int]]]:
+    """Return the distinct flights of classes, and of each class the numbers of its flights."""
+    flights, numbers = list[Flight](), list[list[int]]()
+    for kind in classes:
+        own = [Flight(profile, kind.after_burnout, kind.plume(profile.name)) for profile in kind.profiles]
+        flights += [flight for flight in own if flight not in flights]
+        numbers.append([flights.index(flight) for flight in own])
+    return tuple(flights), numbers
+
+
+class SourceKind(NamedTuple):
+    """A kind of hot source other than launches: a grey body; `area_m2` is the median of emissivity times area.
+
+    It shines for `shining_s` on average. `group` is the group of its hypothesis.
     """
 
     name: str
+    group: str
     coldest_k: float
     hottest_k: float
     area_m2: float
@@ -62,12 +90,13 @@ class SourceKind(NamedTuple):
 
 
 #: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with notional spreads.
-#: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s.
+#: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s. Bolides are
+#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026).
 KINDS = (
-    SourceKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
-    SourceKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
-    SourceKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
-    SourceKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3, 2.0),
+    SourceKind("fire", "ground", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
+    SourceKind("flare", "ground", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
+    SourceKind("glint", "ground", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
+    SourceKind("bolide", "bolide", 3000.0, 6000.0, 30.0, 2.0, 22e3, 61e3, 2.0),
 )
 
 
@@ -136,30 +165,64 @@ class SyntheticLooks:
     step_s: FloatArray
 
 
-def synthetic_launches(radius_m: float, plumes: Signatures, launches: int) -> SyntheticLooks:
-    """Return looks at launches of every profile from satellites at a distance from the Earth's centre, m."""
-    profiles = [boost_profile(name) for name in PROFILES for _ in range(launches)]
-    drawn = low_discrepancy_points(len(profiles), 5)
+def synthetic_launches(radius_m: float, flights: Sequence[Flight], plumes: Signatures, launches: int) -> SyntheticLooks:
+    """Return looks at launches of every flight from satellites at a distance from the Earth's centre, m."""
+    flown = [flight for flight in flights for _ in range(launches)]
+    drawn = low_discrepancy_points(len(flown), 5)
     sensor_m, site = _sites(radius_m, drawn[:, :3])
-    flight = aim(site, _aims(site, profiles, drawn[:, 3:5]), 0.0, profiles)
-    good = np.flatnonzero(flight.converged)
-    profile = np.repeat(np.arange(len(PROFILES), dtype=np.int32), launches)
-    number, launch = np.repeat(profile[good].astype(np.int64), MOMENTS), np.repeat(good, MOMENTS)
-    step_s = flight.burnout_s[launch] / MOMENTS
+    path = _boosts(site, flown, drawn[:, 3:5])
+    good = np.flatnonzero(np.isfinite(path.burnout_speed_m_s))
+    number = np.repeat(np.arange(len(flights)), launches)
+    count = np.bincount(number[good], minlength=len(flights))
+    launch, number = np.repeat(good, MOMENTS), np.repeat(number[good], MOMENTS)
+    step_s = path.burnout_s[launch] / MOMENTS
     time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
-    flown = np.bincount(profile[good], minlength=len(PROFILES)) * _PROFILES_OF_TYPE
+    profile = np.repeat(np.arange(len(flights), dtype=np.int32), launches)
     return SyntheticLooks(
-        exposures=_exposures(launch, time_s, flight.path.state(launch, time_s)[0], sensor_m[launch]),
-        signatures=SyntheticPlumes(
-            plumes=plumes,
-            profile=profile,
-            path=flight.path,
-        ),
-        targets=_targets(len(profiles)),
+        exposures=_exposures(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
+        signatures=SyntheticPlumes(plumes=plumes, profile=profile, path=path),
+        targets=_targets(len(flown)),
         number=number,
-        share=step_s / flown[number],
+        share=step_s / count[number],
         step_s=step_s,
     )
+
+
+def _boosts(site: Geodetic, flown: Sequence[Flight], drawn: FloatArray) -> BoostPath:
+    """Return the boosts of flights (n,) from sites, ignited at 0, in drawn directions and over drawn ranges, (n, 2).
+
+    The burnout speed is nan where no ballistic flight reaches its range. A glider has the speed that its glide takes, a
+    flight into orbit that of its profile.
+    """
+    profiles = [flight.profile for flight in flown]
+    azimuth_rad = 2.0 * np.pi * drawn[:, 1]
+    speed_m_s = np.array([profile.burnout_speed_m_s for profile in profiles])
+    angle_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
+    falls = np.flatnonzero([isinstance(flight.after_burnout, Ballistic) for flight in flown])
+    if len(falls):
+        fallen, from_site = [profiles[row] for row in falls.tolist()], Geodetic(*(column[falls] for column in site))
+        shot = aim(from_site, _aims(from_site, fallen, drawn[falls]), 0.0, fallen)
+        azimuth_rad[falls], angle_rad[falls] = shot.azimuth_rad, shot.burnout_flight_path_angle_rad
+        speed_m_s[falls] = np.where(shot.converged, shot.burnout_speed_m_s, np.nan)
+    range_m = _ranges_m(profiles, drawn[:, 0])
+    for row, flight in enumerate(flown):
+        if isinstance(flight.after_burnout, EquilibriumGlide):
+            speed_m_s[row] = _glide_speed_m_s(flight.after_burnout, range_m[row])
+    return boost_path(launch_site(*site), 0.0, azimuth_rad, speed_m_s, ascent(profiles, angle_rad))
+
+
+def _glide_speed_m_s(glide: EquilibriumGlide, range_m: float) -> float:
+    """Return the speed at which a glide of this range begins, by the closed form in `opir_core.flight.glide`."""
+    circular = EARTH_MU_M3_S2 / _RADIUS_M
+    left = (1.0 - glide.final_speed_m_s**2 / circular) * math.exp(-2.0 * range_m / (glide.lift_to_drag * _RADIUS_M))
+    return math.sqrt(circular * (1.0 - left))
+
+
+def _ranges_m(profiles: Sequence[BoostProfile], drawn: FloatArray) -> FloatArray:
+    """Return ranges (n,), uniform in their logarithm within the limits of profiles."""
+    least = np.array([_WITHIN * max(profile.minimum_range_m, _LEAST_M) for profile in profiles])
+    most = np.array([min(profile.maximum_range_m, _FARTHEST_M) / _WITHIN for profile in profiles])
+    return least * (most / least) ** drawn
 
 
 def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: float) -> FloatArray:
@@ -175,7 +238,7 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     """Return looks at hot sources of every kind, `count` of each."""
     drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
-    columns = np.array([kind[1:] for kind in KINDS], dtype=np.float64)[number].T
+    columns = np.array([kind[2:] for kind in KINDS], dtype=np.float64)[number].T
     coldest, hottest, area, sigma, lowest, highest, _ = columns
     sensor_m, site = _sites(radius_m, drawn[:, :3])
     height_m = lowest + (highest - lowest) * drawn[:, 3]
@@ -223,9 +286,7 @@ def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
 
 def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
     """Return aim points: uniform in direction and in the logarithm of range, within the profile's limits."""
-    least = np.array([_WITHIN * profile.minimum_range_m for profile in profiles])
-    most = np.array([min(profile.maximum_range_m, _FARTHEST_M) / _WITHIN for profile in profiles])
-    angle = least * (most / least) ** drawn[:, 0] / _RADIUS_M
+    angle = _ranges_m(profiles, drawn[:, 0]) / _RADIUS_M
     heading = 2.0 * np.pi * drawn[:, 1]
     sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(angle) * np.cos(heading)
     latitude = np.arcsin(np.clip(sine, -1.0, 1.0))
@@ -234,17 +295,19 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
-def class_plumes(bands: Sequence[Band]) -> Signatures:
-    """Return the plumes of the class profiles, with the signature model's defaults."""
+def class_plumes(bands: Sequence[Band], flights: Sequence[Flight]) -> Signatures:
+    """Return the plumes of flights, with the signature model's defaults."""
+    names = tuple(flight.profile.name for flight in flights)
     context = SignatureContext(
         bands=tuple(bands),
-        ids=PROFILES,
-        paths=tuple(f"classification: {name}" for name in PROFILES),
-        types=tuple(TARGET_TYPES[code] for code in PROFILE_TYPE),
-        profiles=PROFILES,
-        burn_time_s=np.array([boost_profile(name).burn_time_s for name in PROFILES]),
+        ids=names,
+        paths=tuple(f"classification: {name}" for name in names),
+        types=names,
+        profiles=names,
+        burn_time_s=np.array([flight.profile.burn_time_s for flight in flights]),
+        plumes=tuple(flight.plume for flight in flights),
     )
-    return plume_signatures([PlumeConfig()] * len(PROFILES), context)
+    return plume_signatures([PlumeConfig()] * len(flights), context)
 
 
 def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray) -> Exposures:

@@ -24,4 +24,5 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         summary="signal over noise in each band against a threshold, and the sensor's rule over its bands",
         config=SnrConfig,
         build=_snr,
+        classifier="spectral",
     )

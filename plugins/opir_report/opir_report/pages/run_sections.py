@@ -1,12 +1,12 @@
 """The sections of a run's report: each makes its figures, or None where the run has nothing to show."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from opir_core import Scene
-from opir_core.cli import grouped
+from opir_core.cli import grouped, source_table, track_table
 from opir_core.scene import Choice
 from opir_report.canvas import WIDTH_IN, svg_of
 from opir_report.figure_data import FigureData
@@ -14,6 +14,7 @@ from opir_report.pages.page import ReportFigure, ReportSection, ReportTable
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
 from opir_report.plots.flights import fields_of_view, view_time_s
+from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map, impact_points
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
 from opir_report.plots.scores import score_rows
@@ -23,6 +24,8 @@ from opir_report.run_plots import MAP_IN, WORLD_IN, RunPlots, timeline_height_in
 
 #: Targets with a map of their impact, and with plots of their signal.
 _IMPACTS_SHOWN, _SIGNALS_SHOWN = 6, 2
+#: Rows of a table.
+_ROWS_SHOWN = 20
 
 _LAUNCHES = (
     "True ground tracks, thick while the target burns; the last predicted impact points with the regions that contain"
@@ -40,6 +43,10 @@ _LATENCY = (
     "Share of the pairs of sensor and launch with a detection after at most that time. Dashed is the closed form, the"
     " mean over the same pairs: for a constant P_d that of a scan of random or aligned phase, else the product over the"
     " scheduled looks. Pairs that see the launch only later are left out."
+)
+_HYPOTHESES = (
+    "What the tracker holds possible, tick by tick: the probability of each hypothesis that ever reaches 1 %. First the"
+    " launches, then other hot sources."
 )
 _CONTAINMENT = (
     "Area of the region that contains the impact with 95 %, tick by tick: filled where the true impact is inside."
@@ -159,6 +166,29 @@ def confidence_section(plots: RunPlots) -> ReportSection | None:
     return ReportSection("confidence", "How sure", "", (plot,))
 
 
+def identity_section(plots: RunPlots) -> ReportSection | None:
+    """Return what tracks may be, and the other hot sources, if the tracker weighs hypotheses or there are sources."""
+    facts = plots.facts
+    parts: list[ReportFigure | ReportTable] = []
+    data, shown = hypothesis_history(facts), weighed_tracks(facts)
+    if len(data):
+
+        def draw(figure: Figure) -> None:
+            for place, track in enumerate(shown, start=1):
+                hypotheses_plot(figure.add_subplot(len(shown), 1, place), facts, data, track)
+
+        alt = f"Probability of each hypothesis over time of the tracks of {', '.join(shown.values())}"
+        parts.append(figure_of("hypotheses", draw, 2.6 * len(shown), (alt, _HYPOTHESES), data))
+        parts += _table_of("Tracks", *track_table(facts.run.summary))
+    parts += _table_of("Other hot sources", *source_table(facts.run.summary))
+    return ReportSection("identity", "What they are", "", parts) if parts else None
+
+
+def _table_of(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[ReportFigure | ReportTable]:
+    more = f", the first {_ROWS_SHOWN} of {len(rows)}" if len(rows) > _ROWS_SHOWN else ""
+    return [ReportTable(f"{caption}{more}", head, rows[:_ROWS_SHOWN])] if rows else []
+
+
 def impact_section(plots: RunPlots) -> ReportSection | None:
     """Return the predicted impact regions: maps of the last ones, areas and containment over time."""
     facts = plots.facts
@@ -228,6 +258,7 @@ SECTIONS: tuple[Callable[[RunPlots], ReportSection | None], ...] = (
     latency_section,
     signal_section,
     confidence_section,
+    identity_section,
     impact_section,
     track_section,
     provenance_section,

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from opir_scoring import impact_scores, state_errors
 from scipy.stats import chi2
 
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_core.scoring import impact_scores, state_errors
 from opir_report.canvas import legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, PAPER

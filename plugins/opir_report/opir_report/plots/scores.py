@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
+from opir_scoring import GEOMETRIES, scorecard
 
-from opir_core.scoring import GEOMETRIES, scorecard
 from opir_report.canvas import without_data
 from opir_report.palette import GRID, INK
 from opir_report.run_facts import RunFacts

@@ -1,16 +1,11 @@
-"""Metrics of tracks, from the scores of `opir_core.scoring`: completeness, accuracy, launch points, impact regions."""
+"""Metrics of tracks, from the scores of `opir_scoring`: completeness, accuracy, launch points, impact regions."""
 
 from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
 from attrs import frozen
-
-from opir_core import Run
-from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_core.plugin import MetricContext, NoConfig
-from opir_core.scoring import (
+from opir_scoring import (
     OLDEST_S,
     PHASES,
     ImpactScores,
@@ -24,6 +19,11 @@ from opir_core.scoring import (
     point_errors,
     state_errors,
 )
+
+from opir_core import Run
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import ImpactConfig
 from opir_studies.metrics.detection_metrics import time_words
 

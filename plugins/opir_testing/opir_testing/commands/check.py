@@ -49,7 +49,7 @@ def check(arguments: argparse.Namespace) -> int:
 def _settings(written: Sequence[str]) -> Mapping[str, Any]:
     """Return the settings of `key=value` words, read like the overrides of a scene."""
     root = Node({})
-    errors = overridden(root, written, {})
+    errors = overridden(root, written)
     if errors:
         raise SceneError([Problem("", error.message) for error in errors], source="--set")
     return data_of_node(root)

@@ -129,9 +129,13 @@ class ClassifierContract(SceneContract):
         if posterior is None:
             return
         require_rows("log_posterior", posterior, len(seen))
-        total = np.exp(posterior).sum(axis=1)
-        sums_to_one = posterior.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
-        change = "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection."
+        over_types = model.over_types(posterior, REPORTED_TYPES)
+        total = np.exp(over_types).sum(axis=1)
+        sums_to_one = over_types.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
+        change = (
+            "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection, or over all"
+            " hypotheses, with an over_types that sums them."
+        )
         require(sums_to_one, "type probabilities do not sum to 1", change)
         same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
         require(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")

@@ -1,7 +1,7 @@
 """Conformance tests of event encoders, and what they share with those of sinks."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ from attrs import evolve
 
 from opir_core import Plan, plan_windows
 from opir_core.output import SCHEMA_VERSION, TRACKS_VERSION, event_counter, only_encodable, schema
-from opir_core.plugin import Component, Encoder, EncoderContext, EventEncoder, Tracks, Window
+from opir_core.plugin import Component, Encoder, EncoderContext, EventEncoder, Hypothesis, Tracks, Window
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
     ConformanceError,
@@ -23,8 +23,8 @@ from opir_testing.doubles import stub_estimates, stub_regions, stub_window
 from opir_testing.json_schema import schema_errors
 
 
-def edge_case_windows() -> Mapping[str, Window]:
-    """Return windows of edge cases of sensor 0, by description."""
+def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Window]:
+    """Return windows of edge cases of sensor 0, by description; with `hypotheses` also one whose tracks weigh them."""
     pole, edge, zero = [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], np.zeros(3)
     known = stub_estimates(
         2,
@@ -55,7 +55,19 @@ def edge_case_windows() -> Mapping[str, Window]:
         ),
         "with tracks alone": evolve(stub_window(0), tracks=with_regions),
         "with full confidence": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
+        **({"with hypotheses": _weighed_window(hypotheses)} if hypotheses else {}),
     }
+
+
+def _weighed_window(hypotheses: Sequence[Hypothesis]) -> Window:
+    """Return a window of a track that is certain of the last hypothesis, and of one that weighs none."""
+    chances = np.zeros((2, len(hypotheses)))
+    chances[0, -1], chances[1] = 1.0, np.nan
+    given = stub_regions(9.0, 180.0, condition="relights", probability=0.1, effective_samples=12.0)
+    estimates = stub_estimates(
+        2, hypotheses, track=[0, 1], hypothesis_probability=chances, end=[1, 0], impact=0.1, impact_regions=[given, ()]
+    )
+    return evolve(stub_window(2, track=[0, 1], estimate=[0, 1], estimates=estimates), tracks=estimates)
 
 
 class OutputContract(Contract):
@@ -83,7 +95,8 @@ class EncoderContract(OutputContract):
     @cache
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
-        context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
+        plan = cls.plan()
+        context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names)
         return cls.built(Encoder, cls.config(), context)
 
     @classmethod
@@ -101,7 +114,7 @@ class EncoderContract(OutputContract):
         """Each encodable detection, or track, is one line, ended by its only newline; none of them give no bytes."""
         encoder = self.encoder()
         rows = "tracks" if encoder.encodes_tracks else "detections"
-        for name, window in {**edge_case_windows(), "empty": stub_window(0)}.items():
+        for name, window in {**edge_case_windows(self.plan().hypotheses), "empty": stub_window(0)}.items():
             text: Any = encoder.encode(window)
             expected = event_counter(encoder)(only_encodable(window, encoder))
             require(
@@ -145,7 +158,7 @@ class EncoderContract(OutputContract):
             return
         name_of = {SCHEMA_VERSION: "detection", TRACKS_VERSION: "track"}.get(encoder.schema_version)
         due = None if name_of is None else schema(name_of)
-        for name, window in edge_case_windows().items():
+        for name, window in edge_case_windows(self.plan().hypotheses).items():
             for line in encoder.encode(window).splitlines():
                 event = _json_of(line, name)
                 errors = [] if due is None else schema_errors(event, due)

@@ -1,19 +1,31 @@
 """Conformance tests of trackers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
+from itertools import groupby
 from typing import Any, ClassVar
 
 import numpy as np
 from attrs import evolve, fields, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces import TRACK_CONTAINMENTS, has_own
-from opir_core.plugin import REPORTED_TYPES, Component, Detections, Tracker, TrackerContext, TrackerModel, Tracks
+from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS, TRACK_ENDS, has_own
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    Component,
+    Detections,
+    Hypothesis,
+    ImpactRegion,
+    Tracker,
+    TrackerContext,
+    TrackerModel,
+    Tracks,
+)
 from opir_core.simulation import without_truth
 from opir_testing.bench import planned
 from opir_testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
 from opir_testing.contracts.scenes import SceneContract
+from opir_testing.doubles import hypothesis_sums
 from opir_testing.execution_monitor import python_steps
 
 #: Tolerances of rounding: relative asymmetry, and the least eigenvalue of a correlation matrix.
@@ -24,10 +36,18 @@ _LEAST_EIGENVALUE = -1e-9
 _FEWEST_POINTS = 4
 
 
-def validity(tracks: Tracks) -> Mapping[str, bool]:
-    """Return the conditions that estimates must meet, and whether they do."""
+_PROBABILITIES = (
+    *("probability_burning", "probability_relights"),
+    *("probability_launch", "probability_missile", "probability_orbit"),
+)
+
+
+def validity(tracks: Tracks, hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, bool]:
+    """Return the conditions that estimates must meet, and whether they do; `hypotheses` are those of the context."""
     rows = len(tracks)
     shapes = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}
+    if tracks.hypothesis_probability.ndim == 2 and tracks.hypothesis_probability.shape[1]:
+        shapes["hypothesis_probability"] = (len(hypotheses),)
     chances = tracks.type_probability
     known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
     return {
@@ -45,7 +65,27 @@ def validity(tracks: Tracks) -> Mapping[str, bool]:
         },
         **{
             f"{name}: in [0, 1]": not np.any((getattr(tracks, name) < 0.0) | (getattr(tracks, name) > 1.0))
-            for name in ("probability_burning", "probability_relights")
+            for name in _PROBABILITIES
+        },
+        **_hypothesis_validity(tracks, hypotheses),
+        f"end: codes into {TRACK_ENDS}": bool(np.all((tracks.end >= 0) & (tracks.end < len(TRACK_ENDS)))),
+    }
+
+
+def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Mapping[str, bool]:
+    """Return the conditions of the probabilities of hypotheses, for tracks that have a column for each."""
+    chances = tracks.hypothesis_probability
+    if chances.shape != (len(tracks), len(hypotheses)) or not hypotheses:
+        return {}
+    known = chances[~np.isnan(chances).any(axis=1)]
+    sums = hypothesis_sums(chances, hypotheses)
+    return {
+        "hypothesis_probability: not negative, summing to 1, or nan": bool(
+            np.all(known >= 0.0) and np.all(np.abs(known.sum(axis=1) - 1.0) < 1e-6)
+        ),
+        **{
+            f"{name}: the sum of its hypotheses": np.allclose(getattr(tracks, name), total, atol=1e-6, equal_nan=True)
+            for name, total in sums.items()
         },
     }
 
@@ -58,7 +98,9 @@ def _are_positions(places: FloatArray) -> bool:
 def region_faults(tracks: Tracks) -> Iterator[str]:
     """Yield what is wrong with the impact regions of tracks."""
     rows = {id(row): row for row in tracks.impact_regions.tolist()}
-    for regions in rows.values():
+    for conditions in rows.values():
+        yield from _condition_faults(conditions)
+    for regions in (tuple(each) for row in rows.values() for _, each in groupby(row, lambda region: region.condition)):
         shares = [region.containment for region in regions]
         if shares != sorted(set(shares)) or not set(shares) <= set(TRACK_CONTAINMENTS):
             yield f"of probabilities {shares}, not some of {TRACK_CONTAINMENTS}, each once, in rising order"
@@ -73,6 +115,16 @@ def region_faults(tracks: Tracks) -> Iterator[str]:
     with_regions = np.array([bool(row) for row in tracks.impact_regions.tolist()], dtype=bool)
     if np.isnan(tracks.impact[with_regions, :2]).any():
         yield "of a track without an impact point"
+
+
+def _condition_faults(regions: Sequence[ImpactRegion]) -> Iterator[str]:
+    """Yield what is wrong with the conditions of the regions of a track."""
+    names = [name for name, _ in groupby(region.condition for region in regions)]
+    chances = [region.probability for region in regions]
+    if len(set(names)) < len(names) or not set(names) <= set(IMPACT_CONDITIONS):
+        yield f"of conditions {names}, not some of {IMPACT_CONDITIONS}, each once"
+    if not all(0.0 <= chance <= 1.0 for chance in chances) or sorted(chances, reverse=True) != chances:
+        yield f"of conditions with probabilities {chances}, not falling and in [0, 1]"
 
 
 def _ring_fault(ring: FloatArray) -> str:
@@ -147,7 +199,12 @@ class TrackerContract(SceneContract):
     def context(cls) -> TrackerContext:
         """Return the context of the tracker, with the sensors of the scene."""
         plan = planned(cls.scene(tracker="none"), cls.host())
-        return TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=plan.scene.duration_s)
+        return TrackerContext(
+            sensors=plan.sensors,
+            epoch_us=plan.scene.epoch_us,
+            duration_s=plan.scene.duration_s,
+            hypotheses=plan.hypotheses,
+        )
 
     @classmethod
     @cache
@@ -281,8 +338,9 @@ class TrackerContract(SceneContract):
 
     def test_shapes_and_positions_are_valid(self) -> None:
         """Estimates have the stated shapes; latitudes, longitudes and probabilities are valid or nan."""
+        hypotheses = self.context().hypotheses
         for tick in self.results():
-            for condition, holds in validity(tick.tracks).items():
+            for condition, holds in validity(tick.tracks, hypotheses).items():
                 require(
                     holds,
                     f"at {tick.time_s} s not valid: {condition}",

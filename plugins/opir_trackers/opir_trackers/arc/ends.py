@@ -14,8 +14,9 @@ from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 
-#: Mean burn time of a boost of each of `TARGET_TYPES`, s. Notional.
+#: Median burn time of a boost of each of `TARGET_TYPES`, s, and the standard deviation of its logarithm. Notional.
 _BURN_S = np.array([{"ICBM": 210.0, "IRBM": 120.0, "SRBM": 65.0}[kind] for kind in TARGET_TYPES])
+_BURN_LOG_SIGMA = 0.2
 
 
 class TrajectoryParameters(NamedTuple):
@@ -36,10 +37,20 @@ def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
     return schedule.period_s / chance, schedule.period_s * spread
 
 
-def expected_looks(schedule: SensorSchedule, seen: BoolArray, kind: IntArray) -> FloatArray:
-    """Return the expected number of detections (n,) of a whole boost of types (n,) by sensors that see it (n, s)."""
-    rate = (schedule.detection_probability / schedule.period_s[:, None])[:, kind].T
-    expected: FloatArray = _BURN_S[kind] * np.where(seen, rate, 0.0).sum(axis=1)
+def expected_looks(schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the expected number of detections (n,) of whole boosts that have lasted for `elapsed_s` (n,), s, so far.
+
+    The mean over the types, of which `share` (n, types) are the probabilities by reports: those whose boosts would be
+    over by now are the less likely. `seen` (n, sensors) are the sensors that see each boost.
+    """
+    from scipy.special import log_ndtr
+
+    elapsed = np.maximum(elapsed_s, 1e-3)[:, None]
+    log = log_ndtr(np.log(_BURN_S / elapsed) / _BURN_LOG_SIGMA)
+    weight = share * np.exp(log - log.max(axis=1, keepdims=True))
+    rate = seen @ (schedule.detection_probability / schedule.period_s[:, None])
+    looks = weight * rate * np.maximum(_BURN_S, elapsed)
+    expected: FloatArray = looks.sum(axis=1) / weight.sum(axis=1)
     return expected
 
 

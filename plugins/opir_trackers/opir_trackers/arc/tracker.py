@@ -9,14 +9,15 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
 from opir_core.interfaces import IMPACT_METHODS
-from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
+from opir_core.plugin import TARGET_TYPES, Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import class_codes, type_probabilities
+from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.gating import candidates, gated
+from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
@@ -60,7 +61,7 @@ class ArcTracker(Tracker):
         """Return the estimates at this tick, after the detections since the last one."""
         before_s, lines = self._now.time_s, self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.with_bias_sigma(lines))
-        confirmed = self._now.table.hits >= 2 * self._tracking.needed_scans
+        confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:
             self._arcs = self._arcs.discounted(float(np.exp((before_s - tick_s) / self._config.memory_s)))
@@ -161,7 +162,7 @@ class ArcTracker(Tracker):
         tracks.burnout_covariance[rows] = self._with_end(covariance, arcs)
         impact = impacts(arcs)
         range_m = great_circle_m(arcs.launch, impact)
-        sigma_m = self._sigma_m(arcs, class_codes(range_m))
+        sigma_m = self._sigma_m(arcs)
         shot = trajectory_parameters(state)
         pace = np.maximum(shot.speed_m_s * np.cos(shot.flight_path_angle_rad), 1.0)
         variance = np.square(np.stack([sigma_m, sigma_m, sigma_m / pace], axis=1))
@@ -170,10 +171,19 @@ class ArcTracker(Tracker):
         tracks.impact_covariance[rows] = np.where(known[:, None, None], variance[:, :, None] * np.eye(3), np.nan)
         tracks.type_probability[rows] = type_probabilities(range_m, sigma_m)
 
-    def _sigma_m(self, arcs: ArcFits, kind: IntArray) -> FloatArray:
-        """Return the paper's σ₀ exp(-k n/N) of each arc, with n of N expected detections, n ≤ N."""
-        expected = expected_looks(self._watch, arcs.seen, kind)
+    def _sigma_m(self, arcs: ArcFits) -> FloatArray:
+        """Return the paper's σ₀ exp(-k n/N) of each arc, with n of N expected detections, n ≤ N; after the boost n = N.
+
+        N is that of the boost by its time since launch and the reported types, not by the range of the arc: an arc
+        through a boost falls short.
+        """
+        rows = np.searchsorted(self._now.table.number, arcs.number)
+        launch_s = np.where(np.isfinite(arcs.launch[:, 2]), arcs.launch[:, 2], arcs.epoch_s)
+        types = type_posterior(self._now.table.reports[rows], self._tracking.type_log_likelihood)
+        known = types[:, : len(TARGET_TYPES)] + types[:, len(TARGET_TYPES) :]
+        expected = expected_looks(self._watch, arcs.seen, arcs.last_s - launch_s, known)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
+        share = np.where(self._now.estimates.weight[rows, 1] > 0.5, 1.0, share)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
         return sigma_m
 

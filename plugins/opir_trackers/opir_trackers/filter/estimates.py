@@ -111,13 +111,13 @@ _SUMS = {
 }
 
 
-#: Probabilities of steady burn and of staging where nothing is known of them: those that transitions lead to.
-BURN_SHARE = np.array([[1.0, 0.0]])
+#: Probabilities of steady burn, staging and free where nothing is known of them: those that transitions lead to.
+BURN_SHARE = np.array([[1.0, 0.0, 0.0]])
 
 
-def twice(rows: FloatArray) -> FloatArray:
-    """Return rows (n, ...) as two equal parts, (n, 2, ...)."""
-    return rows[:, None].repeat(2, axis=1)
+def in_parts(rows: FloatArray) -> FloatArray:
+    """Return rows (n, ...) as the equal parts of a burn, (n, 3, ...)."""
+    return rows[:, None].repeat(BURN_SHARE.shape[1], axis=1)
 
 
 @frozen(eq=False, repr=False)
@@ -128,8 +128,10 @@ class ModeEstimates(Columns):
     the time, s, over which they are counted, both with exponential forgetting, and the time since the last detection,
     s.
 
-    `burn_mean` (n, 2, d), `burn_root` and `burn_share` (n, 2) are the two parts of a boost, steady and staging
-    (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them both parts are the boost.
+    `burn_mean` (n, 3, d), `burn_root` and `burn_share` (n, 3) are the parts of a boost: steady, staging and free
+    (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them all parts are the boost. The share of
+    the free part is the probability of thrust in another direction than along the velocity, given that the target
+    burns; 0 where the part is not computed.
     """
 
     weight: FloatArray
@@ -138,8 +140,8 @@ class ModeEstimates(Columns):
     coast_mean: FloatArray
     coast_root: FloatArray
     detection_rate: FloatArray
-    burn_mean: FloatArray = field(default=Factory(lambda self: twice(self.boost_mean), takes_self=True))
-    burn_root: FloatArray = field(default=Factory(lambda self: twice(self.boost_root), takes_self=True))
+    burn_mean: FloatArray = field(default=Factory(lambda self: in_parts(self.boost_mean), takes_self=True))
+    burn_root: FloatArray = field(default=Factory(lambda self: in_parts(self.boost_root), takes_self=True))
     burn_share: FloatArray = field(
         default=Factory(lambda self: BURN_SHARE.repeat(len(self.weight), axis=0), takes_self=True)
     )

@@ -21,7 +21,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import COAST, matvec, square_root
 from opir_trackers.filter import burn_modes
-from opir_trackers.filter.burn_modes import Burns
+from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian
 from opir_trackers.filter.estimates import ModeEstimates
 
 #: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the root mean square of
@@ -110,44 +110,46 @@ def mode_weights_of_one(weight: Sequence[float], change: Pair, least: float) -> 
     return boost / (boost + coast), coast / (boost + coast)
 
 
-_FIRST = np.array([0])
-
 #: Lower bound on mode probabilities, so that no mode is lost.
 _LEAST_WEIGHT = 1e-6
 
 #: Least mixing probability with which a mode takes part in a mixture.
 _LEAST_SHARE = 1e-4
 
-#: A target that coasts with this probability, without detection for this time, s, does not burn: staging is shorter.
-_RESTS_S, _COASTS = 30.0, 0.9
+#: A target that coasts with this probability, without detection for this time, s, does not burn: where it is lit again,
+#: it begins a new burn.
+_RESTS_S, _COASTS = 3.0, 0.9
 
 #: Where detections exclude coasts (`switching`), coasts less probable than this are neither computed nor reported.
 EXCLUDED_WEIGHT = 1e-3
 
 
-def mixed(estimates: ModeEstimates, step_s: float, boost_s: float, coast_s: float, least: float = 0.0) -> ModeEstimates:
+def mixed(
+    estimates: ModeEstimates, step_s: float, boost_s: float, coast_s: float, least: float, modes: BurnModes
+) -> ModeEstimates:
     """Return the estimates with modes mixed by the probability of a switch during a step.
 
     `boost_s` and `coast_s` are the mean times in each mode, inf for a mode that never ends. Coasts less probable than
-    `least` after the step are not mixed.
+    `least` after the step are not mixed, nor the boosts of targets that rest: see `relit`.
     """
     leave = _leaving(step_s, boost_s, coast_s)
     if len(estimates.weight) == 1:
-        return _mixed_alone(estimates, leave, least)
+        return _mixed_alone(estimates, leave, least, modes)
     weight, share = _shares(estimates.weight, leave)
     boost, coast = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     into_coast = ((share[:, 0, 1] > _LEAST_SHARE) & (weight[:, 1] >= least)).nonzero()[0]
-    into_boost = ((share[:, 1, 0] > _LEAST_SHARE) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)).nonzero()[0]
+    begins = (share[:, 1, 0] > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
+    into_boost = (begins & ~_rest(estimates.detection_rate, weight)).nonzero()[0]
     if len(into_coast):
         coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1]))
     if len(into_boost):
-        lit = _into_boost(estimates.part(into_boost), share[into_boost, :, 0])
-        boost, burns = _put(boost, into_boost, lit), burn_modes.with_rows(burns, lit, into_boost)
+        lit, parts = _into_boost(estimates.part(into_boost), share[into_boost, :, 0], modes)
+        boost, burns = _put(boost, into_boost, lit), burn_modes.put(burns, into_boost, parts)
     return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
-def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: float) -> ModeEstimates:
+def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: float, modes: BurnModes) -> ModeEstimates:
     """Return `mixed` for one track."""
     boost, coast = estimates.weight[0].tolist()
     weight, into_boost, into_coast = mixing_of_one((boost, coast), leave)
@@ -155,9 +157,9 @@ def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: fl
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     if into_coast[0] > _LEAST_SHARE and weight[1] >= least:
         coasting = _into_coast(estimates, np.array([into_coast]))
-    if into_boost[1] > _LEAST_SHARE and coast >= EXCLUDED_WEIGHT:
-        burning = _into_boost(estimates, np.array([into_boost]))
-        burns = burn_modes.with_rows(burns, burning, _FIRST)
+    rests = estimates.detection_rate[0, 2] > _RESTS_S and weight[1] > _COASTS
+    if into_boost[1] > modes.least_lit and coast >= EXCLUDED_WEIGHT and not rests:
+        burning, burns = _into_boost(estimates, np.array([into_boost]), modes)
     return ModeEstimates(np.array([weight]), *burning, *coasting, estimates.detection_rate, *burns)
 
 
@@ -197,10 +199,16 @@ def _into_coast(estimates: ModeEstimates, share: FloatArray) -> tuple[FloatArray
     return square_root.moment_matched(share, (burnt[0], estimates.coast_mean), (burnt[1], estimates.coast_root))
 
 
-def _into_boost(estimates: ModeEstimates, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the boost's means and roots, mixed with probabilities (n, 2) from boost and coast."""
+def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -> tuple[Gaussian, Burns]:
+    """Return boosts and their parts, mixed with probabilities (n, 2) from boost and coast.
+
+    Of modes with stages, a burn after the dark begins anew.
+    """
+    if modes.stage is not None:
+        return relit(estimates, estimates.coast_mean, estimates.coast_root, modes)
     means, roots = (estimates.boost_mean, _extended_mean(estimates)), (estimates.boost_root, _extended_root(estimates))
-    return square_root.moment_matched(share, means, roots)
+    lit = square_root.moment_matched(share, means, roots)
+    return lit, burn_modes.parts_of(lit)
 
 
 def coast_from_boost(estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
@@ -241,20 +249,27 @@ def _coast_from_boost_alone(estimates: ModeEstimates) -> tuple[FloatArray, Float
 
 def resting_rows(estimates: ModeEstimates) -> IntArray:
     """Return the rows of tracks without detection for so long that a burn would be a new one."""
-    rows: IntArray = ((estimates.detection_rate[:, 2] > _RESTS_S) & (estimates.weight[:, 1] > _COASTS)).nonzero()[0]
-    return rows
+    return _rest(estimates.detection_rate, estimates.weight).nonzero()[0]
 
 
-def restarted_boost(estimates: ModeEstimates, mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the boost of targets that would ignite where they coast, with means (n, 6) and roots (n, 6, 6).
+def _rest(detection_rate: FloatArray, weight: FloatArray) -> BoolArray:
+    resting: BoolArray = (detection_rate[:, 2] > _RESTS_S) & (weight[:, 1] > _COASTS)
+    return resting
 
-    The force is that of an earlier estimate. Propagated as a burn, the covariance of an unobserved boost would grow
+
+def relit(estimates: ModeEstimates, mean: FloatArray, root: FloatArray, modes: BurnModes) -> tuple[Gaussian, Burns]:
+    """Return boosts, and their parts, of targets that ignite where they coast, with means (n, 6) and roots (n, 6, 6).
+
+    The old force is that of an earlier estimate. Propagated as a burn, the covariance of an unobserved boost would grow
     without bound: the turn of a force with a slow velocity is strongly nonlinear.
     """
+    if modes.stage is not None:
+        return modes.lit((mean, root), (estimates.burn_mean, estimates.burn_root, estimates.burn_share))
     after = ModeEstimates(
         estimates.weight, estimates.boost_mean, estimates.boost_root, mean, root, estimates.detection_rate
     )
-    return _extended_mean(after), _extended_root(after)
+    lit = _extended_mean(after), _extended_root(after)
+    return lit, burn_modes.parts_of(lit)
 
 
 def _extended_mean(estimates: ModeEstimates) -> FloatArray:
@@ -266,7 +281,7 @@ def _extended_root(estimates: ModeEstimates) -> FloatArray:
     """Return the coast roots with the boost's marginal root of specific force and its rate."""
     root = np.zeros_like(estimates.boost_root)
     root[:, :COAST, :COAST] = estimates.coast_root
-    root[:, COAST:, COAST:] = square_root.information_root(square_root.inverse_root(estimates.boost_root)[:, COAST:])
+    root[:, COAST:, COAST:] = burn_modes.force_root(estimates.boost_root)
     return root
 
 

@@ -9,17 +9,19 @@ burnout, the detection itself discriminates far better. So a detection excludes 
 An excluded coast is not computed: nothing depends on it, and the next step derives it from the boost.
 """
 
+from collections.abc import Callable
 from math import log as log_of
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import BOOST, COAST, square_root
+from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
-from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian, NewStage, carried
+from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian, NewStage, are_free, carried
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.filter.ground import above_ground
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
 from opir_trackers.lines_of_sight import AngleMeasurements
@@ -33,7 +35,8 @@ class ImmFilter:
 
     `rounds` bounds the iterations of an update. `coast_detection` is the probability that a coasting target is detected
     in a slice, relative to a burning one: 1 where a sensor detects bodies after burnout. `memory_s` and `pause_s`
-    govern the detection rate (`mode_mixing.mode_update`).
+    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen
+    force after burnout, as a share of that before (`_with_residual`).
     """
 
     boost: Dynamics
@@ -44,9 +47,11 @@ class ImmFilter:
     memory_s: float = 20.0
     coast_detection: float = 1.0
     pause_s: float = 0.0
+    residual_share: float = 0.0
     stage: NewStage | None = None
+    free: FreeBurn | None = None
     burns: BurnModes = field(
-        default=Factory(lambda self: BurnModes(self.boost, self.stage), takes_self=True), init=False
+        default=Factory(lambda self: BurnModes(self.boost, self.stage, self.free), takes_self=True), init=False
     )
 
     @property
@@ -87,7 +92,9 @@ class ImmFilter:
 
     def _moved(self, estimates: ModeEstimates, step_s: float, least: float) -> ModeEstimates:
         """Return the estimates a step later; coasts less probable than `least` stay as they were."""
-        mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least) if self.switches else estimates
+        mixed = estimates
+        if self.switches:
+            mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns)
         boost, coast = _modes_of(mixed)
         used, steps = _in_use(estimates), np.array([step_s] * len(estimates.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
@@ -100,10 +107,28 @@ class ImmFilter:
         elif len(rows):
             part = coast[0][rows], coast[1][rows]
             coast = _with_rows(coast, self._carried(self.coast, *part, steps[rows]), rows)
+        if len(rows) and self.residual_share > 0.0:
+            coast = self._with_residual(coast, estimates, rows, step_s)
         if rests.size:
-            restarted = mode_mixing.restarted_boost(estimates.part(rests), coast[0][rests], coast[1][rests])
-            boost, burns = _with_rows(boost, restarted, rests), burn_modes.with_rows(burns, restarted, rests)
+            lit, parts = mode_mixing.relit(estimates.part(rests), coast[0][rests], coast[1][rests], self.burns)
+            boost, burns = _with_rows(boost, lit, rests), burn_modes.put(burns, rests, parts)
         return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
+
+    def _with_residual(self, coast: Gaussian, estimates: ModeEstimates, rows: IntArray, step_s: float) -> Gaussian:
+        """Return coasts a step later with the process noise of what still acts after burnout, unseen.
+
+        Thrust fades, stages part: a force below what sensors detect, in any direction. After `RESIDUAL_S` its velocity
+        has a standard deviation of `residual_share` of the old force, times that time.
+        """
+        rows = rows[estimates.detection_rate[rows, 2] < RESIDUAL_S]
+        if not rows.size:
+            return coast
+        force = estimates.burn_mean[rows, 0, COAST : COAST + 3]
+        density = self.residual_share * np.sqrt(RESIDUAL_S * dot(force, force))
+        noise = density[:, None, None] * noise_roots(np.array([step_s]), COAST // 3)
+        still = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
+        root = square_root.time_update(coast[1][rows], still, noise)
+        return _with_rows(coast, (coast[0][rows], root), rows)
 
     def _carried(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
@@ -116,6 +141,7 @@ class ImmFilter:
         """Return the estimates after the measurements of a slice of length `step_s` that ends at `time_s`."""
         if not len(estimates.weight):
             return estimates
+        estimates = self._with_ignitions(estimates, time_s, measurements)
         if len(estimates.weight) == 1:
             return self._updated_alone(estimates, time_s, measurements, step_s)
         hits = np.bincount(measurements.track, minlength=len(estimates)).astype(np.float64)
@@ -128,6 +154,29 @@ class ImmFilter:
         change[seen, 1] += log_of(self.coast_detection)
         weighed = mode_mixing.mode_update(estimates, hits, time_s - last_s, change, step_s, self.memory_s, self.pause_s)
         return ModeEstimates(weighed[0], *boost, *coast, weighed[1], *burns)
+
+    def _with_ignitions(
+        self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements
+    ) -> ModeEstimates:
+        """Return the estimates with the burns of resting targets that are detected: lit a little before the first look.
+
+        With r detections per second, that is 1/r ± 1/r.
+        """
+        rests = mode_mixing.resting_rows(estimates)
+        if self.stage is None or not rests.size or not len(measurements):
+            return estimates
+        first_s = np.full(len(estimates), np.inf)
+        np.minimum.at(first_s, measurements.track, measurements.time_s)
+        rows = rests[first_s[rests] < np.inf]
+        if not rows.size:
+            return estimates
+        hits, spell, _ = estimates.detection_rate[rows].T
+        pause = spell / np.maximum(hits, 1.0)
+        parts: Burns = estimates.burn_mean[rows], estimates.burn_root[rows], estimates.burn_share[rows]
+        lit, parts = self.burns.burning_for(parts, time_s - first_s[rows] + pause, pause)
+        boost = _with_rows(_modes_of(estimates)[0], lit, rows)
+        burns = burn_modes.put((estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, parts)
+        return ModeEstimates(estimates.weight, *boost, *_modes_of(estimates)[1], estimates.detection_rate, *burns)
 
     def _updated_alone(
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements, step_s: float
@@ -164,8 +213,11 @@ class ImmFilter:
         (boost, coast), change, used = _modes_of(estimates), np.zeros((len(estimates), 2)), _in_use(estimates)
         if not len(measurements):
             return boost, burns, coast, change
-        open_ = estimates.weight[:, 1] >= self.least_open_weight
-        for some, coasts in ((seen & open_, used[1]), (seen & ~open_, False)):
+        open_, free = estimates.weight[:, 1] >= self.least_open_weight, seen & are_free(burns[2])
+        groups = [(seen & open_, used[1]), (seen & ~open_, False)]
+        if np.count_nonzero(free):
+            groups = [(some & part, coasts) for some, coasts in groups for part in (free, ~free)]
+        for some, coasts in groups:
             rows = _rows(some)
             if rows is not None and not len(rows):
                 continue
@@ -188,13 +240,31 @@ class ImmFilter:
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the prior."""
-        (mean, root), coast = (
-            _with_rows(mode, with_velocity_prior(mode[0][rows], mode[1][rows]), rows) for mode in _modes_of(estimates)
-        )
-        parts = burn_modes.each(with_velocity_prior, estimates.burn_mean[rows], estimates.burn_root[rows])
+        burnt = self._with_bounded_burns(estimates, rows, with_velocity_prior)
+        mean, root = _modes_of(estimates)[1]
+        coast = _with_rows((mean, root), with_velocity_prior(mean[rows], root[rows]), rows)
+        return evolve(burnt, coast_mean=coast[0], coast_root=coast[1])
+
+    def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
+        """Return the estimates with the burns of the tracks `rows` above the ground."""
+        return self._with_bounded_burns(estimates, rows, above_ground)
+
+    def _with_bounded_burns(
+        self, estimates: ModeEstimates, rows: IntArray, bounded: Callable[[FloatArray, FloatArray], Gaussian]
+    ) -> ModeEstimates:
+        """Return the estimates with a function of means and roots applied to the burns of tracks `rows`."""
+        boost = _modes_of(estimates)[0]
+        boost = _with_rows(boost, bounded(boost[0][rows], boost[1][rows]), rows)
         burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
+        parts = burn_modes.each(bounded, burns[0][rows], burns[1][rows])
         burns = burn_modes.put(burns, rows, (*parts, burns[2][rows]))
-        return ModeEstimates(estimates.weight, mean, root, *coast, estimates.detection_rate, *burns)
+        return evolve(
+            estimates,
+            boost_mean=boost[0],
+            boost_root=boost[1],
+            burn_mean=burns[0],
+            burn_root=burns[1],
+        )
 
     def mode_updated(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, measurements: AngleMeasurements
@@ -235,6 +305,9 @@ class ImmFilter:
         np.multiply(apart, np.sqrt(boost * coast), out=side[:, :, -1])
         return boost * estimates.boost_mean[:, :COAST] + coast * estimates.coast_mean, square_root.gram(side)
 
+
+#: Time after the last detection, s, in which a force may act unseen.
+RESIDUAL_S = 5.0
 
 _BURNS, _NONE = np.array([1.0, 0.0]), np.empty(0, dtype=np.int64)
 

@@ -133,9 +133,9 @@ class _Fates(NamedTuple):
 
 
 def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s: float, forces: Forces) -> _Fates:
-    space = particles.family == SPACE
+    space, able = particles.family == SPACE, (particles.family == SPACE) | (particles.family == NONE)
     reach = np.zeros(len(particles))
-    mine = np.flatnonzero(space & (particles.lit > 0))
+    mine = np.flatnonzero(able & (particles.lit > 0))
     reach[mine] = outcomes.reaching(particles.state[mine], particles.take(mine))
     angle = _thrust_angles(particles)
     steering = _steered(_steering(outcomes.model), particles, angle)
@@ -148,7 +148,7 @@ def _fates(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s:
     known = np.isfinite(launch[:, 0])
     start = np.where(known[:, None], launch, 0.0)[particles.track]
     range_m = np.where(known[particles.track], great_circle_m(start, place), np.nan)
-    dark = space & (particles.lit == 0)
+    dark = able & (particles.lit == 0)
     reach[dark] = np.where(np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"])
     flies = space | (least_m > local_radius_m(out) - _BELOW_M)
     return _Fates(out, time_s + later_s, place, when_s, range_m, reach, flies, _below(particles, time_s))
@@ -158,17 +158,20 @@ def _hypotheses(
     outcomes: Outcomes, particles: Particles, fates: _Fates, relights: FloatArray, log_likelihood: FloatArray
 ) -> FloatArray:
     """Return the weights (p, H) of hypotheses for each particle; those of failed space launchers are of `none`."""
-    missile, _, glide, _ = outcomes.groups.tolist()
+    missile, orbit, glide, none = outcomes.groups.tolist()
     columns = {group: outcomes.columns(group) for group in ("missile", "orbit", "glide", "none")}
     weight = np.zeros((len(particles), len(outcomes.hypotheses)))
     space, broad = particles.family == SPACE, particles.family == NONE
     first = ~space & ~broad
+    # Of the vehicles of the broad law, some are of known classes.
+    odd = outcomes.odd / max((missile + orbit) * (outcomes.odd + none), 1e-12)
     if missile + glide > 0.0:
         share = missile / (missile + glide)
         unknown = np.isnan(fates.range_m) & np.isfinite(fates.when_s)
-        by_class = outcomes.missiles(fates.range_m)
+        by_class = outcomes.missiles(fates.range_m) * outcomes.lofting(fates.range_m, fates.state)[:, None]
         by_class[unknown] = outcomes.unknown_range
         weight[np.ix_(first, columns["missile"])] = share * by_class[first]
+        weight[np.ix_(broad, columns["missile"])] = odd * missile * by_class[broad]
         if columns["glide"]:
             each = outcomes.gliding(*features(fates.state)) * (1.0 - share) / len(columns["glide"])
             weight[np.ix_(first, columns["glide"])] = each[first, None]
@@ -179,7 +182,9 @@ def _hypotheses(
         over = space & (particles.lit == 0)
         lost = np.where(over, np.where(np.isfinite(fates.when_s), 1.0 + relights[particles.track, SPACE], 0.0), 1.0)
         weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
-    weight[np.ix_(broad, columns["none"])] = np.where(np.isfinite(fates.when_s), 1.0, _NONE_ORBITS)[broad, None]
+        weight[np.ix_(broad, columns["orbit"])] = (odd * orbit * fates.reach / len(columns["orbit"]))[broad, None]
+    other = none / max(outcomes.odd + none, 1e-12) * np.where(np.isfinite(fates.when_s), 1.0, _NONE_ORBITS)
+    weight[np.ix_(broad, columns["none"])] = other[broad, None]
     weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
     return weight * (particles.weight * _of_flying(particles, fates.flies))[:, None]
 
@@ -216,9 +221,9 @@ def _gathered(
     nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
     given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
     orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
-    # What is none of these comes down anywhere, or not: it has no region.
-    ballistic = np.isfinite(fates.when_s) & (particles.family != NONE)
-    falls = np.where(ballistic, weight.sum(axis=1) - orbit - glide, 0.0)
+    # What is none of these comes down anywhere, or not: it has no region, but for failed space launchers.
+    failed = weight[:, outcomes.columns("none")].sum(axis=1) * (particles.family == SPACE)
+    falls = np.where(np.isfinite(fates.when_s), weight[:, outcomes.columns("missile")].sum(axis=1) + failed, 0.0)
     sums: Any = np.bincount
     found = Forecasts(
         given,

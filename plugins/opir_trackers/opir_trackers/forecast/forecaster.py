@@ -3,14 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from opir_core.flight import Forces
-from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Hypothesis, ImpactRegion, Tracks
-from opir_core.scene import UNKNOWN_TYPE
+from opir_core.plugin import Hypothesis, ImpactRegion, Tracks
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast.outcomes import Outcomes, hypothesis_log_likelihood
+from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import VehicleModel, vehicle_model
 
@@ -82,7 +81,7 @@ class Forecaster:
         """Return the forecasts of tracks (n,), given their estimates (same rows); to be called at each tick.
 
         `log_likelihood` (n, H) is that of what sensors reported. Tracks that are no launch by `is_launch` (n,) have no
-        forecast: equal probabilities and no region.
+        forecast: the prior of hypotheses, and no region.
         """
         wanted = np.ones(len(tracks), dtype=np.bool_) if is_launch is None else is_launch
         numbers = tracks.track.tolist()
@@ -103,35 +102,12 @@ class Forecaster:
         latest = [self._latest.get(number, nothing) if wanted[row] else nothing for row, number in enumerate(numbers)]
         return self._columns(latest, estimates, tick_s, np.array(silent_s))
 
-    def with_impacts(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> Tracks:
-        """Return tracks with the forecasts, as if each were a launch; `types` (n, types) as in `type_evidence`."""
-        log = hypothesis_log_likelihood(types, self._outcomes.hypotheses, TARGET_TYPES)
-        found = self.launch_forecasts(tracks, estimates, log)
-        if not len(tracks):
-            return tracks
-        hypotheses = self._outcomes.hypotheses
-        kinds = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
-        by_type = np.stack(
-            [found.given_launch[:, kinds == code].sum(axis=1) for code in range(UNKNOWN_TYPE + 1)], axis=1
-        )
-        known = np.isfinite(tracks.launch[:, 0]) & np.array([len(one) > 0 for one in found.impact_regions])
-        return evolve(
-            tracks,
-            impact=found.impact,
-            impact_covariance=found.impact_covariance,
-            impact_sigmas=found.impact_sigmas,
-            impact_regions=found.impact_regions,
-            type_probability=np.where(known[:, None], by_type, tracks.type_probability),
-            probability_burning=found.probability_burning,
-            probability_relights=found.probability_relights,
-        )
-
     def _nothing(self) -> _Latest:
         """Return the forecast of what has none."""
-        hypotheses = self._outcomes.hypotheses
-        able = np.array([one.is_launch or one.group == "none" for one in hypotheses]) * 1.0
         place = np.full(3, np.nan)
-        return _Latest(-np.inf, False, able / able.sum(), place, np.full((3, 3), np.nan), place, (), 0.0, np.nan, 0.0)
+        return _Latest(
+            -np.inf, False, self._outcomes.prior, place, np.full((3, 3), np.nan), place, (), 0.0, np.nan, 0.0
+        )
 
     def _columns(
         self, latest: list[_Latest], estimates: ModeEstimates, tick_s: float, silent_s: FloatArray

@@ -43,44 +43,75 @@ class Outcomes:
             np.array([shares[g] if g in present else 0.0 for g in ("missile", "orbit", "glide", "none")]),
         )
 
+    @property
+    def odd(self) -> float:
+        """Return the prior weight of vehicles of known classes whose stages are unlike those of their family."""
+        odd: float = self.model.data["odd_vehicles"] * float(self.groups[:3].sum())
+        return odd
+
     @cached_property
     def families(self) -> FloatArray:
         """Return the prior weights (families,) of the families; those of missiles fly gliders too."""
         missile, orbit, glide, none = self.groups.tolist()
         weights = np.zeros(len(FAMILIES))
-        weights[MISSILE], weights[SPACE], weights[NONE] = missile + glide, orbit, none
+        weights[MISSILE], weights[SPACE], weights[NONE] = missile + glide, orbit, none + self.odd
         return weights
+
+    @cached_property
+    def prior(self) -> FloatArray:
+        """Return the probabilities (H,) of the hypotheses given a launch, before anything is known of it."""
+        prior = np.zeros(len(self.hypotheses))
+        for group, share in zip(("missile", "orbit", "glide", "none"), self.groups.tolist(), strict=True):
+            columns = self.columns(group)
+            if columns:
+                own = self.unknown_range if group == "missile" else np.full(len(columns), 1.0 / len(columns))
+                prior[columns] = share * own
+        return prior / prior.sum()
 
     def columns(self, group: str) -> list[int]:
         """Return the numbers of the hypotheses of a group."""
         return [number for number, one in enumerate(self.hypotheses) if one.group == group]
 
     @cached_property
-    def _ranges(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _ranges(self) -> tuple[FloatArray, FloatArray]:
         """Return the limits (classes, 2) of the missiles' ranges, m, and the shares (classes,) of their priors."""
         missiles = [self.hypotheses[number] for number in self.columns("missile")]
         limits = np.array([_limits_m(one) for one in missiles]).reshape(-1, 2)
         priors = np.array([self.model.data["classes"].get(one.name, 1.0) for one in missiles])
-        return limits, priors, np.log(limits[:, 1] / limits[:, 0])
+        return limits, priors
 
     def missiles(self, range_m: FloatArray) -> FloatArray:
         """Return the densities (p, classes) of missile classes at ranges (p,), over that of all boosts; 0 at nan.
 
-        Each class is log-uniform over its ranges; where classes overlap, they share.
+        Ranges are log-uniform between the least and the greatest; classes that cover a range share it.
         """
-        limits, priors, width = self._ranges
+        limits, priors = self._ranges
         inside = (range_m[:, None] >= limits[:, 0]) & (range_m[:, None] <= limits[:, 1])
-        share = np.where(inside, priors / (priors.sum() * width), 0.0)
+        share = np.where(inside, priors, 0.0)
+        share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-9) * np.log(limits[:, 1].max() / limits[:, 0].min())
         marginal = self.model.data["marginal"]
         nodes = np.log(1e3 * np.array(marginal["range_km"]))
         at = np.interp(np.log(np.maximum(np.nan_to_num(range_m), 1.0)), nodes, np.log(marginal["density"]))
         weights: FloatArray = share * np.exp(-at)[:, None]
         return weights
 
+    def lofting(self, range_m: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the density (p,) of the greatest heights of missiles over that of all boosts; 1 without a range.
+
+        Missiles fly near the arc of least energy, lofted or depressed: the logarithm of the ratio of greatest heights
+        is normal, but for a share of any. `state` (p, 6) are inertial states at the ends of burns.
+        """
+        law = self.model.data["loft"]
+        least = least_energy_apogee_m(np.nan_to_num(range_m, nan=1e6))
+        ratio = np.log(np.maximum(apogee_m(state), 1e3) / least)
+        narrow, wide = (np.exp(-0.5 * np.square(ratio / law[name])) / law[name] for name in ("sigma", "law_sigma"))
+        share = (1.0 - law["any"]) * narrow / np.maximum(wide, 1e-300) + law["any"]
+        return np.where(np.isnan(range_m), 1.0, share)
+
     @property
     def unknown_range(self) -> FloatArray:
         """Return the densities (classes,) of missile classes, over that of all boosts, where the range is unknown."""
-        _, priors, _ = self._ranges
+        _, priors = self._ranges
         share: FloatArray = priors / priors.sum()
         return share
 
@@ -109,6 +140,29 @@ class Outcomes:
 
 
 EARTH_RADIUS_M = 6371e3
+
+
+def apogee_m(state: FloatArray) -> FloatArray:
+    """Return the greatest heights (p,), m, of free flights from inertial states (p, 6), inf for those that escape."""
+    place, velocity = state[:, :3], state[:, 3:6]
+    radius, square = np.sqrt(dot(place, place)), dot(velocity, velocity)
+    energy = 0.5 * square - EARTH_MU_M3_S2 / radius
+    turn = radius * radius * square - np.square(dot(place, velocity))
+    axis = -0.5 * EARTH_MU_M3_S2 / np.where(energy < 0.0, energy, -np.inf)
+    eccentricity = np.sqrt(np.maximum(1.0 + 2.0 * energy * turn / EARTH_MU_M3_S2**2, 0.0))
+    return np.where(energy < 0.0, axis * (1.0 + eccentricity) - EARTH_RADIUS_M, np.inf)
+
+
+def least_energy_apogee_m(range_m: FloatArray) -> FloatArray:
+    """Return the greatest heights (p,), m, of the arcs of least energy over ranges (p,), on a sphere.
+
+    R ((1 + sin ψ) (1 + e) / 2 - 1), with ψ half of the angle of the range and e = (1 - sin ψ) / cos ψ (Bate, Mueller
+    and White, Fundamentals of Astrodynamics, 1971, 6.2).
+    """
+    half = np.minimum(0.5 * range_m / EARTH_RADIUS_M, 0.499 * np.pi)
+    sine, cosine = np.sin(half), np.cos(half)
+    height: FloatArray = EARTH_RADIUS_M * (0.5 * (1.0 + sine) * (1.0 + (1.0 - sine) / cosine) - 1.0)
+    return np.maximum(height, 1e3)
 
 
 def _limits_m(hypothesis: Hypothesis) -> tuple[float, float]:

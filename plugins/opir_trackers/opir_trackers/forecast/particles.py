@@ -136,12 +136,14 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
     count, lots = len(estimates), draws()
     on = history.as_burning()
     staged, begins = on.as_staging(estimates)
-    part = (lots.uniform[:BURNING, 0] < estimates.burn_share[:, 1:2]).astype(np.int64)
-    side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, 2, 10, 10)
+    parts, place = estimates.burn_mean.shape[1], lots.uniform[:BURNING, 0]
+    # The part of each: staging, free, and steady between them.
+    part = np.where(place < estimates.burn_share[:, 1:2], 1, np.where(place > 1.0 - estimates.burn_share[:, 2:], 2, 0))
+    side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, parts, 10, 10)
     each = lots.state[:BURNING] @ side.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
-    state = np.where(part[:, :, None] == 1, each[:, 1], each[:, 0]).reshape(-1, 10)
+    state = np.take_along_axis(each, part[:, None, :, None], axis=1).reshape(-1, 10)
     # The part that is staging is the next stage of some tracks, and the same one of others.
-    new = (part * begins[:, None]).ravel()
+    new = ((part == 1) & begins[:, None]).ravel().astype(np.int64)
     track = np.repeat(np.arange(count), BURNING)
     begun, doubt = (
         np.stack([getattr(one, name) for one in (on, staged)])[new, track]

@@ -37,12 +37,22 @@ NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
 _LOCAL = 0.1, 2.0
 
 
+#: Longest edge of a region, m.
+LONGEST_EDGE_M = 100e3
+
 #: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
 _FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
 
 
+#: Regions along a flight end here, m from where it is: a thousand kilometres short of the antipode.
+_FAR_M = 19e6
+
+
 class Plane:
     """The map of points: kernels are normal in metres."""
+
+    #: Largest value of each coordinate.
+    most: FloatArray = np.array([np.inf, np.inf])
 
     def curved(self, point: FloatArray) -> FloatArray:
         """Return the coordinates (n, 2) of points of the map (n, 2), m."""
@@ -60,6 +70,8 @@ class Plane:
 class LogPolar(Plane):
     """Logarithm of the distance from the map's centre, and bearing: what burns on spreads in proportion to its
     range."""
+
+    most = np.array([np.log(_FAR_M + NEAR_M), np.pi])
 
     def __init__(self, bearing: float) -> None:
         self._bearing = bearing
@@ -145,7 +157,8 @@ class _Contours:
         squares = _squared_distances(unit)
         pilot = _density(squares, np.full(len(unit), width), weight)
         widths = width * np.clip(np.sqrt(np.exp(weight @ np.log(pilot)) / pilot), *_LOCAL)
-        x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
+        most = (frame.most - self._mean) / self._scale
+        x, y = (np.unique(np.minimum(_grid(unit[:, axis], widths), most[axis])) for axis in (0, 1))
         along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
         nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
         density = (along * weight) @ across.T / frame.stretch(nodes)
@@ -161,8 +174,8 @@ class _Contours:
         points, cuts = filled
         starts = np.cumsum([0, *map(len, points)]).tolist()
         rings = np.concatenate([*points, np.empty((0, 2))])
-        flat = self._frame.flat(self._mean + (rings * self._scale) @ self._axes.T)
-        return flat, [(offsets.astype(np.int64) + start).tolist() for offsets, start in zip(cuts, starts, strict=False)]
+        edges = [(offsets.astype(np.int64) + start).tolist() for offsets, start in zip(cuts, starts, strict=False)]
+        return _outlines(self._frame, self._mean + (rings * self._scale) @ self._axes.T, edges)
 
 
 def _robust_sigmas(away: FloatArray, weight: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -214,6 +227,26 @@ def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> Flo
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:
     kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
     return kernel
+
+
+def _outlines(frame: Plane, ring: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:
+    """Return rings of coordinates (k, 2) on the map, m, and where they begin and end, given that by polygon.
+
+    Edges are so short that they cross in no other map either.
+    """
+    point = frame.flat(ring)
+    parts = np.ceil(np.maximum(np.sqrt(np.sum(np.diff(point, axis=0) ** 2, axis=1)), 1.0) / LONGEST_EDGE_M)
+    parts = parts.astype(np.int64)
+    # From the end of a ring no edge leads to the next one.
+    parts[[end - 1 for rings in edges for end in rings[1:] if end < len(point)]] = 1
+    if parts.max(initial=1) == 1:
+        return point, edges
+    place = np.concatenate([[0], np.cumsum(parts)])
+    start = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(start)) - place[start]) / parts[start]
+    between = ring[start] + share[:, None] * (ring[start + 1] - ring[start])
+    moved = np.append(place, place[-1] + 1)
+    return frame.flat(np.concatenate([between, ring[-1:]])), [moved[rings].tolist() for rings in edges]
 
 
 def _on_earth(ring: FloatArray) -> FloatArray:

@@ -2,21 +2,58 @@
 
 from collections.abc import Sequence
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
+from attrs import evolve
+from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.forecast.forecaster import LaunchForecasts
 from opir_trackers.imm.track_management import TrackTable
 
 
-def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float, types: FloatArray) -> Tracks:
-    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without impacts.
+class ReportedTracks(NamedTuple):
+    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group probabilities.
 
-    `types` (n, types) are the type probabilities.
+    `end` (n,) are codes into `TRACK_ENDS` of tracks that ended since the last tick.
     """
+
+    tracks: Tracks
+    estimates: ModeEstimates
+    reports: FloatArray
+    groups: FloatArray
+    end: NDArray[np.uint8]
+
+
+def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
+    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
+    tracks = told.tracks
+    no_launch = np.flatnonzero(~launched)
+    launch, covariance = tracks.launch, tracks.launch_covariance
+    if len(no_launch):
+        launch, covariance = launch.copy(), covariance.copy()
+        launch[no_launch], covariance[no_launch] = np.nan, np.nan
+    return evolve(
+        tracks,
+        launch=launch,
+        launch_covariance=covariance,
+        impact=found.impact,
+        impact_covariance=found.impact_covariance,
+        impact_sigmas=found.impact_sigmas,
+        impact_regions=found.impact_regions,
+        probability_burning=found.probability_burning,
+        probability_relights=found.probability_relights,
+        end=np.where(told.end > 0, told.end, found.end).astype(np.uint8),
+    )
+
+
+def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float) -> Tracks:
+    """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without type and impact."""
     count = len(state)
     impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
     state, covariance = earth_fixed(state, covariance, time_s)
@@ -31,7 +68,7 @@ def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time
         impact_covariance=impact[:, 1:4],
         impact_sigmas=impact[:, 4],
         state_sigmas=impact[:, 5],
-        type_probability=types,
+        type_probability=_unknown(count, len(REPORTED_TYPES)),
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],
     )

@@ -10,7 +10,11 @@ from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.forecast.vehicles import vehicle_model
-from opir_trackers.imm.tracking import ImmTracking, TrackerState
+from opir_trackers.imm.report import with_launches
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.onset.composition import Composition
+from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -25,6 +29,7 @@ class ImmTracker(Tracker):
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
+        self._composition = Composition.of(context.hypotheses)
         model, every_s = vehicle_model(tracking.config.boost_prior), tracking.config.regions_every_s
         self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
 
@@ -44,7 +49,14 @@ class ImmTracker(Tracker):
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        return self._forecaster.with_impacts(*self._tracking.reported_tracks(self._now))
+        told = self._tracking.reported_tracks(self._now)
+        launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
+        tracks = with_launches(told, found, launched)
+        if np.count_nonzero(found.end):
+            # Nothing new can come of them.
+            self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
+        return self._composition.composed(tracks, told.groups, found.given_launch)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

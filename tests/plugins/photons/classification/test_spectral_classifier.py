@@ -1,6 +1,7 @@
 """The classifier `spectral`: densities and Bayes' rule against closed forms, extremes, thresholds, tracks."""
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture
+from opir_photons.classification.priors import GROUP_SHARES, launch_shares
 from opir_photons.classification.spectral import SpectralClassifier
 from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from opir_photons.classification.type_densities import EventRates, TypeDensities, elevation_bin
+from opir_photons.classification.unknown_objects import LEAST_W_SR, MOST_W_SR, log_uniform_in_noise
 from opir_testing.bench import bench_scene, encoder_of
 from opir_testing.doubles import stub_window
 from scipy.special import logsumexp
@@ -24,6 +27,8 @@ from opir_core.errors import ModelError
 from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import compile_plan
+from opir_core.reading import scene_mapping
+from opir_core.scene import core_hypotheses, core_target_class, hypotheses_of
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 from opir_core.simulation.measurement import with_tracks
 
@@ -37,23 +42,51 @@ def one(log_weight: float, mean: list[float], sigma: list[float]) -> Components:
     return Components(np.array([log_weight]), np.array([mean]), np.diag(np.square(sigma))[None])
 
 
-#: Reported events, 1/s: of the types, of a source detected 200 times on average, and of no noise.
-TYPE_RATES, OTHER_RATE, MEAN_COUNT = np.array([0.4, 0.3, 0.2]), 0.1, 200.0
-RATES = EventRates(np.log(TYPE_RATES), np.array([np.log(OTHER_RATE), -800.0]), 2, -12.0)
+#: Hypotheses of three missile types and a launch into space; their numbers, and those of the others.
+HYPOTHESES = hypotheses_of(core_target_class(name) for name in ("SRBM", "IRBM", "ICBM", "SLV"))
+NAMES = [each.name for each in HYPOTHESES]
+NOISE, GROUND, BOLIDE, SRBM, IRBM, ICBM, SLV, NONE = range(len(HYPOTHESES))
+
+#: Reported events, 1/s: of flights (SRBM, IRBM, ICBM, SLV), and of a source detected 200 times on average.
+FLIGHT_RATES, OTHER_RATE, MEAN_COUNT = np.array([0.2, 0.3, 0.4, 0.1]), 0.1, 200.0
+#: Rates too low to matter.
+NEVER = -1e9
 
 
-def known_bank() -> TypeDensities:
-    """Return a bank of one component a type, seen equally long, and one of anything else, in one band and a count."""
-    types = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (100.0, 60.0, 30.0)]
-    plumes = Mixture.of([[part for (part,) in types]] * PLACES)
-    others = Mixture.of([[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(-800.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
-    return TypeDensities(1, plumes, np.zeros((PLACES, 3)), others, 1000.0, RATES)
+def rates(*, noise: float = NEVER, unknown: float = NEVER) -> EventRates:
+    """Return rates of flights, of the one kind of sources, of noise, and of what is none of these."""
+    log_rates = np.full((len(HYPOTHESES), 7), -np.inf)
+    log_rates[[SRBM, IRBM, ICBM, SLV], range(4)] = np.log(FLIGHT_RATES)
+    log_rates[[GROUND, NOISE, NONE], [4, 5, 6]] = np.log(OTHER_RATE), noise, unknown
+    return EventRates(log_rates, 2, -12.0, 8640.0)
+
+
+def known_bank(**changes: Any) -> TypeDensities:
+    """Return a bank of one component a flight, seen equally long, and one of anything else, in one band and a count."""
+    flights = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (30.0, 60.0, 100.0, 140.0)]
+    plumes = Mixture.of([[part for (part,) in flights]] * PLACES)
+    others = Mixture.of([[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
+    return evolve(TypeDensities(1, plumes, np.zeros((PLACES, 4)), others, 1000.0, rates()), **changes)
 
 
 def known_classifier(**changes: Any) -> SpectralClassifier:
-    prior = np.log(TYPE_RATES / TYPE_RATES.sum())
-    known = SpectralClassifier((known_bank(),), np.zeros(1, dtype=np.int64), prior, 0.6, -np.inf)
+    known = SpectralClassifier(
+        banks=(known_bank(),),
+        bank_of_sensor=np.zeros(1, dtype=np.int64),
+        hypotheses=HYPOTHESES,
+        reported_types=REPORTED_TYPES,
+        log_prior=np.log(FLIGHT_RATES[[2, 1, 0]]),
+        confidence=0.6,
+        least_log_odds=-np.inf,
+        launches_per_day=86_400.0,
+    )
     return evolve(known, **changes)
+
+
+def posterior(**chances: float) -> NDArray[np.float64]:
+    """Return ln P (1, hypotheses) of the hypotheses that are named, the others being impossible."""
+    with np.errstate(divide="ignore"):
+        return np.log([[chances.get(name, 0.0) for name in NAMES]])
 
 
 def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
@@ -83,30 +116,76 @@ def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None
     log = known_classifier().log_posterior(sightings(measured, noise, count))
     # Counts begin at 1: the density below 0.5 is reflected.
     counted = norm.pdf(count, 50.0, 40.0) + norm.pdf(1 - count, 50.0, 40.0)
-    like = norm.pdf(measured[:, None], [100.0, 60.0, 30.0], np.hypot(3.0, noise)) * counted
-    launched = TYPE_RATES * like
+    like = norm.pdf(measured[:, None], [30.0, 60.0, 100.0, 140.0], np.hypot(3.0, noise)) * counted
+    launched = FLIGHT_RATES * like
     other = OTHER_RATE * norm.pdf(measured, 45.0, np.hypot(30.0, noise)) * np.exp(-count / MEAN_COUNT) / MEAN_COUNT
-    every = np.column_stack([launched, other])
-    assert np.allclose(np.exp(log), every / every.sum(axis=1, keepdims=True), rtol=1e-12)
-    assert np.allclose(known_classifier().log_odds(log), np.log(launched.sum(axis=1) / other), rtol=1e-10)
+    every = np.column_stack([other, launched])
+    of_these = [GROUND, SRBM, IRBM, ICBM, SLV]
+    assert np.allclose(np.exp(log[:, of_these]), every / every.sum(axis=1, keepdims=True), rtol=1e-12)
+    types = known_classifier().over_types(log, REPORTED_TYPES)
+    odds = launched[:, :3].sum(axis=1) / (launched[:, 3] + other)
+    assert np.allclose(known_classifier().log_odds(types), np.log(odds), rtol=1e-10)
 
 
 def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
     # Events of which noise alone is as bright, 1e4 times as often as launches.
-    others = Mixture.of([[one(-800.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
-    rates = evolve(RATES, log_other=np.array([-800.0, np.log(1e4)]))
-    bank = evolve(known_bank(), others=others, rates=rates)
+    bank = known_bank(rates=rates(noise=float(np.log(1e4))))
     log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
-    odds = np.diff(log[:, UNKNOWN_TYPE] - logsumexp(log[:, :UNKNOWN_TYPE], axis=1))
+    odds = np.diff(log[:, NOISE] - log[:, SRBM])
     # Each further detection makes noise e^12 times less likely; counts of launches hardly change.
     assert odds == pytest.approx([-12.0, -24.0], abs=0.2)
 
 
 def test_a_count_tells_types_apart_that_bands_do_not() -> None:
-    types = [[one(0.0, [50.0, mean], [3.0, 20.0])] for mean in (300.0, 150.0, 60.0)]
-    bank = evolve(known_bank(), plumes=Mixture.of([[part for (part,) in types]] * PLACES))
-    log = known_classifier(banks=(bank,)).log_posterior(sightings([50.0] * 3, 1.0, [300, 150, 60]))
-    assert np.argmax(log[:, :UNKNOWN_TYPE], axis=1).tolist() == [0, 1, 2]
+    flights = [[one(0.0, [50.0, mean], [3.0, 20.0])] for mean in (60.0, 150.0, 300.0, 600.0)]
+    bank = known_bank(plumes=Mixture.of([[part for (part,) in flights]] * PLACES))
+    log = known_classifier(banks=(bank,)).log_posterior(sightings([50.0] * 4, 1.0, [60, 150, 300, 600]))
+    assert [NAMES[row] for row in np.argmax(log, axis=1)] == ["SRBM", "IRBM", "ICBM", "SLV"]
+
+
+def test_an_intensity_unlike_everything_known_raises_none_of_these() -> None:
+    bank = known_bank(rates=rates(unknown=float(np.log(1e-3))))
+    seen = sightings([30.0, 60.0, 100.0, 140.0, 500.0, 5e4], 4.0)
+    chance = np.exp(known_classifier(banks=(bank,)).log_posterior(seen))[:, NONE]
+    assert np.all(chance[:4] < 0.01)
+    assert np.all(chance[4:] > 0.99)
+
+
+@pytest.mark.parametrize("sigma", [1e-3, 3.0, 1e4, 1e7])
+def test_the_density_of_none_is_a_log_uniform_intensity_in_noise(sigma: float) -> None:
+    log_s = np.linspace(np.log(LEAST_W_SR), np.log(MOST_W_SR), 400_001)
+    measured = np.array([-2.0, 0.5, 3.0, 7.0, 20.0]) * sigma + np.array([0.0, 0.0, 0.0, 0.0, 30.0])
+    # Where neither limit is near: below and above it the density goes on, while intensities end there.
+    for y in measured[((measured > 10.0) | (sigma > 100.0)) & (measured < 1e8)]:
+        exact = np.trapezoid(norm.pdf(y, np.exp(log_s), sigma), log_s) / (log_s[-1] - log_s[0])
+        found = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
+        assert found == pytest.approx(exact, rel=0.03)
+
+
+def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> None:
+    hypotheses = core_hypotheses()
+    chance = np.arange(1.0, 1.0 + len(hypotheses))
+    log = np.log(chance / chance.sum())[None]
+    by_name = dict(zip([each.name for each in hypotheses], chance / chance.sum(), strict=True))
+    paper = np.exp(known_classifier(hypotheses=hypotheses).over_types(log, REPORTED_TYPES))[0]
+    assert paper[0] == pytest.approx(by_name["ICBM"] + by_name["SLBM"])
+    assert paper[1] == pytest.approx(by_name["IRBM"] + by_name["MRBM"] + by_name["HGV"])
+    assert paper[2] == pytest.approx(by_name["SRBM"])
+    assert paper[3] == pytest.approx(
+        by_name["SLV"] + sum(by_name[name] for name in ("noise", "ground source", "bolide", "none of these"))
+    )
+    types = (*REPORTED_TYPES, "HGV", "MRBM", "SLBM", "SLV")
+    classes = np.exp(known_classifier(hypotheses=hypotheses).over_types(log, types))[0]
+    assert classes[[0, 4, 7]] == pytest.approx([by_name[name] for name in ("ICBM", "HGV", "SLV")])
+
+
+def test_classes_are_reported_where_the_scene_reports_classes() -> None:
+    log = posterior(SLV=0.9, ICBM=0.1)
+    classes = (*REPORTED_TYPES, "SLV")
+    assert known_classifier().reported(log).tolist() == [UNKNOWN_TYPE]
+    finer = known_classifier(reported_types=classes)
+    assert [classes[code] for code in finer.reported(log)] == ["SLV"]
+    assert PosteriorConfidence(finer, classes).of_types(finer.reported(log), log) == pytest.approx([0.9])
 
 
 @pytest.mark.parametrize("bands", [1, 2, 3, 8])
@@ -146,13 +225,14 @@ def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
 def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
     # Noise of 1, a thousand deviations off every density: e^-500000 and less.
     log = known_classifier().log_posterior(sightings([3000.0, -3000.0], 1e-6))
-    assert np.isfinite(log).all()
+    assert np.isfinite(log[:, [GROUND, SRBM, IRBM, ICBM, SLV]]).all()
     for row, y in enumerate((3000.0, -3000.0)):
         count = np.logaddexp(norm.logpdf(50.0, 50.0, 40.0), norm.logpdf(-49.0, 50.0, 40.0))
-        launched = logsumexp(norm.logpdf(y, [100.0, 60.0, 30.0], 3.0), b=TYPE_RATES) + count
+        launched = logsumexp(norm.logpdf(y, [30.0, 60.0, 100.0, 140.0], 3.0), b=FLIGHT_RATES) + count
         expected = launched - norm.logpdf(y, 45.0, 30.0) - np.log(OTHER_RATE / MEAN_COUNT) + 50.0 / MEAN_COUNT
         assert expected < -1e5
-        assert known_classifier().log_odds(log)[row] == pytest.approx(expected, rel=1e-9)
+        found = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
+        assert found == pytest.approx(expected, rel=1e-9)
 
 
 @given(
@@ -173,13 +253,15 @@ def test_posteriors_are_probabilities_whatever_is_measured(snr: list[float], noi
 
 def test_an_unlikely_type_is_unknown() -> None:
     classifier = known_classifier(confidence=0.9)
-    log = np.log([[0.89, 0.05, 0.05, 0.01], [0.91, 0.04, 0.04, 0.01], [0.02, 0.02, 0.02, 0.94]])
+    chances = [(0.89, 0.05, 0.05, 0.01), (0.91, 0.04, 0.04, 0.01), (0.02, 0.02, 0.02, 0.94)]
+    names = ("ICBM", "IRBM", "SRBM", "none of these")
+    log = np.concatenate([posterior(**dict(zip(names, row, strict=True))) for row in chances])
     assert [REPORTED_TYPES[code] for code in classifier.reported(log)] == ["UNKNOWN", "ICBM", "UNKNOWN"]
 
 
 def test_odds_below_the_threshold_are_unknown() -> None:
-    log = np.log([[0.9, 0.05, 0.04, 0.01]])
-    odds = float(known_classifier().log_odds(log)[0])
+    log = posterior(ICBM=0.9, IRBM=0.05, SRBM=0.04, SLV=0.01)
+    odds = float(known_classifier().log_odds(known_classifier().over_types(log, REPORTED_TYPES))[0])
     assert odds == pytest.approx(np.log(0.99 / 0.01))
     codes = [known_classifier(least_log_odds=odds + off).reported(log)[0] for off in (-1e-9, 1e-9)]
     assert codes == [0, UNKNOWN_TYPE]
@@ -190,10 +272,12 @@ def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
     log = classifier.log_posterior(sightings([45.0, 45.0, 45.0], 20.0))
     of_track = np.array([[0.0, 0.25, 0.75, 0.0], [np.nan] * 4, [0.0, 0.0, 0.0, 1.0]])
     revised = classifier.revised(log, of_track)
-    like = np.exp(log[0, :3]) / np.array([0.4, 0.3, 0.2]) * of_track[0, :3]
-    assert np.allclose(np.exp(revised[0, :3]), like / like.sum() * np.exp(log[0, :3]).sum())
-    # Whether it is a plume is for its light to say, and a track that knows nothing says nothing.
-    assert revised[0, UNKNOWN_TYPE] == log[0, UNKNOWN_TYPE]
+    missiles = [ICBM, IRBM, SRBM]
+    like = np.exp(log[0, missiles]) / np.array([0.4, 0.3, 0.2]) * of_track[0, :3]
+    assert np.allclose(np.exp(revised[0, missiles]), like / like.sum() * np.exp(log[0, missiles]).sum())
+    # Whether it is a missile is for its light to say, and a track that knows nothing says nothing.
+    rest = [NOISE, GROUND, BOLIDE, SLV, NONE]
+    assert np.array_equal(revised[0, rest], log[0, rest])
     assert np.array_equal(revised[1:], log[1:])
 
 
@@ -223,16 +307,24 @@ def test_confidence_is_the_probability_of_what_is_reported() -> None:
     log = classifier.log_posterior(seen)
     reported = classifier.reported(log)
     assert {0, UNKNOWN_TYPE} <= set(reported.tolist())
-    expected = np.exp(log)[np.arange(4), reported]
-    assert np.array_equal(PosteriorConfidence(classifier).confidence(seen), expected)
+    expected = np.exp(classifier.over_types(log, REPORTED_TYPES))[np.arange(4), reported]
+    assert np.array_equal(PosteriorConfidence(classifier).confidence(seen), np.minimum(expected, 1.0))
+
+
+#: A detection of a track and one of none, alike.
+ALIKE = np.repeat(posterior(ICBM=0.8, IRBM=0.1, SRBM=0.05, SLV=0.05), 2, axis=0)
+
+
+def judged(**changes: Any) -> Any:
+    """Return two detections with the posteriors `ALIKE`, the first of a track."""
+    detections = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8)).detections
+    types = known_classifier().over_types(ALIKE, REPORTED_TYPES)
+    return evolve(detections, type_log_probability=types, hypothesis_log_probability=ALIKE, **changes)
 
 
 def test_confidence_follows_when_motion_revises_types() -> None:
-    log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
-    window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
-    classified = evolve(window.detections, type_log_probability=log, confidence=np.array([0.8, 0.8]))
-    model = PosteriorConfidence(known_classifier())
-    found = with_tracks(known_classifier(), model, classified, tracks(knows_burnout=True))
+    model, plain = PosteriorConfidence(known_classifier()), judged(confidence=np.array([0.8, 0.8]))
+    found = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
     rows = np.arange(2), found.reported_type
     assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
     assert found.confidence[1] == 0.8 != found.confidence[0]
@@ -240,12 +332,13 @@ def test_confidence_follows_when_motion_revises_types() -> None:
 
 @pytest.mark.parametrize("knows_burnout", [True, False])
 def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
-    log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
-    window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
-    judged = evolve(window.detections, type_log_probability=log)
-    found = with_tracks(known_classifier(), ConstantConfidence(0.5), judged, tracks(knows_burnout=knows_burnout))
+    classifier, model = known_classifier(), ConstantConfidence(0.5)
+    found = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
     assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
-    assert np.array_equal(found.type_log_probability[1], log[1])
+    assert np.array_equal(found.hypothesis_log_probability[1], ALIKE[1])
+    assert np.array_equal(
+        classifier.over_types(found.hypothesis_log_probability, REPORTED_TYPES), found.type_log_probability
+    )
     assert np.allclose(found.type_probability.sum(axis=1), 1.0)
 
 
@@ -260,17 +353,59 @@ def test_parts_of_the_sky_hold_every_elevation() -> None:
     assert elevation_bin(np.array([-1.0, 0.0, 0.2, 0.5, 1.0])).tolist() == [0, 0, 1, 2, 3]
 
 
-@pytest.mark.parametrize(
-    ("prior", "complaint"),
-    [
-        ({"ICBM": 0.5, "IRBM": 0.5}, "SRBM has no share above 0"),
-        ({"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3}, "the shares sum to 1.1"),
-        ({"ICBM": 0.5, "MRBM": 0.5}, "'MRBM' is not a target type"),
-    ],
-)
-def test_a_prior_is_checked_when_it_is_read(prior: dict[str, float], complaint: str) -> None:
-    with pytest.raises(ValueError, match=complaint):
-        SpectralConfig(prior=prior)
+def test_a_prior_is_checked_when_it_is_read() -> None:
+    with pytest.raises(ValueError, match=r"the shares sum to 1\.1"):
+        SpectralConfig(prior={"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3})
+
+
+def test_a_prior_for_a_class_that_does_not_exist_names_those_that_do() -> None:
+    scene = bench_scene(detection="snr", classification={"model": "spectral", "prior": {"ICBM": 0.5, "MRBN": 0.5}})
+    with pytest.raises(ModelError, match=r"prior: 'MRBN' is no target class; the nearest is 'MRBM'; these are .*SLV"):
+        compile_plan(opir.scene_from_mapping(scene))
+
+
+def test_shares_of_launches_are_equal_over_the_missile_types() -> None:
+    hypotheses = core_hypotheses()
+    share = dict(zip([each.name for each in hypotheses], launch_shares({}, hypotheses), strict=True))
+    assert math.fsum(share.values()) == pytest.approx(1.0)
+    third = GROUP_SHARES["missile"] / 3.0
+    assert [share["ICBM"] + share["SLBM"], share["IRBM"] + share["MRBM"], share["SRBM"]] == pytest.approx([third] * 3)
+    assert [share["SLV"], share["HGV"], share["noise"]] == [GROUP_SHARES["orbit"], GROUP_SHARES["glide"], 0.0]
+
+
+@pytest.mark.slow
+def test_a_class_without_a_share_is_not_expected() -> None:
+    prior = {"ICBM": 0.5, "SRBM": 0.5}
+    scene = bench_scene(detection="snr", classification={"model": "spectral", "prior": prior, "launches": 8})
+    run = opir.simulate(opir.scene_from_mapping(scene))
+    chance = np.exp(run.detections.hypothesis_log_probability).max(axis=0)
+    names = [each.name for each in compile_plan(opir.scene_from_mapping(scene)).hypotheses]
+    possible = {name for name, most in zip(names, chance.tolist(), strict=True) if most > 0.0}
+    assert {"ICBM", "SRBM", "none of these"} <= possible
+    assert not {"IRBM", "MRBM", "SLBM", "HGV", "SLV"} & possible
+
+
+@pytest.mark.parametrize(("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")])
+def test_a_detection_model_that_measures_irradiance_brings_its_classifier(detection: str, name: str) -> None:
+    mapping = bench_scene(detection=detection)
+    del mapping["classification"]
+    scene = opir.scene_from_mapping(mapping)
+    assert scene.classification.name == name
+    plain = opir.scene_from_mapping({**mapping, "detection": "constant"}, overrides=[f"detection={detection}"])
+    assert plain.classification.name == name
+    assert opir.scene_from_mapping(scene_mapping(scene)) == scene
+    assert opir.scene_from_mapping({**mapping, "classification": "none"}).classification.name == "none"
+
+
+def test_a_setting_of_the_default_classifier_is_overridden() -> None:
+    mapping = bench_scene(detection={"model": "snr"})
+    del mapping["classification"]
+    scene = opir.scene_from_mapping(mapping, overrides=["classification.launches=8"])
+    assert (scene.classification.name, scene.classification.config.launches) == ("spectral", 8)
+
+
+def test_a_prior_tells_how_many_launches_it_expects() -> None:
+    assert known_classifier(launches_per_day=720.0).expected_launches(120.0) == pytest.approx(1.0)
 
 
 def test_a_detection_model_without_light_is_refused_in_words() -> None:

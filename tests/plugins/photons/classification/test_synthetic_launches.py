@@ -3,17 +3,24 @@
 The low-discrepancy points are required to be evener than 99.9 % of all samples of independent points.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
 from numpy.typing import NDArray
 from opir_photons.classification import synthetic_looks
-from opir_photons.classification.synthetic_looks import PROFILES, low_discrepancy_points
+from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstwo, uniform
 
-from opir_core.flight.boost import boost_profile
+from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
+from opir_core.flight.glide import GlideShape, glide_flight
 from opir_core.geometry import Geodetic
+from opir_core.plugin import EquilibriumGlide
+from opir_core.scene import core_target_class
+
+PROFILES = [name for names in PROFILES_BY_TYPE.values() for name in names]
 
 #: Radius of the sphere that launches are placed on, m, and of a geostationary orbit and a low one.
 RADIUS_M = 6.371e6
@@ -133,3 +140,48 @@ def test_aim_points_lie_in_all_directions_and_ranges_more_evenly_than_by_chance(
     most = np.minimum([profile.maximum_range_m for profile in profiles], 1.5e7) / 1.01
     assert_even(np.remainder(np.arctan2(east, north) / (2.0 * np.pi), 1.0))
     assert_even(np.log(range_m / least) / np.log(most / least))
+
+
+def boosts_of(name: str, count: int) -> tuple[Geodetic, Array, Any]:
+    """Return sites, draws and boosts of launches of one of the core's classes."""
+    kind = core_target_class(name)
+    flights, _ = synthetic_looks.flights_of([kind])
+    drawn = low_discrepancy_points(count, 5)
+    _, site = synthetic_looks._sites(GEOSTATIONARY_M, drawn[:, :3])
+    return site, drawn, synthetic_looks._boosts(site, list(flights) * count, drawn[:, 3:5])
+
+
+def test_launches_into_orbit_burn_out_near_the_orbit_of_their_class() -> None:
+    _, _, path = boosts_of("SLV", 50)
+    position, velocity = path.state(np.arange(50), path.burnout_s)
+    radius_m = np.linalg.norm(position, axis=1)
+    assert np.all(np.abs(radius_m - 6.371e6 - 200e3) < 30e3)
+    assert np.all(np.abs(np.sum(position * velocity, axis=1) / radius_m) < 150.0)
+    assert path.burnout_s == pytest.approx(np.full(50, core_target_class("SLV").profiles[0].burn_time_s))
+
+
+def test_gliders_have_the_speeds_that_their_glides_take() -> None:
+    site, drawn, path = boosts_of("HGV", 40)
+    kind = core_target_class("HGV")
+    glide = kind.after_burnout
+    assert isinstance(glide, EquilibriumGlide)
+    range_m = synthetic_looks._ranges_m([kind.profiles[0]] * 40, drawn[:, 3])
+    columns = (glide.lift_to_drag, glide.final_speed_m_s, glide.scale_height_m)
+    shape = GlideShape(*(np.full(40, value) for value in columns))
+    east = Geodesic.WGS84
+    ends = [
+        east.Direct(*np.degrees([latitude, longitude]), 90.0, distance)
+        for latitude, longitude, distance in zip(site.latitude_rad, site.longitude_rad, range_m, strict=True)
+    ]
+    aim = Geodetic(*(np.radians([end[name] for end in ends]) for name in ("lat2", "lon2")), np.zeros(40))
+    flight = glide_flight(site, aim, np.zeros(40), [kind.profiles[0]] * 40, shape)
+    flown = np.array([not words for words in flight.complaints])
+    assert flown.sum() > 20
+    # The range of the boost and of the fall is not that of the glide.
+    assert np.all(np.abs(path.burnout_speed_m_s / flight.path.burnout_speed_m_s - 1.0)[flown] < 0.15)
+
+
+def test_classes_share_flights_that_are_the_same() -> None:
+    flights, numbers = synthetic_looks.flights_of([core_target_class("IRBM"), core_target_class("MRBM")])
+    assert [flight.profile.name for flight in flights] == ["MRBM", "IRBM"]
+    assert numbers == [[0, 1], [0]]

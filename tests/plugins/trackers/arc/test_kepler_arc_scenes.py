@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from opir_trackers.arc.ends import expected_looks
+from opir_trackers.sensors import SensorSchedule
 
 from opir_core import simulate
 from opir_core.planning.plan import compile_plan
+from opir_core.plugin import TARGET_TYPES
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
@@ -34,20 +37,61 @@ def scene(**settings):
     )
 
 
-@pytest.mark.slow
-def test_sigma_is_the_papers_law():
-    plan = compile_plan(scene(tracker={"model": "kepler-arc", "sigma_0_m": 2e5, "convergence": 3.0}))
+def sigmas_and_looks(kind, **settings):
+    """Return ticks, stated sigmas, m, and numbers of detections before the ticks of a boost seen by two sensors."""
+    plan = compile_plan(scene(tracker={"model": "kepler-arc", **settings}, **LONGER[kind]))
     run = run_of_plan(plan)
     tracks = run.tracks
     assert len(np.unique(tracks.track)) == 1
     sigma = np.sqrt(tracks.impact_covariance[:, 0, 0])
     assert sigma == pytest.approx(np.sqrt(tracks.impact_covariance[:, 1, 1]))
-    # The arc falls short: by its range it is an SRBM, which burns for 65 s. Both sensors look every 0.1 s.
-    chance = plan.sensors[0].detection_probability["SRBM"]
-    expected = 2 * 65.0 / 0.1 * chance
-    share = np.array([np.count_nonzero(run.detections.time_s < tick) for tick in tracks.tick_s[:-1]]) / expected
-    assert sigma[:-1] == pytest.approx(2e5 * np.exp(-3.0 * np.minimum(share, 1.0)), rel=1e-9)
-    assert share[-1] > 0.8
+    looks = np.array([np.count_nonzero(run.detections.time_s < tick) for tick in tracks.tick_s])
+    return tracks.tick_s, sigma, looks, plan
+
+
+LAUNCH = {"lat_deg": 36.73, "lon_deg": -120.57, "time_s": 2.0}
+LONGER = {
+    "SRBM": {
+        "duration_s": 90.0,
+        "targets": [{"id": "T1", "type": "SRBM", "launch": LAUNCH, "aim": {"lat_deg": 33.0, "lon_deg": -121.0}}],
+    },
+    "ICBM": {
+        "duration_s": 120.0,
+        "targets": [{"id": "T1", "type": "ICBM", "launch": LAUNCH, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}],
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", list(LONGER))
+def test_sigma_is_the_papers_law(kind):
+    """At half of the boost the law says sigma_0 exp(-k / 2): tens of kilometres, whatever the range of the arc."""
+    tick_s, sigma, looks, plan = sigmas_and_looks(kind, sigma_0_m=2e5, convergence=3.0)
+    chance, burn_s = plan.sensors[0].detection_probability[kind], {"SRBM": 65.0, "ICBM": 210.0}[kind]
+    half = int(np.argmin(np.abs(tick_s - 2.0 - 0.5 * burn_s)))
+    law = 2e5 * np.exp(-3.0 * looks[half] / (2 * burn_s / 0.1 * chance))
+    assert law == pytest.approx(2e5 * np.exp(-1.5), rel=0.1)
+    # Types of which boosts of this length are as likely share the expected number.
+    assert 0.5 * law < sigma[half] < 2.2 * law
+    assert np.all(np.diff(sigma[: half + 1]) < 0.0)
+
+
+@pytest.mark.slow
+def test_after_the_boost_all_detections_are_in():
+    _, sigma, _, _ = sigmas_and_looks("SRBM", sigma_0_m=2e5, convergence=3.0)
+    assert sigma[-1] == pytest.approx(2e5 * np.exp(-3.0), rel=1e-9)
+
+
+def test_expected_detections_are_those_of_the_boost_so_far_and_the_reported_types():
+    """Ten detections a second: a boost of 130 s is no short-range one, one of 250 s lasts as long as any."""
+    schedule = SensorSchedule(np.array([0.1]), np.ones((1, 3)))
+    seen, elapsed = np.ones((4, 1), dtype=bool), np.array([1.0, 130.0, 250.0, 30.0])
+    share = np.array([[1.0, 1.0, 1.0]] * 3 + [[float(kind == "SRBM") for kind in TARGET_TYPES]])
+    expected = expected_looks(schedule, seen, elapsed, share)
+    assert expected[0] == pytest.approx(10.0 * (65.0 + 120.0 + 210.0) / 3.0, rel=1e-6)
+    assert 1800.0 < expected[1] < 2100.0
+    assert expected[2] == pytest.approx(2500.0, rel=0.01)
+    assert expected[3] == pytest.approx(650.0)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from opir_trackers.filter import burn_modes
 from opir_trackers.filter.burn_modes import BurnModes, NewStage
-from opir_trackers.filter.estimates import BURN_SHARE, twice
+from opir_trackers.filter.estimates import BURN_SHARE, in_parts
 from opir_trackers.filter.iterated_update import Updated, log_likelihoods
 from opir_trackers.filter.thrust import Thrust
 
@@ -20,7 +20,7 @@ SIGMA = np.array([100.0] * 3 + [20.0] * 3 + [2.0] * 3 + [0.002])
 
 def burns(share=BURN_SHARE):
     root = np.diag(1.0 / SIGMA)[None]
-    return twice(STATE[None]), twice(root), share
+    return in_parts(STATE[None]), in_parts(root), share
 
 
 def predicted(known, step_s):
@@ -48,7 +48,7 @@ def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_i
 
 def test_the_probability_of_a_new_stage_grows_at_its_rate():
     _, _, share = predicted(burns(), 1.0)
-    assert share[0] == pytest.approx([np.exp(-1.0 / 40.0), -np.expm1(-1.0 / 40.0)], rel=1e-9)
+    assert share[0] == pytest.approx([np.exp(-1.0 / 40.0), -np.expm1(-1.0 / 40.0), 0.0], rel=1e-9)
     _, _, later = predicted(predicted(burns(), 1.0), 1.0)
     assert later[0, 0] == pytest.approx(np.exp(-2.0 / 40.0), rel=1e-9)
 
@@ -61,7 +61,7 @@ def test_a_step_of_no_time_changes_nothing():
 
 
 def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
-    known = burns(np.array([[0.05, 0.95]]))
+    known = burns(np.array([[0.05, 0.95, 0.0]]))
     known[0][:, 1, 6:9] *= 0.4
     mean, _, share = predicted(known, 0.1)
     assert share[0, 0] == pytest.approx(np.exp(-0.1 / 40.0))
@@ -110,7 +110,7 @@ def test_without_stages_a_burn_has_no_parts():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_boost_of_a_burn_is_the_moments_of_its_parts(count):
-    known = tuple(column.repeat(count, axis=0) for column in burns(np.array([[0.7, 0.3]])))
+    known = tuple(column.repeat(count, axis=0) for column in burns(np.array([[0.7, 0.3, 0.0]])))
     boost, parts = MODES.predicted(burn_modes.moments(known), known, 1.0)
     for told, own in zip(boost, burn_modes.moments(parts), strict=True):
         assert np.array_equal(told, own)

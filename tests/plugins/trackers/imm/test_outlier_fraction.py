@@ -5,6 +5,7 @@ import pytest
 from attrs import evolve
 from drawn_flights import flown
 from hypothesis import given, strategies as st
+from opir_scoring.containments import nees
 from opir_trackers.gating import GatedPairs
 from opir_trackers.imm.measurement_weights import (
     FRACTIONS,
@@ -16,7 +17,6 @@ from opir_trackers.imm.measurement_weights import (
 from tracked_flights import followed, rows_of, usual
 
 from examples import examples
-from opir_core.scoring.containments import nees
 
 GATE = 4.5
 

@@ -1,0 +1,113 @@
+"""The last row of each track of a run as plain values, for its summary."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
+from opir_core.interfaces.records import IMPACT_METHODS, Tracks
+from opir_core.interfaces.weighed_tracks import hypothesis_columns
+from opir_core.scene.scene import REPORTED_TYPES
+
+
+class LatestTracks:
+    """The last row of each track of a run, window by window; `hypotheses` are the names of the run's hypotheses."""
+
+    def __init__(self, hypotheses: Sequence[str] = ()) -> None:
+        self._hypotheses = hypotheses
+        self._latest = Tracks.empty()
+        self._first_s: dict[int, float] = {}
+
+    def take(self, tracks: Tracks) -> None:
+        """Add the rows (n,) of a window, sorted by tick."""
+        if not len(tracks):
+            return
+        for track, tick_s in zip(tracks.track.tolist(), tracks.tick_s.tolist(), strict=True):
+            self._first_s.setdefault(track, tick_s)
+        rows = Tracks.concatenate([self._latest, tracks])
+        _, last = np.unique(rows.track[::-1], return_index=True)
+        self._latest = rows.take(np.sort(len(rows) - 1 - last))
+
+    def rows(self) -> list[Mapping[str, Any]]:
+        """Return one row of plain values per track, in the order of their numbers."""
+        latest = self._latest.take(np.argsort(self._latest.track, kind="stable"))
+        launch, impact = (_semi_major_km(latest, name) for name in ("launch", "impact"))
+        columns = hypothesis_columns(latest, self._hypotheses)
+        weighed = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return [
+            {**self._row(latest, place, launch[place], impact[place]), **_likeliest(row["hypotheses"]), **row}
+            for place, row in enumerate(weighed)
+        ]
+
+    def _row(self, latest: Tracks, place: int, launch_km: float, impact_km: float) -> Mapping[str, Any]:
+        track, chance = int(latest.track[place]), latest.type_probability[place]
+        is_typed = bool(np.isfinite(chance).any())
+        return {
+            "track_id": track,
+            "first_s": self._first_s[track],
+            "last_s": float(latest.tick_s[place]),
+            "reported_type": REPORTED_TYPES[int(np.nanargmax(chance))] if is_typed else None,
+            "type_probability": float(np.nanmax(chance)) if is_typed else None,
+            "launch": _point(latest.launch[place], launch_km),
+            "impact": _impact(latest, place, impact_km),
+        }
+
+
+def _likeliest(hypotheses: Mapping[str, float] | None) -> Mapping[str, Any]:
+    chance, name = max((chance, name) for name, chance in hypotheses.items()) if hypotheses else (None, None)
+    return {"likeliest_hypothesis": name, "hypothesis_probability": chance}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _semi_major_km(tracks: Tracks, point: str) -> list[float]:
+    """Return the semi-major axes (n,), km, of the 95 % ellipses of launch or impact points; nan where unknown."""
+    covariance = getattr(tracks, f"{point}_covariance")[:, :2, :2]
+    sigmas = tracks.impact_sigmas if point == "impact" else None
+    return (containment_ellipse(covariance, reported_sigmas=sigmas).semi_major_m * 1e-3).tolist()
+
+
+def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, Any] | None:
+    """Return a predicted impact point, how it was predicted, and its 95 % regions, the most probable condition first.
+
+    The paper's law states no containment: its σ is `sigma_km`, and there is no semi-major axis.
+    """
+    method = IMPACT_METHODS[latest.impact_method[place]]
+    is_paper = method == "paper"
+    point = _point(latest.impact[place], np.nan if is_paper else semi_major_km)
+    if point is None:
+        return None
+    variance_m2 = 0.5 * float(np.trace(latest.impact_covariance[place, :2, :2]))
+    regions = [
+        {
+            "condition": region.condition,
+            "probability": region.probability,
+            "area_95_km2": region.area_km2,
+            "effective_samples": _number(region.effective_samples),
+        }
+        for region in latest.impact_regions[place]
+        if region.containment == CONTAINMENT
+    ]
+    return {
+        **point,
+        "region_95_km2": regions[0]["area_95_km2"] if regions else None,
+        "regions": regions,
+        "method": method,
+        "sigma_km": 1e-3 * variance_m2**0.5 if is_paper and 0.0 <= variance_m2 < np.inf else None,
+    }
+
+
+def _point(place: Any, semi_major_km: float) -> Mapping[str, Any] | None:
+    """Return a point (latitude, longitude, time) in degrees and seconds, or None if it is not estimated."""
+    if not np.isfinite(place).all():
+        return None
+    latitude_deg, longitude_deg = np.degrees(place[:2]).tolist()
+    return {
+        "lat_deg": latitude_deg,
+        "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
+        "time_s": float(place[2]),
+        "semi_major_95_km": semi_major_km if np.isfinite(semi_major_km) else None,
+    }

@@ -1,0 +1,64 @@
+"""`opir score` scores the tracks of a run against the truth."""
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+
+from opir_core.errors import Problem, SceneError
+from opir_scoring.evidence import evidence_of_files
+from opir_scoring.scorecard_tables import scorecard_text
+from opir_scoring.scorecards import ScoreSettings, scorecard
+
+#: Powers of ten that leave room for sums in a double.
+_LARGEST_POWER = 280.0
+
+
+def score(arguments: argparse.Namespace) -> int:
+    """Read the run and print its scores."""
+    settings = score_settings(arguments)
+    elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
+    given = {name: Path(path) for name, path in elsewhere.items() if path}
+    evidence = evidence_of_files(Path(arguments.events), **given)
+    card = scorecard([evidence], settings)
+    # Tracks from elsewhere are not those of the run's tracker.
+    tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
+    text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
+    """Return the score settings of the arguments; raises `SceneError` for values out of range."""
+    problems = [
+        Problem(flag, message)
+        for flag, is_wrong, message in (
+            ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
+            ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
+            ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
+            ("--launch-probability", not 0.0 <= arguments.launch_probability < 1.0, "must be in [0, 1)"),
+            ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
+            (
+                "--order",
+                _is_beyond(arguments.cutoff_m, arguments.order),
+                "too large: the cut-off to this power overflows",
+            ),
+        )
+        if is_wrong
+    ]
+    if problems:
+        raise SceneError(problems, source="command line")
+    return ScoreSettings(
+        bin_s=arguments.bin_s,
+        cutoff_m=arguments.cutoff_m,
+        order=arguments.order,
+        alpha=arguments.alpha,
+        launch_probability=arguments.launch_probability,
+        unknown=tuple(arguments.unknown),
+    )
+
+
+def _is_beyond(cutoff_m: float, order: float) -> bool:
+    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or underflow."""
+    return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER

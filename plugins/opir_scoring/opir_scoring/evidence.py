@@ -1,0 +1,168 @@
+"""The data of a score: a run's tracks and detections, the true states, and the target of each track.
+
+A track belongs to the target of most of its detections. A target may have several tracks, at the same time or, where
+one was lost, one after another. At every tick one of them is *in force*: so tracks after a loss are scored too, and
+simultaneous tracks count once.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from attrs import frozen
+
+from opir_core import Plan, Run
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.errors import Problem, SceneError
+from opir_core.output import read_run
+from opir_core.plugin import Tracks
+
+#: Step of the finite difference for the true velocity, s: positions are interpolated to a centimetre and the jerk is
+#: below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the ends too.
+_VELOCITY_STEP_S = 0.25
+
+
+@frozen(eq=False)
+class RunEvidence:
+    """One run: its tracks by tick, and columns over its detections.
+
+    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: false
+    alarm).
+    """
+
+    plan: Plan
+    tracks: Tracks
+    time_s: FloatArray
+    sensor: IndexArray
+    sigma_rad: FloatArray
+    track: IntArray
+    target: IndexArray
+    #: Measured unit vectors (n, 3) and sensor positions (n, 3), ECEF.
+    direction_ecef: FloatArray
+    sensor_ecef_m: FloatArray
+    #: Processor time of the tracker, s, or nan if not measured.
+    tracking_s: float = np.nan
+
+    @property
+    def is_launch(self) -> BoolArray:
+        """Return which of the plan's targets are launches, not other hot sources."""
+        return np.arange(len(self.plan.targets.ids)) < len(self.plan.scene.targets)
+
+
+def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
+    """Return the evidence of a run in memory with the plan of its scene."""
+    order = np.argsort(run.detections.time_ns, kind="stable") if run.detections.is_delayed else slice(None)
+    detections = run.detections.take(order)
+    owner, sigma_rad = final_tracks(run.tracks, detections.track), detections.line_of_sight_sigma_rad
+    return RunEvidence(
+        plan=plan,
+        tracks=run.tracks,
+        time_s=detections.time_s,
+        sensor=detections.sensor,
+        sigma_rad=sigma_rad,
+        track=owner,
+        target=run.truth.target[order],
+        direction_ecef=detections.line_of_sight_ecef,
+        sensor_ecef_m=detections.sensor_ecef_m,
+        tracking_s=tracking_s,
+    )
+
+
+def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
+    """Return the tracks of detections, -1 where the number is not among the reported tracks."""
+    known = np.unique(tracks.track)
+    return np.where(np.isin(track, known), track, -1)
+
+
+def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
+    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the rotating Earth.
+
+    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight or the
+    plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is the plan of a run.
+    """
+    start, end = plan.targets.ignition_s[target], plan.targets.end_s[target]
+    inside = (time_s >= start) & (time_s <= end)
+    clipped = np.clip(time_s, start, end)
+    step = np.minimum(_VELOCITY_STEP_S, 0.5 * (end - start))
+    # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
+    middle = np.clip(clipped, start + step, end - step)
+    position = plan.targets.position_ecef_m(target, clipped)
+    early, there, late = (plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0))
+    per_step = (1.0 / step)[:, None]
+    curvature = (late - 2.0 * there + early) * per_step * ((clipped - middle) / step)[:, None]
+    states = np.concatenate([position, 0.5 * (late - early) * per_step + curvature], axis=1)
+    return np.where(inside[:, None], states, np.nan)
+
+
+@frozen(eq=False)
+class Ownership:
+    """One row per track, by number: target (-1: false alarms or a source that is no launch), purity and geometry.
+
+    `held` counts the track's detections from its target, and `purity` is their share of all its detections. `is_stereo`
+    marks tracks with detections of several sensors, `is_biased` those with a sensor that has a line-of-sight bias.
+    `source` is the row of the launch or other hot source among the plan's targets, -1 for false alarms.
+    """
+
+    track: IntArray
+    target: IntArray
+    purity: FloatArray
+    held: IntArray
+    is_stereo: BoolArray
+    is_biased: BoolArray
+    source: IntArray
+
+
+def ownership(evidence: RunEvidence) -> Ownership:
+    """Return the targets of all reported tracks."""
+    numbers = np.unique(evidence.tracks.track)
+    held = np.flatnonzero(evidence.track >= 0)
+    row = np.searchsorted(numbers, evidence.track[held])
+    targets = len(evidence.plan.targets.ids)
+    count = np.zeros((len(numbers), targets + 1), dtype=np.int64)
+    np.add.at(count, (row, evidence.target[held] + 1), 1)
+    total = count.sum(axis=1)
+    owner = count.argmax(axis=1) - 1
+    of_owner = count.max(axis=1, initial=0)
+    is_launch = np.append(evidence.is_launch, False)
+    target = np.where((total > 0) & is_launch[owner], owner, -1)
+    seen = np.zeros((len(numbers), len(evidence.plan.sensors)), dtype=np.bool_)
+    seen[row, evidence.sensor[held]] = True
+    biased = np.array([sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors], dtype=np.bool_)
+    return Ownership(
+        track=numbers,
+        target=target,
+        purity=np.where(total > 0, of_owner / np.maximum(total, 1), 0.0),
+        held=of_owner,
+        is_stereo=seen.sum(axis=1) > 1,
+        is_biased=(seen & biased).sum(axis=1) > 0,
+        source=np.where(total > 0, owner, -1),
+    )
+
+
+def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
+    """Return the rows of the run's tracks that are in force, one per launch and tick, by launch and tick.
+
+    Of several tracks of a launch at a tick it is the one with the most detections of its target, the earliest of
+    equals.
+    """
+    owner = np.searchsorted(owners.track, evidence.tracks.track)
+    target, tick_s = owners.target[owner], evidence.tracks.tick_s
+    order = np.lexsort((owner, -owners.held[owner], tick_s, target))
+    order = order[target[order] >= 0]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = (np.diff(target[order]) != 0) | (np.diff(tick_s[order]) != 0.0)
+    return order[first]
+
+
+def evidence_of_files(
+    events: Path, *, truth: Path | None = None, tracks: Path | None = None, manifest: Path | None = None
+) -> RunEvidence:
+    """Return the evidence of a run from its events (forge), and the truth, tracks and manifest beside them.
+
+    Any of the three may lie elsewhere; such tracks may be those of another tracker from the same events. Raises
+    `SceneError` with the file and line that is missing, invalid or of another run.
+    """
+    run = read_run(events, truth=truth, tracks=tracks, manifest=manifest)
+    if tracks is None and run.plan.make_tracker().cadence_s is None:
+        words = "the run has no tracks: the tracker none makes none; run it again with --tracker NAME"
+        raise SceneError([Problem("", words)], source=str(events))
+    return evidence_of_run(run, run.plan)

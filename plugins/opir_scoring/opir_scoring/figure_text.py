@@ -1,0 +1,24 @@
+"""The text of a figure, with its interval."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+#: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
+_WIDEST = 100.0
+
+
+def interval_text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
+    """Return a figure with its interval, "-" where it is unknown."""
+    if not math.isfinite(figure["value"]):
+        return "-"
+    value = f"{scale * figure['value']:.{digits}f}"
+    low, high = (scale * edge for edge in figure["interval_95"])
+    # A single run, or track, has no interval; that of two targets may say nothing.
+    is_told = math.isfinite(low) and not 0.0 < _WIDEST * low < high
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_told else value
+
+
+def number_text(value: float, digits: int) -> str:
+    """Return a number, "-" where it is unknown or infinite."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"

@@ -1,0 +1,147 @@
+"""Scores of the hypotheses that tracks weigh: log and Brier scores, reliability, what is recognised as unknown."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces import Columns
+from opir_core.plugin import LAUNCH_GROUPS
+from opir_scoring.containments import mean, proportion, share
+from opir_scoring.evidence import Ownership, RunEvidence
+from opir_scoring.proper_scores import (
+    brier_scores,
+    log_scores,
+    open_set_rate,
+    reliability,
+    share_above,
+)
+
+#: Ages of a track, s since its first estimate, at which its probabilities are scored; then its last estimate.
+AGES_S = (0.0, 5.0, 10.0, 20.0, 40.0)
+AGES = (*(f"{age_s:g} s" for age_s in AGES_S), "last estimate")
+
+#: The hypotheses of what is no launch, by name: of false alarms, bolides and all other sources.
+_NOISE, _BOLIDE, _GROUND = "noise", "bolide", "ground source"
+
+
+@frozen(eq=False, repr=False)
+class HypothesisScores(Columns):
+    """Scores of the probabilities of hypotheses, one row per track and age that it reaches.
+
+    `age` are numbers into `AGES`, `truth` and `best` the true and the most probable hypothesis by number, `confidence`
+    the probability of the latter. `is_unknown` marks tracks whose truth is "none of these", of which `none` is the
+    probability; `known` is the greatest probability of any other hypothesis, and `is_known_right` whether it is the
+    truth. `launch` is the probability of a launch, `is_launch` the truth of it.
+    """
+
+    age: IntArray
+    truth: IntArray
+    best: IntArray
+    confidence: FloatArray
+    log_score: FloatArray
+    brier: FloatArray
+    none: FloatArray
+    is_unknown: BoolArray
+    known: FloatArray
+    is_known_right: BoolArray
+    launch: FloatArray
+    is_launch: BoolArray
+
+
+def true_hypotheses(evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()) -> IntArray:
+    """Return the numbers (tracks,) of the hypotheses that are true of tracks.
+
+    That of a launch has the name of its target class, that of false alarms is noise; other sources are bolides or stand
+    on the ground. "None of these" is true of classes that are no hypothesis, or are named as `unknown` to the tracker.
+    """
+    plan = evidence.plan
+    names = [hypothesis.name for hypothesis in plan.hypotheses]
+    others = {_NOISE, _BOLIDE, _GROUND}
+    number = {name: place for place, name in enumerate(names) if name not in {*unknown, *others}}
+    launched = [number.get(name, len(names) - 1) for name in plan.targets.class_names[: len(plan.scene.targets)]]
+    sources = plan.targets.class_names[len(launched) :]
+    places = [names.index(_BOLIDE if name == _BOLIDE else _GROUND) for name in sources]
+    return np.array([*launched, *places, names.index(_NOISE)], dtype=np.int64)[owners.source]
+
+
+def hypothesis_scores(evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()) -> HypothesisScores:
+    """Return the scores of all tracks of a run by age; no rows where the tracker weighs no hypotheses."""
+    tracks, groups = evidence.tracks, [hypothesis.group for hypothesis in evidence.plan.hypotheses]
+    if tracks.hypothesis_probability.shape[1] != len(groups):
+        return HypothesisScores.empty()
+    rows, age = _rows_by_age(evidence, owners)
+    probability = tracks.hypothesis_probability[rows]
+    owner = np.searchsorted(owners.track, tracks.track[rows])
+    truth = true_hypotheses(evidence, owners, unknown)[owner]
+    best, none = probability.argmax(axis=1), len(groups) - 1
+    known, is_launch = probability[:, :none], np.isin(groups, LAUNCH_GROUPS)
+    return HypothesisScores(
+        age=age,
+        truth=truth,
+        best=best,
+        confidence=probability.max(axis=1),
+        log_score=log_scores(probability, truth),
+        brier=brier_scores(probability, truth),
+        none=probability[:, none],
+        is_unknown=truth == none,
+        known=known.max(axis=1),
+        is_known_right=known.argmax(axis=1) == truth,
+        launch=probability[:, is_launch].sum(axis=1),
+        is_launch=owners.target[owner] >= 0,
+    )
+
+
+def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, IntArray]:
+    """Return rows (n,) of tracks, the newest at each age that they reach and the last, and the ages' numbers (n,)."""
+    tracks = evidence.tracks
+    order = np.lexsort((tracks.tick_s, tracks.track))
+    order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
+    track, tick_s = tracks.track[order], tracks.tick_s[order]
+    first, last = (np.searchsorted(track, np.unique(track), side=side) for side in ("left", "right"))
+    rows, ages = list[IntArray](), list[IntArray]()
+    since_s = tick_s - np.repeat(tick_s[first], last - first) if len(order) else tick_s
+    for number, age_s in enumerate(AGES_S):
+        young = np.add.reduceat(since_s <= age_s, first) if len(order) else first
+        reached = since_s[last - 1] >= age_s if len(order) else first
+        rows.append(order[(first + young - 1)[reached]])
+        ages.append(np.full(len(rows[-1]), number))
+    return np.concatenate([*rows, order[last - 1]]), np.concatenate([*ages, np.full(len(last), len(AGES_S))])
+
+
+def hypothesis_figures(scores: HypothesisScores, names: Sequence[str]) -> Mapping[str, Any]:
+    """Return the figures of hypotheses by age, and reliability and confusion at the last estimates."""
+    last = scores.take(scores.age == len(AGES_S))
+    return {
+        "by_age": [{"age": name, **_of_age(scores.take(scores.age == age))} for age, name in enumerate(AGES)],
+        "reliability": reliability(last.confidence, last.best == last.truth),
+        "launch_reliability": reliability(last.launch, last.is_launch),
+        "confusion": _confusion(last, names),
+    }
+
+
+def _of_age(scores: HypothesisScores) -> dict[str, Any]:
+    known = ~scores.is_unknown
+    right = int(np.count_nonzero(scores.best == scores.truth))
+    return {
+        "tracks": len(scores),
+        "right": share(*proportion(right, len(scores))),
+        "log_score": mean(scores.log_score),
+        "brier": mean(scores.brier, 2.0),
+        "none": mean(scores.none[known], 1.0),
+        "unknown_tracks": int(np.count_nonzero(~known)),
+        "none_auroc": share_above(scores.none[~known], scores.none[known]),
+        "oscr": open_set_rate(scores.known[known], scores.is_known_right[known], scores.known[~known]),
+    }
+
+
+def _confusion(scores: HypothesisScores, names: Sequence[str]) -> dict[str, dict[str, int]]:
+    """Return, by true hypothesis, the counts of the most probable ones; hypotheses without any are left out."""
+    count = np.zeros((len(names), len(names)), dtype=np.int64)
+    np.add.at(count, (scores.truth, scores.best), 1)
+    return {
+        names[true]: {names[best]: int(count[true, best]) for best in np.flatnonzero(count[true]).tolist()}
+        for true in np.flatnonzero(count.sum(axis=1)).tolist()
+    }

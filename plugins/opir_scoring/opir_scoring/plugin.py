@@ -1,0 +1,22 @@
+"""The command `opir score`; what computes scores is imported when the command is given."""
+
+import argparse
+from typing import Any
+
+from opir_core.plugin import hookimpl
+
+
+@hookimpl
+def opir_add_commands(commands: Any) -> None:
+    """Add `opir score`."""
+    from opir_scoring.arguments import score_arguments
+
+    parser = commands.add_parser("score", help="score the tracks of a run against the truth")
+    score_arguments(parser)
+    parser.set_defaults(run=_score)
+
+
+def _score(arguments: argparse.Namespace) -> int:
+    from opir_scoring.command import score
+
+    return score(arguments)

@@ -1,0 +1,158 @@
+"""Proper scores of stated distributions, as functions of arrays: energy score, log score, Brier score, calibration.
+
+A score is proper if its expected value is best for whoever states what they believe: neither a bolder nor a vaguer
+statement gains (Gneiting and Raftery, J. Am. Stat. Assoc. 102 (2007), 359). All of these are losses: less is better.
+"""
+
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_scoring.containments import proportion, share
+
+#: Reported probabilities below this count as this: tracks files round, and a single zero would outweigh all else.
+LEAST_PROBABILITY = 1e-6
+
+#: Edges of the bins of stated probabilities; the last ones are where warnings are given.
+RELIABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 1.0)
+
+#: Step and half range of the integral over ln t: the integrand falls as exp(-|ln t| / 2), to 1e-8 at the ends, and the
+#: trapezoid rule errs by exp(-π² / step).
+_STEP, _REACH = 0.5, 37.0
+
+#: Points of a distribution with reported radii, and how many differences of each with others are averaged.
+_POINTS, _DIFFERENCES = 512, 16
+
+#: Rows that are sampled at once, 20 MB.
+_BLOCK = 256
+
+
+def energy_scores(
+    error: FloatArray, covariance: FloatArray, sigmas: FloatArray | None = None, part: slice = slice(None)
+) -> FloatArray:
+    """Return energy scores (n,) of estimates with errors (n, d) and covariances (n, d, d), in the unit of the error.
+
+    The score is E|X - y| - E|X - X'| / 2 for the truth y and independent draws X and X' of the stated distribution
+    (Gneiting and Raftery, equation 22 with exponent 1); in one dimension it is the CRPS. That of a normal distribution
+    is an integral over one variable, good to 1e-7. Where the radii `sigmas` (n, 3) of the ellipsoids of
+    `TRACK_CONTAINMENTS` are reported, the difference to the normal distribution is sampled at fixed points, to about
+    1 %. `part` are the components that are scored. Without a covariance the estimate is a point: its score is the
+    length of its error. nan where the error is unknown.
+    """
+    score = np.sqrt(np.sum(np.square(error[:, part]), axis=1))
+    known = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    variance, axes = np.linalg.eigh(covariance[known][:, part, part])
+    variance = np.maximum(variance, 0.0)
+    across = np.sum(axes * error[known][:, part][:, :, None], axis=1)
+    score[known] = _mean_length(across, variance) - 0.5 * _mean_length(np.zeros_like(across), 2.0 * variance)
+    if sigmas is not None:
+        radial = np.intersect1d(known, np.flatnonzero(np.isfinite(sigmas).all(axis=1)))
+        for rows in np.array_split(radial, max(1, -(-len(radial) // _BLOCK))):
+            score[rows] += _gain_of_radii(error[rows], covariance[rows], sigmas[rows], part)
+    return score
+
+
+def _mean_length(mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return E|X| (n,) of normal vectors with independent components, their means and variances (n, d).
+
+    |x| is the integral of (1 - exp(-t x²)) t^(-3/2) over t > 0, over 2 √π; the mean of exp(-t x²) has a closed form.
+    """
+    square = np.sum(mean * mean + variance, axis=1)
+    t = np.exp(np.arange(-_REACH, _REACH + _STEP, _STEP)) / np.where(square > 0.0, square, 1.0)[:, None]
+    grown = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
+    log_mean = np.sum(-0.5 * np.log(grown) - t[:, :, None] * (mean * mean)[:, None, :] / grown, axis=2)
+    length = _STEP * np.sum(-np.expm1(log_mean) / np.sqrt(t), axis=1) / (2.0 * np.sqrt(np.pi))
+    return np.where(square > 0.0, length, 0.0)
+
+
+@cache
+def _normal_points(size: int) -> FloatArray:
+    """Return fixed points (k, d) of a normal distribution, each with its opposite."""
+    half = np.random.default_rng(20260401).normal(size=(_POINTS // 2, size))
+    return np.concatenate([half, -half])
+
+
+def _gain_of_radii(error: FloatArray, covariance: FloatArray, sigmas: FloatArray, part: slice) -> FloatArray:
+    """Return by how much (n,) the energy scores exceed those of normal distributions, for ellipsoids of given radii."""
+    variance, axes = np.linalg.eigh(covariance)
+    root = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])[:, part]
+    points = _normal_points(error.shape[1])
+    normal = points @ root.transpose(0, 2, 1)
+    stated = _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])[:, :, None] * normal
+    return _sampled(stated, error[:, part]) - _sampled(normal, error[:, part])
+
+
+def _stretch(radius: FloatArray, sigmas: FloatArray, freedom: int) -> FloatArray:
+    """Return what points (k,) of a normal distribution are multiplied by, (n, k), as `on_normal_scale` divides."""
+    usual = np.append(0.0, np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom)))
+    stated = np.concatenate([np.zeros((len(sigmas), 1)), sigmas], axis=1)
+    part = np.minimum(np.searchsorted(usual, radius, side="right") - 1, len(usual) - 2)
+    slope = np.diff(stated, axis=1) / np.diff(usual)
+    within = stated[:, part] + (radius - usual[part]) * slope[:, part]
+    return np.where(radius > usual[-1], (sigmas[:, -1] / usual[-1])[:, None], within / radius)
+
+
+def _sampled(points: FloatArray, error: FloatArray) -> FloatArray:
+    """Return the energy scores (n,) of points (n, k, d) about estimates with errors (n, d)."""
+    # The truth lies at minus the error.
+    away = np.sqrt(np.sum(np.square(points + error[:, None, :]), axis=2)).mean(axis=1)
+    shifts = np.linspace(1, points.shape[1] // 2 - 1, _DIFFERENCES).astype(int).tolist()
+    apart = [np.sqrt(np.sum(np.square(points - np.roll(points, by, axis=1)), axis=2)).mean(axis=1) for by in shifts]
+    return away - 0.5 * np.mean(apart, axis=0)
+
+
+def weighted_energy(weight: FloatArray, away: FloatArray, apart: FloatArray) -> float:
+    """Return the energy score of weighted points (k,), `away` (k,) from the truth and `apart` (k, k) of each other."""
+    weight = weight / weight.sum()
+    return float(weight @ away - 0.5 * weight @ apart @ weight)
+
+
+def log_scores(probability: FloatArray, truth: IntArray) -> FloatArray:
+    """Return -ln of the probability (n, h) of what is true (n,), at most -ln of `LEAST_PROBABILITY`."""
+    return -np.log(np.maximum(probability[np.arange(len(truth)), truth], LEAST_PROBABILITY))
+
+
+def brier_scores(probability: FloatArray, truth: IntArray) -> FloatArray:
+    """Return the Brier scores (n,) of probabilities (n, h), between 0 and 2 (Brier, Mon. Weather Rev. 78 (1950), 1)."""
+    is_true = np.arange(probability.shape[1]) == truth[:, None]
+    return np.sum(np.square(probability - is_true), axis=1)
+
+
+def reliability(stated: FloatArray, is_true: BoolArray) -> list[dict[str, Any]]:
+    """Return a row for each bin of stated probabilities (n,): the count, their mean, and the share that is true."""
+    number = np.digitize(stated, RELIABILITY_EDGES[1:-1])
+    rows = []
+    for place, edges in enumerate(pairwise(RELIABILITY_EDGES)):
+        mine = number == place
+        count = int(np.count_nonzero(mine))
+        stated_mean = float(stated[mine].mean()) if count else np.nan
+        right = share(*proportion(int(np.count_nonzero(is_true[mine])), count))
+        rows.append({"stated": list(edges), "samples": count, "stated_mean": stated_mean, **right})
+    return rows
+
+
+def share_above(one: FloatArray, other: FloatArray) -> float:
+    """Return the share of pairs in which one is above the other, ties half: the area under an ROC curve."""
+    if not len(one) or not len(other):
+        return np.nan
+    ordered = np.sort(other)
+    below = np.searchsorted(ordered, one, side="left") + np.searchsorted(ordered, one, side="right")
+    return float(below.sum()) / (2.0 * len(one) * len(other))
+
+
+def open_set_rate(confidence: FloatArray, is_right: BoolArray, unknown: FloatArray) -> float:
+    """Return the area under the open-set classification rate (OSCR), between 0 and 1; nan without known or unknown.
+
+    `confidence` (n,) is the greatest probability of a known class for samples of known classes, `is_right` (n,) whether
+    it is their class, and `unknown` (m,) the same probability for samples of no known class. The curve is the share of
+    known samples that are classified correctly and above a threshold, against the share of unknown samples above it
+    (Dhamija, Günther and Boult, "Reducing Network Agnostophobia", NeurIPS 2018).
+    """
+    if not len(confidence) or not len(unknown):
+        return np.nan
+    return float(is_right.mean()) * share_above(confidence[is_right], unknown) if is_right.any() else 0.0

@@ -1,0 +1,81 @@
+"""The state of the tracker `imm` between two slices, and tracks that have ended."""
+
+import numpy as np
+from attrs import evolve, field, frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import BoolArray, IntArray
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.imm.histories import Histories
+from opir_trackers.imm.track_management import SharedDetections, TrackTable
+from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
+from opir_trackers.onset.motion_statistics import MotionStatistics
+
+
+@frozen(eq=False)
+class EndedTracks:
+    """Tracks (n,) as they were when they ended, and how: codes into `TRACK_ENDS`."""
+
+    estimates: ModeEstimates
+    table: TrackTable
+    motion: MotionStatistics
+    end: NDArray[np.uint8]
+
+    def and_others(self, others: "EndedTracks | None") -> "EndedTracks":
+        """Return these tracks after others."""
+        if others is None:
+            return self
+        return EndedTracks(
+            ModeEstimates.concatenate([others.estimates, self.estimates]),
+            TrackTable.concatenate([others.table, self.table]),
+            MotionStatistics.concatenate([others.motion, self.motion]),
+            np.concatenate([others.end, self.end]),
+        )
+
+
+@frozen(eq=False)
+class TrackerState:
+    """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
+
+    `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
+    the recent scans in which tracks were detected. `motion` (rows of the table) says what each track is; `ended` are
+    those that ended since the last tick.
+    """
+
+    time_s: float
+    estimates: ModeEstimates
+    table: TrackTable
+    unclaimed: LinesOfSight
+    reported: IntArray
+    histories: Histories = field(factory=Histories.none)
+    ambiguous: tuple[IntArray, ModeEstimates] = field(
+        factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
+    )
+    next_number: int = 0
+    sightings: SharedDetections = field(factory=SharedDetections.empty)
+    motion: MotionStatistics = field(factory=MotionStatistics.empty)
+    ended: "EndedTracks | None" = None
+
+    def after(
+        self,
+        time_s: float,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        histories: Histories,
+        motion: MotionStatistics | None = None,
+    ) -> "TrackerState":
+        """Return the state at a time with its tracks updated."""
+        known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
+        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known, self.ended)
+
+    def without(self, drop: BoolArray) -> "TrackerState":
+        """Return the state without some tracks (n,)."""
+        keep = np.flatnonzero(~drop)
+        histories = self.histories.of(np.isin(self.histories.number, self.table.number[keep]))
+        kept = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
+        return evolve(self, estimates=kept[0], table=kept[1], motion=kept[2], histories=histories)
+
+    @classmethod
+    def first(cls, sensors: int) -> "TrackerState":
+        """Return the state before the first detection, for a number of sensors."""
+        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))

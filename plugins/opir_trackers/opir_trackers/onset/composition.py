@@ -1,0 +1,80 @@
+"""The probabilities of a scene's hypotheses, from those of the groups and of the target classes given a launch."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.plugin import REPORTED_TYPES, Hypothesis, Tracks
+from opir_core.scene import UNKNOWN_TYPE
+from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE
+
+#: Columns of group probabilities by the groups of hypotheses other than launches.
+_COLUMNS = {"noise": NOISE, "ground": GROUND, "bolide": BOLIDE, "none": NONE}
+
+#: Groups of launches whose sums tracks have, after those of reported types and of launches.
+_SUMMED = ("missile", "orbit")
+
+
+@frozen(eq=False)
+class Composition:
+    """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch) for target classes.
+
+    `of_groups` (5, H) takes group probabilities to hypotheses, `of_types` (types, H) those of reported types to target
+    classes, which share a type equally (all of them what is unknown); `sums` (H, types + 3) are the sums that tracks
+    have: reported types, launches, missiles, orbits.
+    """
+
+    of_groups: FloatArray
+    of_types: FloatArray
+    sums: FloatArray
+
+    @classmethod
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "Composition":
+        """Return the composition of a scene's hypotheses."""
+        kind = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
+        launched = np.array([one.is_launch for one in hypotheses])
+        of_groups = np.zeros((len(_COLUMNS) + 1, len(hypotheses)))
+        for place, one in enumerate(hypotheses):
+            if not one.is_launch:
+                of_groups[_COLUMNS[one.group], place] = 1.0
+        # A type without a class of its own is unknown.
+        own = [launched & (kind == code) if code != UNKNOWN_TYPE else launched for code in range(len(REPORTED_TYPES))]
+        of_types = np.array([mine if mine.any() else launched for mine in own], dtype=np.float64)
+        sums = [kind == code for code in range(len(REPORTED_TYPES))] + [launched]
+        sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
+        return cls(
+            of_groups, of_types / np.maximum(of_types.sum(axis=1), 1.0)[:, None], np.array(sums, dtype=np.float64).T
+        )
+
+    def given_types(self, types: FloatArray) -> FloatArray:
+        """Return probabilities (n, H) given a launch from those of `REPORTED_TYPES` (n, types)."""
+        return _products(types, self.of_types)
+
+    def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
+        """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given a launch (n, H).
+
+        `given_launch` is over target classes and "none of these", whose probability is P(none) + P(launch)
+        P(none | launch).
+        """
+        return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
+
+    def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
+        """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as."""
+        probability = self.probabilities(groups, given_launch)
+        sums = _products(probability, self.sums)
+        types = len(REPORTED_TYPES)
+        return evolve(
+            tracks,
+            hypothesis_probability=probability,
+            probability_launch=sums[:, types],
+            probability_missile=sums[:, types + 1],
+            probability_orbit=sums[:, types + 2],
+            type_probability=sums[:, :types],
+        )
+
+
+def _products(rows: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return the products (n, k) of rows with a matrix, each row on its own."""
+    return np.asarray((rows[:, None, :] @ matrix)[:, 0])

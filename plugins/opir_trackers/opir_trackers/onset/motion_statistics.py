@@ -1,0 +1,220 @@
+"""Sufficient statistics of the lines of sight of tracks, for the likelihood of any slow motion.
+
+A line of sight with the angular error σ bounds the position p of its source, relative to a reference point near it at
+the range R in the direction u, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d where the
+line crosses the plane through the reference point across u. (With u along the line itself, p would gain by moving
+towards the sensor, where all its lines meet.) For p a polynomial of the time τ since the first detection, all lines of
+a track enter through the sums of W τᵏ, W d τᵏ and dᵀ W d. The frame is fixed to the Earth, where sources stand still;
+a constant pointing bias moves none.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation import dot
+from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.interfaces import Columns
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+
+#: Groups of hypotheses that motion distinguishes, columns of `MotionStatistics.probability`.
+NOISE, GROUND, BOLIDE, LAUNCH, NONE = range(5)
+
+#: Coefficients of a motion: position, velocity, acceleration, jerk. Sums of twice as many powers are needed but one.
+ORDERS = 4
+_POWERS = 2 * ORDERS - 1
+
+#: i + j and i! of the coefficients i and j of a motion.
+_SUM_OF_ORDERS = np.add.outer(np.arange(ORDERS), np.arange(ORDERS))
+_FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
+
+#: Snap that a cubic leaves out, m/s⁴: 30 m/s² that grow by 3 % a second; notional.
+_SNAP_M_S4 = 0.03
+
+#: A term s τ⁴ / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
+_LEFT_OUT = _SNAP_M_S4 / (24.0 * 128.0)
+
+#: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
+_ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
+
+#: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line, and biases of two
+#: sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
+_MISFIT_A_LINE, _MISFIT = 6.0, 30.0
+
+#: The columns that are sums over lines.
+_SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
+
+
+@frozen(eq=False, repr=False)
+class MotionStatistics(Columns):
+    """Statistics of tracks, one row each, and the latest probabilities of their groups.
+
+    `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up;
+    `epoch_s` (n,) is the time of the first detection. Up to the horizon of a cubic: `information` (n, 7, 3, 3), `pull`
+    (n, 4, 3) and `misfit` (n,) in local axes, number of `lines`, and `noise_log` (n,), the log likelihood of the lines
+    as false alarms over that of lines without error. Of all lines: `static_information` (n, 3, 3) and `static_pull`
+    (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows keep theirs.
+    """
+
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType(
+        {
+            "reference_m": (3,),
+            "axes": (3, 3),
+            "information": (_POWERS, 3, 3),
+            "pull": (ORDERS, 3),
+            "static_information": (3, 3),
+            "static_pull": (3,),
+            "probability": (5,),
+        }
+    )
+
+    reference_m: FloatArray
+    height_m: FloatArray
+    axes: FloatArray
+    epoch_s: FloatArray
+    information: FloatArray
+    pull: FloatArray
+    misfit: FloatArray
+    lines: FloatArray
+    noise_log: FloatArray
+    static_information: FloatArray
+    static_pull: FloatArray
+    probability: FloatArray
+    is_decided: BoolArray
+
+    @classmethod
+    def fresh(cls, position_m: FloatArray, time_s: float, epoch_s: FloatArray, prior: FloatArray) -> "MotionStatistics":
+        """Return the statistics of tracks without lines, at inertial positions (n, 3) then, with probabilities (5,).
+
+        `epoch_s` (n,) are the times of their first detections.
+        """
+        count = len(position_m)
+        reference_m = earth_rotated(position_m, np.full(count, -time_s))
+        return cls(
+            reference_m=reference_m,
+            height_m=ecef_to_geodetic(reference_m).height_m,
+            axes=local_axes(reference_m),
+            epoch_s=epoch_s,
+            information=np.zeros((count, _POWERS, 3, 3)),
+            pull=np.zeros((count, ORDERS, 3)),
+            misfit=np.zeros(count),
+            static_information=np.zeros((count, 3, 3)),
+            static_pull=np.zeros((count, 3)),
+            lines=np.zeros(count),
+            noise_log=np.zeros(count),
+            probability=np.tile(prior, (count, 1)),
+            is_decided=np.zeros(count, dtype=np.bool_),
+        )
+
+    @property
+    def stands(self) -> BoolArray:
+        """Return for which tracks (n,) a ground source is the likeliest."""
+        return np.asarray(self.probability.argmax(axis=1) == GROUND)
+
+    @property
+    def are_noise(self) -> BoolArray:
+        """Return which tracks (n,) are probably false alarms."""
+        return np.asarray(self.probability[:, NOISE] > 0.5)
+
+    def horizon_s(self) -> FloatArray:
+        """Return the time (n,), s, up to which a cubic describes a boost to within the error of the lines' mean."""
+        sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
+        return np.asarray((_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25)
+
+    def with_lines(self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray) -> "MotionStatistics":
+        """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
+
+        `log_clutter` (sensors,) is the log density of false alarms over the detection probability. Of what is decided
+        to move nothing more is taken in.
+        """
+        settled = np.append(self.is_decided & ~self.stands, True)
+        mine = (~settled[owner]).nonzero()[0]
+        if not len(mine):
+            return self
+        mine = mine[owner[mine].argsort(kind="stable")]
+        of, used = owner[mine], lines.take(mine)
+        starts = np.flatnonzero(np.diff(of, prepend=-1))
+        since_s = used.time_s - self.epoch_s[of]
+        near = (since_s <= self.horizon_s()[of]) & ~self.is_decided[of]
+        weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
+        powers = np.where(near[:, None], since_s[:, None] ** np.arange(_POWERS), 0.0)
+        pulled = np.sum(weight * foot[:, None, :], axis=2)
+        weight = weight.reshape(-1, 9)
+        of_each = [square, np.ones(len(mine)), _noise_log(used, log_clutter)]
+        terms = {
+            "information": powers[:, :, None] * weight[:, None, :],
+            "pull": powers[:, :ORDERS, None] * pulled[:, None, :],
+            **dict(zip(("misfit", "lines", "noise_log"), np.where(near, of_each, 0.0), strict=True)),
+            "static_information": weight,
+            "static_pull": pulled,
+        }
+        changed = {}
+        for name, each in terms.items():
+            column = changed[name] = getattr(self, name).copy()
+            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(-1, *column.shape[1:])
+        return evolve(self, **changed)
+
+    def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
+        """Return the statistics with those of some rows begun anew at a time, without lines."""
+        changed = {name: getattr(self, name).copy() for name in _SUMS}
+        for column in changed.values():
+            column[rows] = 0.0
+        epoch_s = self.epoch_s.copy()
+        epoch_s[rows] = time_s
+        return evolve(self, epoch_s=epoch_s, **changed)
+
+    def are_unlike_any_motion(self) -> BoolArray:
+        """Return which tracks (n,) have lines that no cubic explains: some of them are of something else."""
+        information, pull, misfit = self.of_motion()
+        fitted = np.linalg.solve(information + _ANY_MOTION, pull[:, :, None])[:, :, 0]
+        least = misfit - np.sum(pull * fitted, axis=1)
+        return np.asarray(least > _MISFIT_A_LINE * self.lines + _MISFIT)
+
+    def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a cubic.
+
+        These are position, velocity, acceleration and jerk in local axes about the point at height 0 below the
+        reference point.
+        """
+        count, size = len(self.misfit), 3 * ORDERS
+        blocks = self.information[:, _SUM_OF_ORDERS] / _FACTORIALS[:, None, None, None] / _FACTORIALS[:, None, None]
+        information = blocks.transpose(0, 1, 3, 2, 4).reshape(count, size, size)
+        pull = (self.pull / _FACTORIALS[:, None]).reshape(count, size)
+        raised = self.height_m[:, None] * information[:, 2]
+        misfit = self.misfit + self.height_m * (2.0 * pull[:, 2] + raised[:, 2])
+        return information, pull + raised, misfit
+
+    def static_estimates(self, height_sigma_m: float, wide_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return positions (n, 3) in ECEF of sources that stand still near the ground, and covariances (n, 3, 3)."""
+        prior = np.array([wide_m, wide_m, height_sigma_m]) ** -2.0
+        covariance = np.linalg.inv(self.static_information + np.diag(prior))
+        pull = self.static_pull.copy()
+        pull[:, 2] -= prior[2] * self.height_m
+        local = np.sum(covariance * pull[:, None, :], axis=2)
+        turned = self.axes.transpose(0, 2, 1)
+        return self.reference_m + np.sum(turned * local[:, None, :], axis=2), turned @ covariance @ self.axes
+
+
+def _line_terms(
+    lines: LinesOfSight, reference_m: FloatArray, axes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about reference points (m, 3)."""
+    apart = reference_m - lines.origin_ecef_m
+    square = dot(apart, apart)
+    towards = apart / np.sqrt(square)[:, None]
+    # The point of the line in the plane through the reference point across the view.
+    depth = square / dot(apart, lines.direction_ecef)
+    off = depth[:, None] * lines.direction_ecef - apart
+    along, foot = np.sum(axes * towards[:, None, :], axis=2), np.sum(axes * off[:, None, :], axis=2)
+    scale = 1.0 / (np.square(lines.sigma_rad) * square)
+    weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])
+    return weight, foot, scale * dot(foot, foot)
+
+
+def _noise_log(lines: LinesOfSight, log_clutter: FloatArray) -> FloatArray:
+    """Return the log likelihood (m,) of lines as false alarms over that of detections without error."""
+    return np.asarray(log_clutter[lines.sensor] + np.log(2.0 * np.pi * np.square(lines.sigma_rad)))

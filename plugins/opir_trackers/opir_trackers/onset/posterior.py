@@ -1,0 +1,118 @@
+"""Probabilities of the groups of hypotheses of tracks, by marginal likelihoods of their lines of sight.
+
+The likelihood of lines under a Gaussian prior of the motion is a closed form of the motion statistics; all groups are
+compared in one measurement space, the angles of the lines. False alarms are as dense as the sensors state, others as
+dense as their errors make them (track score after Blackman and Popoli, "Design and Analysis of Modern Tracking
+Systems", 1999, 6.2).
+"""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import FloatArray
+from opir_trackers.configs import HypothesesConfig
+from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
+from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, MotionStatistics
+
+_DAY_S = 86400.0
+
+#: A track is decided once ground and noise together are less probable than the first and a launch more than the second,
+#: or when its horizon is over.
+RARE, _SURE = 1e-4, 0.99
+
+
+@frozen(eq=False)
+class GroupPosterior:
+    """The probabilities of groups under a tracker's settings.
+
+    `log_clutter` (sensors,) is the log density of false alarms, per scan and steradian, over the detection probability;
+    -inf for none.
+    """
+
+    priors: MotionPriors
+    log_rate: FloatArray
+    bolide_s: float
+    log_clutter: FloatArray
+
+    @classmethod
+    def of(
+        cls, config: HypothesesConfig, clutter_per_sr: FloatArray, detection_probability: FloatArray
+    ) -> "GroupPosterior":
+        """Return the posterior for clutter densities (sensors,), per scan, and detection probabilities (sensors,)."""
+        per_day = [
+            config.ground_sources_per_day,
+            config.bolides_per_day,
+            config.launches_per_day,
+            config.others_per_day,
+        ]
+        with np.errstate(divide="ignore"):
+            return cls(
+                priors=MotionPriors.of(config),
+                log_rate=np.log(np.array(per_day) / _DAY_S),
+                bolide_s=config.bolide_s,
+                log_clutter=np.log(clutter_per_sr / detection_probability),
+            )
+
+    @property
+    def prior(self) -> FloatArray:
+        """The probabilities (5,) of the groups before the first line, of what is no noise."""
+        share = np.exp(self.log_rate)
+        return np.append(0.0, share / share.sum())
+
+    def assessed(
+        self, statistics: MotionStatistics, time_s: float, age_s: FloatArray, pause_s: FloatArray
+    ) -> MotionStatistics:
+        """Return the statistics with new probabilities of the undecided tracks at a time.
+
+        `age_s` (n,) is the time from the first to the last detection, `pause_s` (n,) the longest scan period of the
+        sensors that see the track. Lines that are not of one motion say nothing of it: these statistics begin anew.
+        """
+        open_ = (~statistics.is_decided).nonzero()[0]
+        if not len(open_):
+            return statistics
+        mine, age_s, pause_s = statistics.part(open_), age_s[open_], pause_s[open_]
+        probability, decided = statistics.probability.copy(), statistics.is_decided.copy()
+        found = probability[open_] = self.probabilities(mine, age_s, pause_s)
+        still = found[:, GROUND] + found[:, NOISE]
+        launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
+        decided[open_] = launched | (time_s - mine.epoch_s > mine.horizon_s())
+        mixed = open_[mine.are_unlike_any_motion()]
+        decided[mixed] = False
+        statistics = evolve(statistics, probability=probability, is_decided=decided)
+        return statistics.restarted(mixed, time_s) if len(mixed) else statistics
+
+    def probabilities(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> FloatArray:
+        """Return the probabilities (n, 5) of the groups."""
+        evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s)
+        log = np.empty((len(evidence), 1 + len(self.log_rate)))
+        log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
+        for group in range(GROUND, log.shape[1]):
+            own = evidence[:, self.priors.group == group]
+            log[:, group] = np.logaddexp.reduce(own, axis=1) + self.log_rate[group - GROUND]
+        log[:, BOLIDE] -= age_s / self.bolide_s
+        share = np.exp(log - log.max(axis=1, keepdims=True))
+        return np.asarray(share / share.sum(axis=1, keepdims=True))
+
+
+def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:
+    """Return log marginal likelihoods (n, c) of the lines of tracks under each prior.
+
+    They are relative to the product of the likelihoods of lines without error. With information J, pull b and misfit s
+    of the lines and a prior m + S z: A = I + Sᵀ J S, v = Sᵀ (b - J m), and
+    -2 log L = log det A + s - 2 mᵀ b + mᵀ J m - vᵀ A⁻¹ v. Determinant and form come from one Cholesky factor, of A
+    bordered by v.
+    """
+    information, pull, misfit = statistics.of_motion()
+    mean, root = priors.mean, priors.root
+    drawn = information @ mean.T
+    off = pull[:, :, None] - drawn
+    least = misfit[:, None] - np.sum(mean.T * (pull[:, :, None] + off), axis=1)
+    count, kinds, size = len(misfit), *root.shape[:2]
+    bordered = np.empty((count, kinds, size + 1, size + 1))
+    turned = root.transpose(0, 2, 1)
+    bordered[:, :, :size, :size] = (turned @ information[:, None]) @ root + np.eye(size)
+    bordered[:, :, size, :size] = bordered[:, :, :size, size] = (turned @ off.transpose(0, 2, 1)[..., None])[..., 0]
+    bordered[:, :, size, size] = least + 1.0
+    factor = np.linalg.cholesky(bordered)
+    pivots = np.diagonal(factor, axis1=2, axis2=3)
+    return np.asarray(-np.log(pivots[:, :, :size]).sum(axis=2) - 0.5 * (np.square(pivots[:, :, size]) - 1.0))

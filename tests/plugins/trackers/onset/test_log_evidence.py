@@ -1,0 +1,142 @@
+"""The marginal likelihoods of lines of sight, against multivariate normals written out line by line."""
+
+import numpy as np
+import pytest
+from opir_trackers.configs import HypothesesConfig
+from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.onset.motion_priors import MotionPriors
+from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE, MotionStatistics
+from opir_trackers.onset.posterior import GroupPosterior, log_evidence
+from scipy.stats import multivariate_normal
+
+from opir_core.geometry import geodetic_to_ecef, local_axes
+
+PLACE = geodetic_to_ecef(np.array([np.radians(33.0)]), np.array([np.radians(55.0)]), np.array([0.0]))[0]
+SENSORS = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([40.0, 90.0])])
+SIGMA_RAD = 20e-6
+
+
+def lines_to(points, time_s, sensor, rng, sigma_rad=SIGMA_RAD):
+    """Return noisy lines of sight of sensors (n,) to points (n, 3) in ECEF."""
+    along = points - SENSORS[sensor]
+    range_m = np.linalg.norm(along, axis=1)[:, None]
+    direction = along / range_m + sigma_rad * rng.standard_normal(along.shape)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    sigma = np.full(len(time_s), sigma_rad)
+    return LinesOfSight(time_s, sensor.astype(np.int32), np.arange(len(time_s)), SENSORS[sensor], direction, sigma)
+
+
+def statistics_of(lines, reference_m, clutter=-np.inf):
+    fresh = MotionStatistics.fresh(reference_m[None], 0.0, np.zeros(1), np.full(5, 0.2))
+    return fresh.with_lines(np.zeros(len(lines), dtype=np.int64), lines, np.full(2, clutter))
+
+
+def normal_log_likelihoods(lines, reference_m, priors):
+    """Return log densities of the angles of all lines at once, less those of lines without error."""
+    axes = local_axes(PLACE[None])[0]
+    rows, measured = [], []
+    for time_s, origin, direction in zip(lines.time_s, lines.origin_ecef_m, lines.direction_ecef, strict=True):
+        ahead = reference_m - origin
+        range_m = np.linalg.norm(ahead)
+        towards = ahead / range_m
+        across = np.linalg.svd(towards[None])[2][1:]
+        powers = [1.0, time_s, time_s**2 / 2.0, time_s**3 / 6.0]
+        rows.append(np.hstack([power * across @ axes.T for power in powers]) / range_m)
+        crossed = origin + direction * (range_m / (direction @ towards))
+        measured.append(across @ (crossed - PLACE) / range_m)
+    design, seen = np.vstack(rows), np.concatenate(measured)
+    noise = SIGMA_RAD**2 * np.eye(len(seen))
+    found = []
+    for mean, root in zip(priors.mean, priors.root, strict=True):
+        spread = design @ root @ root.T @ design.T + noise
+        found.append(multivariate_normal(design @ mean, spread).logpdf(seen))
+    return np.array(found) + len(seen) * 0.5 * np.log(2.0 * np.pi * SIGMA_RAD**2)
+
+
+def test_evidence_is_that_of_normals_in_the_space_of_angles():
+    rng = np.random.default_rng(1)
+    time_s = np.sort(rng.uniform(0.0, 12.0, 9))
+    up = local_axes(PLACE[None])[0, 2]
+    points = PLACE + 4.0 * time_s[:, None] ** 2 * up
+    reference_m = PLACE + 2500.0 * up
+    lines = lines_to(points, time_s, rng.integers(0, 2, 9), rng)
+    priors = MotionPriors.of(HypothesesConfig())
+    evidence = log_evidence(priors, statistics_of(lines, reference_m))[0]
+    # Above the reference point "up" is the same; the axes of its foot are those of the place.
+    assert evidence == pytest.approx(normal_log_likelihoods(lines, reference_m, priors), abs=1e-3, rel=1e-6)
+
+
+def test_lines_add_up_in_any_portions():
+    rng = np.random.default_rng(2)
+    time_s = np.sort(rng.uniform(0.0, 5.0, 40))
+    lines = lines_to(np.tile(PLACE, (40, 1)), time_s, rng.integers(0, 2, 40), rng)
+    owner = rng.integers(-1, 3, 40)
+    fresh = MotionStatistics.fresh(np.tile(PLACE, (3, 1)), 0.0, np.zeros(3), np.full(5, 0.2))
+    clutter = np.zeros(2)
+    at_once = fresh.with_lines(owner, lines, clutter)
+    halves = fresh.with_lines(owner[:17], lines.take(slice(17)), clutter)
+    halves = halves.with_lines(owner[17:], lines.take(slice(17, None)), clutter)
+    for one, other in zip(at_once.of_motion(), halves.of_motion(), strict=True):
+        assert one == pytest.approx(other, rel=1e-9)
+    assert at_once.lines.tolist() == [np.count_nonzero(owner == row) for row in range(3)]
+
+
+def groups_of(points, time_s, sensor, rng, *, clutter=-np.inf, age_s=None, pause_s=0.1):
+    posterior = GroupPosterior.of(HypothesesConfig(), np.exp(np.full(2, clutter)), np.ones(2))
+    lines = lines_to(points, time_s, sensor, rng)
+    statistics = statistics_of(lines, points[0], clutter)
+    age = np.array([np.ptp(time_s) if age_s is None else age_s])
+    return posterior.probabilities(statistics, age, np.array([pause_s]))[0]
+
+
+TIME_S = np.arange(0.0, 20.0, 0.1)
+EAST, NORTH, UP = local_axes(PLACE[None])[0]
+
+#: Height, m, velocity, m/s, acceleration, m/s², duration, s, of motions, and what each is.
+MOTIONS = {
+    "fire": (0.0, 0.0 * UP, 0.0 * UP, 10.0, GROUND),
+    "lift-off": (0.0, 0.0 * UP, 8.0 * UP, 20.0, LAUNCH),
+    "out of cloud": (10e3, 350.0 * UP, 12.0 * UP + 5.0 * EAST, 10.0, LAUNCH),
+    "second stage": (180e3, 4000.0 * EAST + 600.0 * UP, 12.0 * EAST - 3.0 * UP, 10.0, LAUNCH),
+    "aircraft": (11e3, 240.0 * EAST, 0.0 * UP, 20.0, NONE),
+    "balloon": (20e3, 0.0 * UP, 0.0 * UP, 20.0, NONE),
+    "re-entry": (60e3, 5900.0 * EAST - 1000.0 * UP, -50.0 * EAST, 20.0, NONE),
+    "bolide": (45e3, 10e3 * NORTH - 14e3 * UP, -500.0 * NORTH + 700.0 * UP, 2.0, BOLIDE),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_two_sensors_tell_what_moves_how(name):
+    height_m, velocity, acceleration, until_s, group = MOTIONS[name]
+    time_s = np.repeat(TIME_S[until_s > TIME_S], 2)
+    path = PLACE + height_m * UP + np.outer(time_s, velocity) + np.outer(0.5 * time_s**2, acceleration)
+    sensor = np.tile([0, 1], len(time_s) // 2)
+    probability = groups_of(path, time_s, sensor, np.random.default_rng(5))
+    assert probability[group] > 0.9
+    assert probability[NOISE] == 0.0
+    assert probability.sum() == pytest.approx(1.0)
+
+
+def test_false_alarms_scattered_over_a_gate_are_noise():
+    rng = np.random.default_rng(6)
+    time_s, clutter = 10.0 * np.arange(6), np.log(100.0)
+    scattered = PLACE + 15e3 * (rng.standard_normal((6, 1)) * EAST + rng.standard_normal((6, 1)) * NORTH)
+    sensor = np.zeros(6, dtype=np.int64)
+    assert groups_of(scattered, time_s, sensor, rng, clutter=clutter, pause_s=10.0)[NOISE] > 0.95
+    together = np.tile(PLACE, (6, 1))
+    assert groups_of(together, time_s, sensor, rng, clutter=clutter, pause_s=10.0)[GROUND] > 0.95
+
+
+def test_lines_of_two_sources_say_nothing_of_a_motion():
+    """A false alarm 20 km off does not make a fire a launch: its lines begin anew."""
+    rng = np.random.default_rng(7)
+    points = np.tile(PLACE, (60, 1))
+    points[0] += 20e3 * EAST
+    lines = lines_to(points, 0.1 * np.arange(60), rng.integers(0, 2, 60), rng)
+    posterior = GroupPosterior.of(HypothesesConfig(), np.full(2, 1.0), np.ones(2))
+    mixed = statistics_of(lines, PLACE, 0.0)
+    assert mixed.are_unlike_any_motion().all()
+    anew = posterior.assessed(mixed, 6.0, np.array([6.0]), np.array([0.1]))
+    assert anew.lines.tolist() == [0.0]
+    assert anew.epoch_s.tolist() == [6.0]
+    assert not statistics_of(lines.take(slice(1, None)), PLACE, 0.0).are_unlike_any_motion().any()

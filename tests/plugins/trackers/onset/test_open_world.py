@@ -1,0 +1,103 @@
+"""Fires and launches before the whole tracker: a fire is a source that stands, a launch is found among fires."""
+
+import numpy as np
+import pytest
+from opir_scoring.containments import nees
+
+import opir_core as opir
+from opir_core.geometry import geodetic_to_ecef
+
+FIRES = [(33.5, 55.2), (34.0, 56.0), (36.0, 52.0)]
+SCENE = {
+    "scene": "fires",
+    "epoch": "2026-04-01T03:00:00Z",
+    "duration_s": 75,
+    "seed": 2,
+    "sensors": [
+        {"model": "SBIRS-GEO", "id": "S1", "orbital_slot_deg": 40.0},
+        {"model": "SBIRS-GEO", "id": "S2", "orbital_slot_deg": 90.0},
+    ],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "SRBM",
+            "launch": {"lat_deg": 33.0, "lon_deg": 55.0, "time_s": 5.0},
+            "aim": {"lat_deg": 36.5, "lon_deg": 55.0},
+        }
+    ],
+    "detection": "snr",
+    "classification": "spectral",
+    "background": "earth",
+    "tracker": "imm",
+    "sources": [
+        {"id": "fires", "model": "fires", "at": [{"lat_deg": lat, "lon_deg": lon} for lat, lon in FIRES]},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    return opir.simulate(opir.scene_from_mapping(SCENE)).tracks
+
+
+def by_track(tracks):
+    return [tracks.take(np.flatnonzero(tracks.track == number)) for number in np.unique(tracks.track)]
+
+
+@pytest.mark.slow
+def test_fires_are_sources_that_stand_and_the_launch_is_found(tracks):
+    launches = [one for one in by_track(tracks) if one.probability_launch[-1] > 0.5]
+    sources = [one for one in by_track(tracks) if one.probability_launch[-1] <= 0.5]
+    assert len(launches) == 1
+    assert len(sources) == len(FIRES)
+    (launch,) = launches
+    told = launch.tick_s[launch.probability_launch > 0.95]
+    assert told.min() < 5.0 + 20.0
+    # What it is unlike of all known boosts varies with the forecast; that it flies is not revoked.
+    assert np.all(launch.probability_launch[launch.tick_s >= told.min()] > 0.9)
+    assert np.isfinite(launch.launch[-1]).all()
+    assert len(launch.impact_regions[-1])
+    for source in sources:
+        assert source.probability_launch.max() < 0.05
+        assert np.isnan(source.launch).all()
+        assert np.isnan(source.impact).all()
+        assert not any(source.impact_regions)
+        assert source.type_probability[-1, -1] > 0.95
+
+
+@pytest.mark.slow
+def test_false_alarms_make_no_tracks():
+    """Two scanners with 17 false alarms a scan: some repeat within a gate, and what they make is noise."""
+    more = {"preset": "heritage", "confirmation_detections": 1, "confirmation_scans": 1}
+    sensors = [{"model": "DSP", "id": f"D{slot}", "orbital_slot_deg": slot, **more} for slot in (20.0, 70.0)]
+    fire = [{"id": "fires", "model": "fires", "at": [{"lat_deg": FIRES[0][0], "lon_deg": FIRES[0][1]}]}]
+    changes = {"sensors": sensors, "targets": [], "sources": fire, "duration_s": 300}
+    found = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
+    assert len(np.unique(found.track)) == 1
+    assert found.hypothesis_probability[-1, 1] > 0.99
+
+
+@pytest.mark.slow
+def test_every_report_has_the_whole_table(tracks):
+    table = tracks.hypothesis_probability
+    assert table.shape == (len(tracks), len(opir.compile_plan(opir.scene_from_mapping(SCENE)).hypotheses))
+    assert table.sum(axis=1) == pytest.approx(np.ones(len(tracks)))
+    assert np.all(tracks.probability_missile + tracks.probability_orbit <= tracks.probability_launch + 1e-12)
+    assert tracks.type_probability.sum(axis=1) == pytest.approx(np.ones(len(tracks)))
+
+
+@pytest.mark.slow
+def test_fires_are_where_they_are(tracks):
+    degrees = np.radians(np.array(FIRES))
+    true = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], np.zeros(len(FIRES)))
+    squares = []
+    for source in by_track(tracks):
+        if source.probability_launch[-1] > 0.5:
+            continue
+        away = source.state[:, :3] - true[:, None]
+        nearest = int(np.argmin(np.linalg.norm(away[:, -1], axis=1)))
+        off = np.concatenate([away[nearest], source.state[:, 3:]], axis=1)
+        squares.append(nees(off[-1:], source.state_covariance[-1:])[0])
+        assert np.linalg.norm(source.state[-1, 3:]) < 1.0
+    # Three positions of three degrees of freedom each; the velocities are next to nothing. χ²₉ exceeds 28 once in 1000.
+    assert sum(squares) < 28.0
