@@ -131,7 +131,7 @@ def test_a_glide_is_followed_to_its_impact():
 
 @pytest.mark.slow
 def test_summaries_and_scores_do_without_an_impact():
-    """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, and one impact of two."""
+    """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, said, and one impact of two."""
     plan = plan_of(SLV, ICBM, tracker="imm")
     run = run_of_plan(plan)
     rows = {row["target_id"]: row for row in run.summary["targets"]}
@@ -140,7 +140,7 @@ def test_summaries_and_scores_do_without_an_impact():
     assert list(figures["type_confusion"]) == ["ICBM", "SLV"]
     assert figures["stereo"]["impacts_reported"] == 1
     assert figures["stereo"]["targets"] == 2
-    assert figures["type_right"]["value"] == 0.5
+    assert figures["type_right"]["value"] == 1.0
 
 
 @pytest.mark.slow

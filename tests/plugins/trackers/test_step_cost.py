@@ -77,7 +77,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1020), ({"slice_s": 0.5}, 2100)],
+    [({}, 1200), ({"slice_s": 0.5}, 2350)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
@@ -94,7 +94,7 @@ def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 2650
+    assert sorted(calls[3:12])[-2] <= 2800
     assert np.median(calls[75:]) <= 715
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
+from opir_trackers.forecast.outcomes import log_lofting
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel
 
 MU, RADIUS_M, STEP_S = 3.986004418e14, 6378137.0, 1.0
@@ -94,6 +95,13 @@ def ranges_m(state: FloatArray) -> FloatArray:
     return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
 
 
+def _inertial(state: FloatArray) -> FloatArray:
+    """Return planar states (4, n) as positions and velocities (n, 6)."""
+    x, y, u, v = state
+    none = np.zeros(len(x))
+    return np.stack([x, y, none, u, v, none], axis=1)
+
+
 def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     """Return the densities and shares of a model."""
     rng = np.random.default_rng(seed)
@@ -101,7 +109,10 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     end = flown(stages, drawn_steering(draws, model.data, seed))
     known = np.isfinite(end[0])
     end = end[:, known]
-    log = np.log(ranges_m(end) / 1e3)
+    range_m = ranges_m(end)
+    log = np.log(range_m / 1e3)
+    flies = np.isfinite(range_m) & (range_m > 1e3 * NODES_KM[0])
+    loft = log_lofting(range_m[flies], _inertial(end[:, flies]))
     away = (np.log(NODES_KM)[:, None] - log[np.isfinite(log)]) / WIDTH
     density = np.exp(-0.5 * away**2).sum(axis=1) / (WIDTH * np.sqrt(2.0 * np.pi) * len(log))
     box = model.data["glide"]
@@ -117,6 +128,7 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     return {
         "range_km": [round(value, 1) for value in NODES_KM.tolist()],
         "density": [float(f"{value:.3g}") for value in np.maximum(density, 1e-3).tolist()],
+        "loft": [float(f"{value:.2g}") for value in (loft.mean(), loft.std())],
         "glide": float(f"{glide:.2g}"),
         "orbit": float(f"{np.mean(gained > ORBIT_M_S):.2g}"),
     }

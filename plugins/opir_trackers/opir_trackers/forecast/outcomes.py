@@ -98,14 +98,16 @@ class Outcomes:
     def lofting(self, range_m: FloatArray, state: FloatArray) -> FloatArray:
         """Return the density (p,) of the greatest heights of missiles over that of all boosts; 1 without a range.
 
-        Missiles fly near the arc of least energy, lofted or depressed: the logarithm of the ratio of greatest heights
-        is normal, but for a share of any. `state` (p, 6) are inertial states at the ends of burns.
+        Missiles fly near the arc of least energy, more of them lofted than depressed: the logarithm of the ratio of
+        greatest heights is a normal law of two pieces, but for a share of any. `state` (p, 6) are inertial states at
+        the ends of burns.
         """
-        law = self.model.data["loft"]
-        least = least_energy_apogee_m(np.nan_to_num(range_m, nan=1e6))
-        ratio = np.log(np.maximum(apogee_m(state), 1e3) / least)
-        narrow, wide = (np.exp(-0.5 * np.square(ratio / law[name])) / law[name] for name in ("sigma", "law_sigma"))
-        share = (1.0 - law["any"]) * narrow / np.maximum(wide, 1e-300) + law["any"]
+        law, (mean, sigma) = self.model.data["loft"], self.model.data["marginal"]["loft"]
+        log = log_lofting(range_m, state)
+        side = np.where(log < 0.0, law["below"], law["above"])
+        own = 2.0 / (law["below"] + law["above"]) * np.exp(-0.5 * np.square(log / side))
+        every = np.exp(-0.5 * np.square((log - mean) / sigma)) / sigma
+        share = (1.0 - law["any"]) * own / np.maximum(every, 1e-3) + law["any"]
         return np.where(np.isnan(range_m), 1.0, share)
 
     @property
@@ -140,6 +142,12 @@ class Outcomes:
 
 
 EARTH_RADIUS_M = 6371e3
+
+
+def log_lofting(range_m: FloatArray, state: FloatArray) -> FloatArray:
+    """Return the logarithms (p,) of greatest heights over those of the arcs of least energy over ranges (p,), m."""
+    least = least_energy_apogee_m(np.nan_to_num(range_m, nan=1e6))
+    return np.log(np.clip(apogee_m(state), 1e3, 1e9) / least)
 
 
 def apogee_m(state: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, 
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.records import TRACK_ENDS
 from opir_core.interfaces.records import Detections, Tracks
 
 SENSORS = (stub_sensor("WEST", -30.0), stub_sensor("EAST", 40.0), stub_sensor("FAR", 70.0))
@@ -169,7 +170,9 @@ def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_i
     assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 1e4
     assert np.array_equal(kept.state, told.state)
     nothing = west.take(slice(0, 0))
-    assert [len(strict.step(time_s, nothing)) for time_s in (40.3, 45.0)] == [1, 0]
+    told = [strict.step(time_s, nothing) for time_s in (40.3, 45.0, 46.0)]
+    # The last record says that the track was lost.
+    assert [one.end.tolist() for one in told] == [[0], [TRACK_ENDS.index("lost")], []]
     assert len(plain.step(45.0, nothing)) == 1
 
 
