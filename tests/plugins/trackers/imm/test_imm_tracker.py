@@ -17,8 +17,7 @@ from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, 
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.records import TRACK_ENDS
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.records import TRACK_ENDS, Detections, Tracks
 
 SENSORS = (stub_sensor("WEST", -30.0), stub_sensor("EAST", 40.0), stub_sensor("FAR", 70.0))
 KEPLER = Forces(zonal=())
