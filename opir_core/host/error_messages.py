@@ -66,7 +66,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "metrics.tracks",
     ),
     "opir-testing": ("commands.check", "commands.new-plugin"),
-    "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),
+    "opir-trackers": ("commands.prior", "trackers.imm", "trackers.kepler-arc"),
 }
 
 #: Every name that is claimed under a hook, with its owners.

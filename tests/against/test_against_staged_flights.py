@@ -47,8 +47,9 @@ def told(request):
     for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0):
         area, held, burning = np.full((FLIGHTS, 3), np.nan), np.zeros((FLIGHTS, 3)), np.full(FLIGHTS, np.nan)
         for flight, row in enumerate(rows_of(tick.told, tick.shared).tolist()):
-            if row >= 0:
-                regions = tick.told.impact_regions[row]
+            if row >= 0 and len(tick.told.impact_regions[row]):
+                # The first three are those of the most probable condition.
+                regions = tick.told.impact_regions[row][:3]
                 area[flight] = [region.area_km2 for region in regions]
                 held[flight] = [region.contains(*impact[flight, :2]) for region in regions]
                 burning[flight] = tick.told.probability_burning[row]

@@ -95,7 +95,7 @@ class FirstMotion(NamedTuple):
         return np.asarray(-0.5 * (np.log(apart) + misfit) - np.log(fast))
 
 
-class LaunchPrior(NamedTuple):
+class LaunchDelayPrior(NamedTuple):
     """What is known of launches (n,) before the first line.
 
     `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first detection for a launch
@@ -125,7 +125,7 @@ def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen
 def launches(
     predicted: PredictedMeasurements,
     first_s: FloatArray,
-    prior: LaunchPrior,
+    prior: LaunchDelayPrior,
     noise: float,
     biased: FloatArray | None = None,
 ) -> LaunchPoints:

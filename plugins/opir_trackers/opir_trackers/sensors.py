@@ -53,6 +53,9 @@ def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
     return np.asarray(np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad))))
 
 
+#: Least error of an angle, rad: 4 cm at geostationary range.
+_LEAST_RAD = 1e-9
+
 #: Prior standard deviation of a position in directions that lines do not determine, m.
 _PRIOR_SIGMA_M = 30e3
 
@@ -106,7 +109,7 @@ class Biases:
         origin = np.concatenate([earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
-        return origin, seen, 1.0 / (period_s * (noise**2 + self.sigma_rad**2))
+        return origin, seen, 1.0 / (period_s * np.maximum(noise**2 + self.sigma_rad**2, _LEAST_RAD**2))
 
 
 def position_covariance(

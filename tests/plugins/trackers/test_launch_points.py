@@ -6,8 +6,8 @@ from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.launch_points import (
     EDGES_S,
     FirstMotion,
+    LaunchDelayPrior,
     LaunchPoints,
-    LaunchPrior,
     delays_at_once,
     launches,
     updated_points,
@@ -28,12 +28,12 @@ def risen(since: float) -> np.ndarray:
     return np.stack([place, SPIN + gain * since, gain, np.zeros(3), np.zeros(3)])
 
 
-def prior_of(runs: int, period_s: float) -> LaunchPrior:
+def prior_of(runs: int, period_s: float) -> LaunchDelayPrior:
     """Return the prior for one sensor that misses nothing, and a motion of which nothing was known."""
     zero, wide = np.zeros(runs), np.full(runs, 1e9)
     nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
     looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
-    return LaunchPrior(looks, nothing)
+    return LaunchDelayPrior(looks, nothing)
 
 
 def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
@@ -98,7 +98,7 @@ def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
     motion = FirstMotion(
         np.array([1e4]), np.zeros(1), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
     )
-    found = launches(known, np.zeros(1), LaunchPrior(prior.at_once, motion), 0.25)
+    found = launches(known, np.zeros(1), LaunchDelayPrior(prior.at_once, motion), 0.25)
     # Half at once, half uniform over 80 s: mean 20 s.
     assert found.place[0, 2] == pytest.approx(-20.0, abs=0.2)
     assert launches(known, np.zeros(1), prior, 0.25).place[0, 2] > -15.0

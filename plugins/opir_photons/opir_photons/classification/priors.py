@@ -9,7 +9,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, nearest
 from opir_core.plugin import Hypothesis
-from opir_photons.classification.synthetic_looks import Flight, flights_of
+from opir_photons.classification.synthetic_looks import ClassFlight, flights_of
 
 #: Shares of launches by group; notional, for a scene of warning. In a year of peace space launches are most of them:
 #: about 260 in 2024 (J. McDowell, Space Activities in 2024).
@@ -48,7 +48,7 @@ class LaunchPrior:
     """
 
     hypotheses: tuple[Hypothesis, ...]
-    flights: tuple[Flight, ...]
+    flights: tuple[ClassFlight, ...]
     share: FloatArray
 
     @classmethod

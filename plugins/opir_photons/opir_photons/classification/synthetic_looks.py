@@ -54,7 +54,7 @@ _LEAST_M = 5e4
 _WITHIN = 1.01
 
 
-class Flight(NamedTuple):
+class ClassFlight(NamedTuple):
     """A boost that a target class flies, what follows it, and its plume."""
 
     profile: BoostProfile
@@ -62,11 +62,11 @@ class Flight(NamedTuple):
     plume: Plume
 
 
-def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[Flight, ...], list[list[int]]]:
+def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[ClassFlight, ...], list[list[int]]]:
     """Return the distinct flights of classes, and of each class the numbers of its flights."""
-    flights, numbers = list[Flight](), list[list[int]]()
+    flights, numbers = list[ClassFlight](), list[list[int]]()
     for kind in classes:
-        own = [Flight(profile, kind.after_burnout, kind.plume(profile.name)) for profile in kind.profiles]
+        own = [ClassFlight(profile, kind.after_burnout, kind.plume(profile.name)) for profile in kind.profiles]
         flights += [flight for flight in own if flight not in flights]
         numbers.append([flights.index(flight) for flight in own])
     return tuple(flights), numbers
@@ -165,7 +165,9 @@ class SyntheticLooks:
     step_s: FloatArray
 
 
-def synthetic_launches(radius_m: float, flights: Sequence[Flight], plumes: Signatures, launches: int) -> SyntheticLooks:
+def synthetic_launches(
+    radius_m: float, flights: Sequence[ClassFlight], plumes: Signatures, launches: int
+) -> SyntheticLooks:
     """Return looks at launches of every flight from satellites at a distance from the Earth's centre, m."""
     flown = [flight for flight in flights for _ in range(launches)]
     drawn = low_discrepancy_points(len(flown), 5)
@@ -188,7 +190,7 @@ def synthetic_launches(radius_m: float, flights: Sequence[Flight], plumes: Signa
     )
 
 
-def _boosts(site: Geodetic, flown: Sequence[Flight], drawn: FloatArray) -> BoostPath:
+def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> BoostPath:
     """Return the boosts of flights (n,) from sites, ignited at 0, in drawn directions and over drawn ranges, (n, 2).
 
     The burnout speed is nan where no ballistic flight reaches its range. A glider has the speed that its glide takes, a
@@ -295,7 +297,7 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
-def class_plumes(bands: Sequence[Band], flights: Sequence[Flight]) -> Signatures:
+def class_plumes(bands: Sequence[Band], flights: Sequence[ClassFlight]) -> Signatures:
     """Return the plumes of flights, with the signature model's defaults."""
     names = tuple(flight.profile.name for flight in flights)
     context = SignatureContext(

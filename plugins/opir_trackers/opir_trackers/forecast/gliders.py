@@ -1,6 +1,6 @@
 """Where a glider may come down: within the reach of its equilibrium glide."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,7 +8,6 @@ from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.estimation import dot
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.plugin import EquilibriumGlide
 from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.lines_of_sight import earth_rotated
@@ -44,7 +43,7 @@ def reached(
     if not weight.sum() > _LEAST * (weight.sum() + falls.sum()):
         return None
     after = [outcomes.hypotheses[number].target_class for number in outcomes.columns("glide")]
-    lifts = [one.after_burnout for one in after if one and isinstance(one.after_burnout, EquilibriumGlide)]
+    lifts: list[Any] = [one.after_burnout for one in after if one]
     count = len(state)
     even = (np.arange(count)[:, None] * _STEPS + 0.5) % 1.0
     pick = np.arange(count) % len(lifts)

@@ -39,7 +39,7 @@ from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
-from opir_trackers.launch_points import LaunchPoints, LaunchPrior, delays_at_once, launches, updated_points
+from opir_trackers.launch_points import LaunchDelayPrior, LaunchPoints, delays_at_once, launches, updated_points
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s, no_measurements
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
@@ -252,7 +252,7 @@ class ImmTracking:
         biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
-        prior = LaunchPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
+        prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
         points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)

@@ -195,8 +195,8 @@ def test_a_boost_unlike_any_raises_none_of_these() -> None:
     rng = np.random.default_rng(6)
     slow = estimated(states(3e4, 500.0, 0.5), 4.0, 0.0002, 1.0, rng)
     found = forecast(slow, burning_since(400.0, no_stages(1)))
-    # Of such vehicles, one in four is of no class by the prior of odd ones.
-    assert found.given_launch[0, NAMES.index("none of these")] > 0.1
+    # The prior is 0.02; vehicles of known classes may be as odd.
+    assert found.given_launch[0, NAMES.index("none of these")] > 0.2
 
 
 def test_reported_types_move_classes_and_regions() -> None:
