@@ -23,10 +23,10 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
     the classes of each type. Raises `ModelError` for a name that is no class.
     """
     classes = [hypothesis.name for hypothesis in hypotheses if hypothesis.is_launch]
-    strange = next((name for name in prior if name not in classes), None)
-    if strange is not None:
+    unknown = next((name for name in prior if name not in classes), None)
+    if unknown is not None:
         raise ModelError(
-            f"classification: prior: {strange!r} is no target class{nearest(strange, classes)}; these are"
+            f"classification: prior: {unknown!r} is no target class{nearest(unknown, classes)}; these are"
             f" {', '.join(classes)}"
         )
     if prior:
