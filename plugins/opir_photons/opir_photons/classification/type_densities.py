@@ -41,8 +41,8 @@ _STRETCHES, _STEP_LOG = 8, 0.7
 #: Weight of the class's spread in a component's covariance, in looks.
 _SMOOTHING = 4.0
 
-#: Factor of the variances of intensities within a component, as a kernel has a width: of 1, 1.3, 1.6 and 2 it gives the
-#: best log scores and reliability of flights other than those of `benchmarks/left_out_classes.py` (seeds 5 and 9).
+#: Factor of the variances of intensities within a component, as a kernel has a width; chosen between 1.3 and 1.6, the
+#: best two of 1, 1.3, 1.6 and 2 by log scores and reliability in `benchmarks/left_out_classes.py` with seeds 5 and 9.
 _WIDER = 1.5
 
 #: Counts are whole numbers from 1 on; their densities begin half a step below.
