@@ -81,7 +81,7 @@ def deliver(
     not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of
     the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
+    tally = Tally(plan)
     shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
     windows = tally.over(plan_windows(plan) if shared is None else shared.windows())
     files = OutputFiles(manifest_path)

@@ -314,7 +314,7 @@ def _summary(
     plan: Plan, detections: Detections, truth: DetectionTruth, tracks: Tracks, manifest: Mapping[str, Any]
 ) -> Mapping[str, Any]:
     """Return the summary of the whole run, counted as one window."""
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
+    tally = Tally(plan)
     looks = int(manifest.get("counts", {}).get("looks", 0))
     tally.count(Window(0.0, plan.end_ns * 1e-9, looks, detections, truth, tracks, Tracks.empty()))
     return tally.summary()

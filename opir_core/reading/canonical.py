@@ -1,6 +1,7 @@
 """A scene's canonical form and its hash, for manifests, so that a run can be repeated."""
 
 from collections.abc import Mapping
+from hashlib import sha256
 from itertools import groupby
 from typing import Any
 
@@ -44,7 +45,6 @@ def scene_hash(scene: Scene) -> str:
     Scenes of equal content have the same hash, independent of spelling, order and comments of their files.
     """
     import json
-    from hashlib import sha256
 
     text = json.dumps(scene_mapping(scene), sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return sha256(text.encode("ascii")).hexdigest()

@@ -134,7 +134,7 @@ def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None =
 
 def run_of_plan(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Run:
     """Return the run of a plan; each call returns the same run. `workers` is as in `simulate`."""
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
+    tally = Tally(plan)
     return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s, workers=workers))))
 
 

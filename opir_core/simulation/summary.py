@@ -1,18 +1,19 @@
 """The summary of a run, counted window by window, so that memory does not grow with its duration."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
+from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
-from opir_core.planning.targets import Targets
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
-from opir_core.simulation.latest_tracks import LatestTracks
+from opir_core.scene.scene import TARGET_TYPES
+
+if TYPE_CHECKING:
+    from opir_core.simulation.latest_tracks import LatestTracks
 
 
 def planned_work(pairs: Pairs) -> Mapping[str, Any]:
@@ -34,24 +35,19 @@ def planned_work(pairs: Pairs) -> Mapping[str, Any]:
 
 
 class Tally:
-    """Counts looks, detections and first detections of windows."""
+    """Counts looks, detections and first detections of the windows of a plan."""
 
-    def __init__(
-        self,
-        sensors: Sequence[Sensor],
-        targets: Targets,
-        pairs: Pairs,
-        reported_types: Sequence[str] = REPORTED_TYPES,
-        hypotheses: Sequence[str] = (),
-    ) -> None:
-        self._sensors, self._targets, self._types = sensors, targets, reported_types
+    def __init__(self, plan: Plan) -> None:
+        sensors, targets, pairs = plan.sensors, plan.targets, plan.pairs
+        self._sensors, self._targets, self._types = sensors, targets, plan.reported_types
         self._is_source = targets.type_code >= len(TARGET_TYPES)
         self._work = planned_work(pairs)
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
         shape = len(sensors), len(targets.ids)
         self._looks = 0
         self._tracks = 0
-        self._latest = LatestTracks(hypotheses)
+        self._hypotheses = plan.hypothesis_names
+        self._latest: LatestTracks | None = None
         #: Detections by target and track.
         self._held: dict[tuple[int, int], int] = {}
         self._noise = np.zeros(shape[0], dtype=np.int64)
@@ -60,7 +56,7 @@ class Tally:
         self._first_report_s = np.full(shape[1], np.inf)
         self._is_delayed = any(sensor.reporting for sensor in sensors)
         self._last_s = np.full(shape, -np.inf)
-        self._reported = np.zeros((shape[1], len(reported_types)), dtype=np.int64)
+        self._reported = np.zeros((shape[1], len(self._types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
 
     def over(self, windows: Iterable[Window]) -> Iterator[Window]:
@@ -73,7 +69,8 @@ class Tally:
         """Count a window."""
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
-        self._latest.take(window.tracks)
+        if len(window.tracks):
+            self._latest_tracks().take(window.tracks)
         seen, target = window.detections, window.truth.target
         self._count_held(target, seen.track)
         is_noise = target < 0
@@ -86,6 +83,13 @@ class Tally:
             self._noise += np.bincount(seen.sensor[is_noise], minlength=len(self._noise))
             columns = tuple(column.take(rows) for column in columns)
         self._count(*columns)
+
+    def _latest_tracks(self) -> "LatestTracks":
+        if self._latest is None:
+            from opir_core.simulation.latest_tracks import LatestTracks  # a run without tracks does not load it
+
+            self._latest = LatestTracks(self._hypotheses)
+        return self._latest
 
     def _count(
         self,
@@ -139,7 +143,7 @@ class Tally:
 
     def summary(self) -> Mapping[str, Any]:
         """Return the totals and one row per sensor, target, other hot source and track, as plain values."""
-        tracks = self._latest.rows()
+        tracks = self._latest.rows() if self._latest else []
         numbers = {row["track_id"] for row in tracks}
         return {
             "counts": self.counts(),

@@ -115,7 +115,7 @@ def path_of_folders(monkeypatch: pytest.MonkeyPatch) -> Choose:
 def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
     """Return a scene's events and its manifest, with what is installed."""
     plan = planned(scene, Host.discover())
-    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
+    tally = Tally(plan)
     windows = list(tally.over(plan_windows(plan)))
     events = b"".join(encoder_of(plan).encode(window) for window in windows)
     return events, json.dumps(run_manifest(plan, tally.counts()), sort_keys=True)

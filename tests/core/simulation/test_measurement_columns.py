@@ -162,7 +162,7 @@ def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> No
     target = window.truth.target.copy()
     target[::3] = -1
     noisy = evolve(window, truth=evolve(window.truth, target=target))
-    tally = Tally(plan.sensors, plan.targets, plan.pairs)
+    tally = Tally(plan)
     tally.count(noisy)
     told = tally.summary()
     assert told["counts"]["detections"] == len(window.detections)

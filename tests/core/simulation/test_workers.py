@@ -207,7 +207,7 @@ def test_the_summary_needs_no_other_columns_than_are_sent() -> None:
     plan = plan_of(SCENES["false alarms"])
 
     def summary(change: Callable[[Window], Window]) -> Any:
-        tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types, plan.hypothesis_names)
+        tally = Tally(plan)
         list(tally.over(map(change, opir.plan_windows(plan))))
         return tally.summary()
 

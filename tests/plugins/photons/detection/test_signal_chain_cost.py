@@ -48,7 +48,7 @@ def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypa
     (window,) = plan_windows(plan)
     assert (window.truth.target < 0).any()
     assert (window.truth.target >= 0).any()
-    tally = Tally(plan.sensors, plan.targets, plan.pairs)
+    tally = Tally(plan)
     monkeypatch.setattr(Columns, "take", lambda *_: pytest.fail("columns that are not counted were copied"))
     tally.count(window)
     counts = tally.counts()
