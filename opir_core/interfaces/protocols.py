@@ -470,6 +470,13 @@ class Tracker(PluginPart):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Process the detections since the last tick; return the estimates at this one, sorted by track."""
 
+    def is_idle(self) -> bool:
+        """Return whether it follows and awaits nothing: steps without detections return no tracks and may be left out.
+
+        A step may then pass over any time.
+        """
+        return False
+
     def expected_launches(self, duration_s: float) -> float | None:
         """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
         return None

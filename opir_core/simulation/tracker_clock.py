@@ -33,6 +33,7 @@ class Tracked:
 class ScheduledTracker:
     """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between.
 
+    While nothing is tracked or seen, an idle tracker is not stepped.
     Detections come in the order of observation, whenever they are reported: estimates are available as soon as all
     reports of earlier looks are there. Without a tracker nothing is associated. `paper_codes` gives the codes into
     `REPORTED_TYPES` of reported types that are others.
@@ -62,17 +63,26 @@ class ScheduledTracker:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
-        inner = range((start_ns // self._cadence_ns + 1) * self._cadence_ns, end_ns, self._cadence_ns)
-        edges = [start_ns, *inner, end_ns]
-        cuts = np.searchsorted(detections.time_ns, edges)
-        associated, estimates, in_force, rows = [], [], [], 0
-        for number, edge in enumerate(edges[1:]):
-            part = self._associated(detections.take(slice(cuts[number], cuts[number + 1])), rows)
-            associated.append(part)
+        associated, estimates, in_force = [], [], []
+        start, rows, now_ns = 0, 0, start_ns
+        while now_ns < end_ns:
+            now_ns = self._next_edge_ns(now_ns, end_ns, detections.time_ns[start:])
+            end = int(np.searchsorted(detections.time_ns, now_ns)) if now_ns < end_ns else len(detections)
+            associated.append(self._associated(detections.take(slice(start, end)), rows))
             in_force.append(self._in_force)
-            rows += len(self._in_force)
-            estimates += self._stepped(edge)
+            start, rows = end, rows + len(self._in_force)
+            estimates += self._stepped(now_ns)
         return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
+
+    def _next_edge_ns(self, now_ns: int, end_ns: int, times_ns: IntArray) -> int:
+        """Return the next tick, or the window's end; for an idle tracker the last one before the next detection."""
+        assert self._cadence_ns is not None
+        tick_ns = (now_ns // self._cadence_ns + 1) * self._cadence_ns
+        if not self._pending and self._tracker_in_use.is_idle():
+            if not len(times_ns):
+                return end_ns
+            tick_ns = max(tick_ns, int(times_ns[0]) // self._cadence_ns * self._cadence_ns)
+        return min(tick_ns, end_ns)
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
         visible = self._visible(detections)
@@ -164,6 +174,10 @@ class CheckedTracker(Tracker):
         width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
         before, self._width = self._width, width
         return "" if before in (None, width) else f"returned {width} hypotheses, after {before} at earlier ticks"
+
+    def is_idle(self) -> bool:
+        """Return whether steps without detections would change nothing."""
+        return bool(self._called("is_idle", self._tracker.is_idle))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""

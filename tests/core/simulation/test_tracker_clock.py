@@ -1,6 +1,7 @@
 """What a tracker is shown: what sensors measured, and nothing of which target it was of."""
 
 import numpy as np
+import pytest
 from attrs import evolve, fields
 
 from opir_core.interfaces.records import Detections, Tracks
@@ -70,6 +71,45 @@ def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
     for name in (item.name for item in fields(Detections) if item.name not in differs):
         column = getattr(shown, name)
         assert np.array_equal(column[both], column[both + 1], equal_nan=True), name
+
+
+class Watched:
+    """A tracker that counts its steps; told `never_idle`, it is stepped at every tick."""
+
+    def __init__(self, tracker, never_idle):
+        self._tracker, self._never_idle, self.steps = tracker, never_idle, []
+        self.cadence_s, self.associate = tracker.cadence_s, tracker.associate
+
+    def is_idle(self):
+        return not self._never_idle and self._tracker.is_idle()
+
+    def step(self, tick_s, detections):
+        self.steps.append(tick_s)
+        return self._tracker.step(tick_s, detections)
+
+
+@pytest.mark.parametrize("tracker", ["imm", pytest.param("kepler-arc", marks=pytest.mark.slow)])
+def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
+    """Two short flights, long apart: the same tracks, in any windows."""
+    late = {"id": "T3", "type": "SRBM", "launch": {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 1501.0}}
+    targets = [{**late, "id": "T1", "launch": {**late["launch"], "time_s": 31.0}}, late]
+    aim = {"lat_deg": 38.0, "lon_deg": -120.0}
+    scene = {**SCENE, "duration_s": 1530.5, "targets": [{**each, "aim": aim} for each in targets], "tracker": tracker}
+    plan = compile_plan(scene_from_mapping(scene))
+    runs, steps = [], []
+    for never_idle, window_s in ((True, None), (False, None), (False, 37.3)):
+        watched = Watched(plan.make_tracker(), never_idle)
+        runs.append(run_of_plan(evolve(plan, make_tracker=lambda watched=watched: watched), window_s))
+        steps.append(len(watched.steps))
+    assert len(runs[0].tracks) > 20
+    for run in runs[1:]:
+        for item in fields(Tracks):
+            one, other = getattr(runs[0].tracks, item.name), getattr(run.tracks, item.name)
+            assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), item.name
+        assert np.array_equal(runs[0].detections.track, run.detections.track)
+    assert steps[0] > 1500
+    # Boosts, and until the tracks are lost; then the one step before the next detection, and that at the scene's end.
+    assert steps[1] < 800
 
 
 def test_rows_are_those_of_the_numbers_and_of_no_others():

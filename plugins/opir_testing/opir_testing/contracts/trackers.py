@@ -397,6 +397,25 @@ class TrackerContract(SceneContract):
                 "Return no tracks before the first detection.",
             )
 
+    def test_an_idle_tracker_may_pass_over_ticks(self) -> None:
+        """Ticks without detections at which a tracker is idle have no tracks; all but the last may be passed over."""
+        tracker, control = self.tracker(), self.tracker()
+        none, passed_ns = self.observed().take(slice(0, 0)), None
+        for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
+            expected = control.step(tick_ns / _NS, batch)
+            if not len(batch) and tracker.is_idle():
+                require(not len(expected), "an idle tracker has tracks", "is_idle is true while nothing is followed.")
+                passed_ns = tick_ns
+                continue
+            if passed_ns is not None:
+                tracker.step(passed_ns / _NS, none)
+                passed_ns = None
+            require(
+                _equal(tracker.step(tick_ns / _NS, batch), expected),
+                f"at {tick_ns / _NS} s ticks that were passed over while the tracker was idle change the tracks",
+                "Return False from is_idle while anything is kept that time changes.",
+            )
+
     def test_a_tracker_pickles_between_ticks(self) -> None:
         """A copy pickled between two ticks continues with the same results."""
         tracker = self.tracker()

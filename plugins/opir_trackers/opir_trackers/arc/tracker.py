@@ -57,6 +57,10 @@ class ArcTracker(Tracker):
         self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._watch = SensorSchedule.of(sensors, least=_LEAST_CHANCE, most=1.0)
 
+    def is_idle(self) -> bool:
+        """Return whether there is neither a track nor a line of sight that may begin one."""
+        return self._now.is_empty and not len(self._pool)
+
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one."""
         before_s, lines = self._now.time_s, self._rays.of(detections)

@@ -75,6 +75,11 @@ class TrackerState:
         kept = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
         return evolve(self, estimates=kept[0], table=kept[1], motion=kept[2], histories=histories)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no track, also none that has just ended, and no recent line."""
+        return not (len(self.table) or len(self.unclaimed.time_s) or self.ended)
+
     @classmethod
     def first(cls, sensors: int) -> "TrackerState":
         """Return the state before the first detection, for a number of sensors."""

@@ -58,6 +58,10 @@ class ImmTracker(Tracker):
             self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
         return self._composition.composed(tracks, told.groups, found.given_launch)
 
+    def is_idle(self) -> bool:
+        """Return whether there is neither a track nor a line of sight that may begin one."""
+        return self._now.is_empty and not len(self._early)
+
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.
 

@@ -4,6 +4,7 @@ Each slice makes a new state. Late detections are processed by returning to the 
 the result is the same as if they had arrived in time.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from math import ceil
 
@@ -118,8 +119,13 @@ class ImmTracking:
         """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
         lines = self.lines_of_sight(detections) if cached is None else cached
         now = now if now.ended is None else evolve(now, ended=None)
+        if now.is_empty and not len(lines.time_s):
+            return evolve(now, time_s=tick_s)
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
+        if now.is_empty:
+            idle = bisect_right(ends, lines.time_s.min())
+            now, ends = evolve(now, time_s=[now.time_s, *ends][idle]), ends[idle:]
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
             return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported)))
         cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
