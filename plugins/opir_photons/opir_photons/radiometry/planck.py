@@ -89,8 +89,9 @@ def grey_body_intensity(
 def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> FloatArray:
     temperature, wavelength = np.asarray(temperature_k, dtype=np.float64), np.asarray(wavelength_um, dtype=np.float64)
     x = SECOND_RADIATION_UM_K / (wavelength * np.where(temperature < 0.0, np.nan, temperature))
-    # In this order neither factor leaves the range of floats.
-    return np.asarray(scale / np.expm1(x) / wavelength**power)
+    # In this order, with e⁻ˣ as a square, no factor leaves the range of floats before the result does.
+    falling = np.exp(-0.5 * x)
+    return np.asarray(scale / -np.expm1(-x) * falling / wavelength**power * falling)
 
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
