@@ -48,6 +48,7 @@ def pages() -> Mapping[Path, str]:
     """Return every generated page with its text."""
     from opir_http.reference import reference_page
     from opir_kafka.document import asyncapi_text
+    from opir_paper import checks, errata_page, figures_page
 
     everything = Host.discover([*PLUGINS, "kafka", "stonesoup"])
     return {
@@ -56,6 +57,8 @@ def pages() -> Mapping[Path, str]:
         DOCS / "reference" / "commands.md": commands_page(),
         **{DOCS / "explanation" / name: text for name, text in modelled_pages(everything).items()},
         **{DOCS / "reference" / "api" / name: text for name, text in api_pages().items()},
+        DOCS / "explanation" / "paper-errata.md": errata_page(),
+        DOCS / "reference" / "paper-figures.md": figures_page(checks()),
         DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }
@@ -109,7 +112,10 @@ def commands_page() -> str:
 
 def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
-    text, settings = io.StringIO(), {"COLUMNS": "100", "OPIR_PLUGINS": "export,http,physics,report,studies,testing"}
+    text, settings = (
+        io.StringIO(),
+        {"COLUMNS": "100", "OPIR_PLUGINS": "export,http,paper,physics,report,studies,testing"},
+    )
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])
     return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())

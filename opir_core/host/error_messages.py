@@ -37,6 +37,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "sensor_models.LEO-WIDE",
     ),
     "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
+    "opir-paper": ("commands.paper",),
     "opir-photons": (
         "atmosphere_models.lowtran",
         "background_models.earth",

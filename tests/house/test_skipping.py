@@ -21,6 +21,7 @@ from opir_core.simulation.run import run_of_plan
 #: Parts that no word of a scene run by `opir run` names.
 NEVER = (
     "opir_report",
+    "opir_paper",
     "opir_scoring",
     "opir_export",
     "opir_http",

@@ -37,7 +37,16 @@ FLOORS = (
 #: The floors of the distributions: a plugin imports from the core and from plugins below its own.
 DISTRIBUTIONS = (
     *("opir_core", "opir_photons", "opir_dsp", "opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_trackers"),
-    *("opir_stonesoup", "opir_render", "opir_export", "opir_scoring", "opir_studies", "opir_dask", "opir_report"),
+    *(
+        "opir_stonesoup",
+        "opir_render",
+        "opir_export",
+        "opir_paper",
+        "opir_scoring",
+        "opir_studies",
+        "opir_dask",
+        "opir_report",
+    ),
     *("opir_kafka", "opir_http", "opir_testing"),
 )
 

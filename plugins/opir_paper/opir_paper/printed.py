@@ -1,0 +1,61 @@
+"""Figures as a paper prints them: a text and the values that it stands for."""
+
+import math
+from decimal import Decimal
+
+from attrs import frozen
+
+from opir_paper.simulated import Simulated
+
+
+@frozen
+class Printed:
+    """A printed figure: its text, and the least and largest value that it may stand for."""
+
+    text: str
+    least: float
+    most: float
+
+    def covers(self, value: float) -> bool:
+        """Return whether the figure may stand for a value."""
+        return self.least <= value <= self.most
+
+
+def rounded(text: str) -> Printed:
+    """Return a figure that stands for what is rounded to its last digit.
+
+    >>> rounded("0.33").covers(1.0 / 3.0), rounded("0.30").covers(0.2)
+    (True, False)
+    """
+    value, exponent = Decimal(text), Decimal(text).as_tuple().exponent
+    half = Decimal(5).scaleb(int(exponent) - 1)
+    return Printed(text, float(value - half), float(value + half))
+
+
+def about(text: str, share: float) -> Printed:
+    """Return a figure that is "on the order of" a value: within this share of it."""
+    value = float(text)
+    return Printed(f"~ {text}", value * (1.0 - share), value * (1.0 + share))
+
+
+def above(limit: str, text: str = "") -> Printed:
+    """Return a lower limit."""
+    return Printed(text or f"> {limit}", float(limit), math.inf)
+
+
+def below(limit: str, text: str = "") -> Printed:
+    """Return an upper limit."""
+    return Printed(text or f"< {limit}", -math.inf, float(limit))
+
+
+def between(text: str, least: float, most: float) -> Printed:
+    """Return a range."""
+    return Printed(text, least, most)
+
+
+def figure_text(simulated: Simulated, digits: int) -> str:
+    """Return a simulated figure with its interval; one that is counted has none."""
+    if simulated.low == simulated.high:
+        return f"{simulated.value:.{digits}g}"
+    shown = min(digits, 4)
+    return f"{simulated.value:.{shown}g} [{simulated.low:.{shown}g}, {simulated.high:.{shown}g}]"

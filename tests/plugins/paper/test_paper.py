@@ -1,0 +1,84 @@
+"""`opir paper`: every figure has a verdict, simulations reproduce formulas, and a wrong sensor is found out."""
+
+import json
+import re
+from typing import Any
+
+import pytest
+import yaml
+from opir_paper import checks, simulated
+from opir_paper.printed import above, rounded
+from opir_paper.simulated import Simulated
+
+import opir_core as opir
+from opir_core.cli.main import main
+
+#: The figures that contradict the paper's own formulas, by section: docs/explanation/paper-errata.md.
+CORRECTED = {"2.4": 1, "4.2": 1, "4.3": 1, "5.1": 2, "5.3": 1, "8.2": 2}
+
+
+def verdicts(found: Any, verdict: str) -> dict[str, int]:
+    sections = [check.section for check in found if check.verdict == verdict]
+    return {section: sections.count(section) for section in sections}
+
+
+def test_each_figure_holds_or_is_corrected_where_the_errata_say() -> None:
+    found = checks(5)
+    assert len(found) > 40
+    assert verdicts(found, "NOT REPRODUCED") == {}
+    assert verdicts(found, "corrected") == CORRECTED
+
+
+def test_a_sensor_that_is_not_the_papers_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = simulated.scene
+
+    def wrong(*arguments: Any, **settings: Any) -> dict[str, Any]:
+        plain = dict(right(*arguments, **settings))
+        plain["sensors"] = [{**each, "detection_probability": {"ICBM": 0.7}} for each in plain["sensors"]]
+        return plain
+
+    for module in ("simulated", "figure_checks"):
+        monkeypatch.setattr(f"opir_paper.{module}.scene", wrong)
+    found = verdicts(checks(5), "NOT REPRODUCED")
+    assert found["4.2"] >= 3  # shares of looks that detect
+    assert found["5.1"] >= 3  # latencies
+    assert {"3.1", "3.2", "3.3"} <= set(found)  # stated probabilities
+
+
+def test_printed_figures_stand_for_what_rounds_to_them() -> None:
+    assert rounded("0.125").covers(0.1254)
+    assert not rounded("0.125").covers(0.1256)
+    assert rounded("1500").covers(1500.4)
+    assert not rounded("1500").covers(1501.0)
+    assert not above("0.999999999").covers(0.9999998976)
+
+
+@pytest.mark.parametrize(("hits", "trials"), [(0, 50), (50, 50), (7, 50)])
+def test_the_interval_of_a_share_is_wilsons(hits: int, trials: int) -> None:
+    """Its ends are where the observed share is 3.2905 standard deviations away."""
+    share = Simulated.share(hits, trials)
+    for end in (share.low, share.high):
+        if 1e-9 < end < 1.0 - 1e-9:
+            assert abs(hits / trials - end) == pytest.approx(3.2905 * (end * (1.0 - end) / trials) ** 0.5)
+    assert share.holds(hits / trials)
+
+
+def test_the_scene_that_is_printed_is_the_one_that_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["paper", "--scene", "--seed", "3"]) == 0
+    scene = opir.scene_from_mapping(yaml.safe_load(capsys.readouterr().out))
+    assert scene == opir.scene_from_mapping(dict(simulated.scene(3)))
+
+
+def test_plain_data_and_the_page_have_all_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["paper", "--json"]) == 0
+    plain = json.loads(capsys.readouterr().out)
+    assert main(["paper", "--html"]) == 0
+    page = capsys.readouterr().out
+    assert len(re.findall("<tr class=", page)) == len(plain) > 40
+    assert "](" not in page  # no links of Markdown
+    assert page.count("<table>") == 2
+
+
+def test_a_seed_out_of_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["paper", "--seed", "-1"]) == 2
+    assert "--seed" in capsys.readouterr().err
