@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from astropy.time import Time
 from oem import OrbitEphemerisMessage
+from opir_readers.oem_table import oem_table
+from opir_readers.table import BadTableError
 
-from opir_core.flight.tables.oem_table import ecef_state, oem_table
-from opir_core.flight.tables.table import BadTableError
+from opir_core.geometry.celestial_frames import ecef_state
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from opir_readers import csv_table as csv_table_module
+from opir_readers.configs import TableConfig
+from opir_readers.table import BadTableError
+from opir_readers.table_targets import table_targets
 from repository import EXAMPLES
 
-from opir_core.builtin.configs import TableConfig
-from opir_core.builtin.table_targets import table_targets
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.tables import csv_table as csv_table_module
-from opir_core.flight.tables.table import BadTableError
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.planning.plan import compile_plan

@@ -9,17 +9,15 @@ from attrs import define, evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.class_flights import plain_places
-from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.burns import joined_burns_s, plain_gaps_s
-from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.tables.csv_table import csv_table
-from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
-from opir_core.flight.tables.table import BadTableError, Table, interpolant, largest_doubt_m
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.input_file import file_bytes
+from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.plugin import TargetContext, Trajectories
+from opir_core.scene import file_bytes
+from opir_readers.configs import TableConfig
+from opir_readers.csv_table import csv_table
+from opir_readers.oem_table import FIRST_KEYWORD, keywords, oem_table
+from opir_readers.table import BadTableError, Table, interpolant, largest_doubt_m
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -151,9 +149,16 @@ def _breakpoints_s(tables: Sequence[Table]) -> FloatArray:
     return np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
 
 
+def _place(position_m: FloatArray) -> dict[str, float]:
+    """Return a position (3,) as a plain geodetic place, with its height above the WGS 84 ellipsoid."""
+    where = ecef_to_geodetic(position_m[None])
+    latitude, longitude = (float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad))
+    return {"lat_deg": latitude, "lon_deg": longitude, "height_m": float(where.height_m[0])}
+
+
 def _points(table: Table) -> Mapping[str, Any]:
     """Return launch and impact of a table: its first and last states, where these are near the ground."""
-    first, last = plain_places(table.position_m[[0, -1]])
+    first, last = _place(table.position_m[0]), _place(table.position_m[-1])
     is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
     is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
     launch = {"launch": first} if is_launch else {}

@@ -9,7 +9,7 @@ from itertools import chain, islice
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.flight.tables.table import MOST_BURNS, BadTableError, Table, require_order, require_places
+from opir_readers.table import MOST_BURNS, BadTableError, Table, require_order, require_places
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
