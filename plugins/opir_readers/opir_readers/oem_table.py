@@ -75,7 +75,9 @@ def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
             )
     time, position, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    return Table(time, position, velocity, run, np.array([_useable_s(segments, epoch_us, time)]))
+    lines = [line for segment in segments for line in segment.lines]
+    burns_s = np.array([_useable_s(segments, epoch_us, time)])
+    return Table(time, position, velocity, run, burns_s, lines.__getitem__)
 
 
 def _segments(text: str) -> list[Segment]:

@@ -21,6 +21,10 @@ LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
 MOST_BURNS = 8
 
 
+#: Returns the line of a file that a row stands in.
+LineOf = Callable[[int], int]
+
+
 class BadTableError(ValueError):
     """An invalid table; the only argument is the reason, with its line and the remedy."""
 
@@ -30,7 +34,9 @@ class Table:
     """States in order of time: scene times (n,), s, ECEF positions (n, 3), m, and velocities over the Earth, m/s.
 
     `velocity_m_s` is None where the file has none. `run` (n,) numbers the runs of smooth motion, which polynomials do
-    not cross. `burns_s` (k, 2) are the scene times of ignition and burnout of each burn, in order.
+    not cross. `burns_s` (k, 2) are the scene times of ignition and burnout of each burn, in order. `line_of` returns
+    the line of a row, from 1; `notes` are what a user should know of the reading; `velocity_names` are those of the
+    columns of velocity.
     """
 
     time_s: FloatArray
@@ -38,9 +44,12 @@ class Table:
     velocity_m_s: FloatArray | None
     run: NDArray[np.intp]
     burns_s: FloatArray
+    line_of: LineOf = int
+    notes: tuple[str, ...] = ()
+    velocity_names: tuple[str, ...] = ()
 
 
-def require_order(time_s: FloatArray, line_of: Callable[[int], int], *, may_repeat: bool) -> None:
+def require_order(time_s: FloatArray, line_of: LineOf, *, may_repeat: bool) -> None:
     """Raise `BadTableError` where times do not increase; with `may_repeat` a time may occur twice in a row.
 
     `line_of` gives the line of a row.
@@ -54,7 +63,7 @@ def require_order(time_s: FloatArray, line_of: Callable[[int], int], *, may_repe
         )
 
 
-def require_places(position_m: FloatArray, line_of: Callable[[int], int]) -> None:
+def require_places(position_m: FloatArray, line_of: LineOf) -> None:
     """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon; `line_of` gives a row's line."""
     with np.errstate(over="ignore"):
         radius_m = np.sqrt((position_m * position_m).sum(axis=1))
@@ -121,7 +130,7 @@ def largest_doubt_m(table: Table) -> float | None:
     Between states the error is smaller still, by far where the motion is smooth. None where no stretch has three.
     """
     doubts = []
-    for rows in _runs(table):
+    for rows in runs(table):
         for parity in (0, 1):
             is_kept = np.arange(len(rows)) % 2 == parity
             is_kept[[0, -1]] = True
@@ -140,14 +149,14 @@ def _thinned(table: Table, rows: RowArray) -> Table:
 
 def _intervals(table: Table) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8, m, 3)."""
-    parts = [_of_run(table, rows) for rows in _runs(table)]
+    parts = [_of_run(table, rows) for rows in runs(table)]
     parts = [part for part in parts if len(part[0])]
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     nodes, coefficients = (np.concatenate([part[k] for part in parts], axis=1) for k in (2, 3))
     return start, length, nodes, coefficients
 
 
-def _runs(table: Table) -> list[RowArray]:
+def runs(table: Table) -> list[RowArray]:
     """Return the rows of each run."""
     return np.split(np.arange(len(table.run)), np.flatnonzero(np.diff(table.run)) + 1)
 

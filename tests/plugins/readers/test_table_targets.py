@@ -329,9 +329,9 @@ class TestReadingAtOnce:
     def lines_read(self, text, monkeypatch):
         read, row = [], csv_table_module._row
 
-        def counted(names, cells, line):
+        def counted(columns, layout, cells, line):
             read.append(line)
-            return row(names, cells, line)
+            return row(columns, layout, cells, line)
 
         monkeypatch.setattr(csv_table_module, "_row", counted)
         return csv_table_module.csv_table(text, 0.0), read
@@ -346,7 +346,7 @@ class TestReadingAtOnce:
 
     def test_both_ways_give_the_same_numbers(self, monkeypatch):
         at_once, _ = self.lines_read(csv_text(self.TIMES), monkeypatch)
-        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda _text, _count: None)
+        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda *_: None)
         by_line, read = self.lines_read(csv_text(self.TIMES), monkeypatch)
         assert len(read) == len(self.TIMES)
         assert np.array_equal(at_once.time_s, by_line.time_s)
