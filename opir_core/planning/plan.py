@@ -357,6 +357,7 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         paths=tuple(target.model.path for target in chosen),
         forces=_forces(scene),
         epoch_us=scene.epoch_us,
+        duration_s=scene.duration_s,
         free_flight=free_flight,
         target_class=partial(host.component, TargetClass),
     )

@@ -13,11 +13,12 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import TargetContext, Trajectories
-from opir_core.scene import file_bytes
+from opir_core.scene import file_bytes, text_of
 from opir_readers.configs import TableConfig
 from opir_readers.csv_table import csv_table
 from opir_readers.oem_table import FIRST_KEYWORD, keywords, oem_table
 from opir_readers.table import BadTableError, Table, interpolant, largest_doubt_m
+from opir_readers.table_checks import SceneTimes, doubts_about
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -39,6 +40,7 @@ class TableTargets(Trajectories):
     burns_s: FloatArray
     flight: Ephemeris
     told: tuple[Mapping[str, Any], ...]
+    warnings: Sequence[Problem] = ()
 
     @property
     def class_names(self) -> Sequence[str]:
@@ -68,14 +70,18 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
 
     Raises `SceneError` with a problem for each target whose file cannot be taken.
     """
-    problems, tables, hashes = list[Problem](), list[Table](), list[str]()
+    problems, warnings, tables, hashes = list[Problem](), list[Problem](), list[Table](), list[str]()
+    times = SceneTimes(context.epoch_us, context.duration_s)
     for config, path in zip(configs, context.paths, strict=True):
+        place = f"{path}.file"
         try:
             content = _content(config.file)
             hashes.append(sha256(content).hexdigest())
-            tables.append(_with_burn(_table(content, config, context.epoch_us), config))
+            table, start_s = _table(content, config, context.epoch_us)
+            warnings += [Problem(place, f"{config.file}: {doubt}") for doubt in doubts_about(table, times, start_s)]
+            tables.append(_with_burn(table, config))
         except BadTableError as error:
-            problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}".removeprefix(": ")))
+            problems.append(Problem(place, f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:
         raise SceneError(problems)
     ignition_s = np.array([table.burns_s[0, 0] for table in tables])
@@ -91,6 +97,7 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
             interpolant(tables).state, ignition_s, end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
         ),
         told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
+        warnings=tuple(warnings),
     )
 
 
@@ -106,19 +113,21 @@ def _content(file: str) -> bytes:
     return content
 
 
-def _table(content: bytes, config: TableConfig, epoch_us: int) -> Table:
+def _table(content: bytes, config: TableConfig, epoch_us: int) -> tuple[Table, float | None]:
+    """Return the table of a file, and the scene time of its time 0, None where its times are dates."""
     try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise BadTableError(f"line {line}: is not UTF-8 text") from error
+        text = text_of(content)
+    except ValueError as error:
+        raise BadTableError(str(error)) from error
     if next(keywords(text), "").startswith(FIRST_KEYWORD):
-        if config.start_s is not None:
-            raise BadTableError("an OEM has its own times; omit start_s")
-        return oem_table(text, epoch_us, config.object)
+        given = [name for name in ("start_s", "columns") if getattr(config, name)]
+        if config.start_s is not None or given:
+            raise BadTableError(f"an OEM has its own times; omit {' and '.join(given or ['start_s'])}")
+        return oem_table(text, epoch_us, config.object), None
     if config.object is not None:
         raise BadTableError(f"is a CSV file, which has no object; omit object (an OEM begins with {FIRST_KEYWORD})")
-    return csv_table(text, config.start_s or 0.0)
+    start_s = config.start_s or 0.0
+    return csv_table(text, start_s, config.columns), start_s
 
 
 def _with_burn(table: Table, config: TableConfig) -> Table:
