@@ -14,6 +14,7 @@ from opir_core.reading.nodes import (
     Complaint,
     InvalidNode,
     Node,
+    Place,
     complaints_inside,
     cut_short,
     index_step,
@@ -63,6 +64,33 @@ def scene_from_mapping(
     except InvalidNode as refused:
         raise _scene_error(refused.complaints, source) from None
     return _scene_of_node(root, overrides, host, source)
+
+
+def placed(problems: Iterable[Problem], source: str, overrides: Sequence[str] = ()) -> list[Problem]:
+    """Return problems of a scene file with the lines that their paths stand in, as far as there are any."""
+    try:
+        root = node_of_yaml(_text_of_file(source))
+    except InvalidNode:
+        return list(problems)
+    overridden(root, overrides)
+    return [
+        Problem(problem.path, Complaint(problem.message, _place_of(root, problem.path)).text) for problem in problems
+    ]
+
+
+def _place_of(root: Node, path: str) -> Place:
+    """Return the place of the deepest node on a path; None if not even its first step is there."""
+    node, place = root, None
+    for key, index, _ in _STEP.findall(f".{path}"):
+        value = node.value
+        if isinstance(value, dict) and key in value:
+            node = value[key]
+        elif isinstance(value, list) and index and int(index) < len(value):
+            node = value[int(index)]
+        else:
+            break
+        place = node.place
+    return place
 
 
 def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, source: str) -> Scene:
