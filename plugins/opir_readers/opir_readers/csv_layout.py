@@ -52,6 +52,7 @@ def layout_of(text: str) -> Layout:
     delimiter = told[1] if told else _delimiter(head)
     delimiter = "" if delimiter == " " else delimiter
     rows = (row for row in _cells(text, delimiter) if not told or row[0] > first[0])
+    names: Sequence[str]
     line, names = next(rows, (1, []))
     cells = [names]
     if all(_NUMBER.fullmatch(name) for name in names if name):
