@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
@@ -129,7 +130,9 @@ def _bytes_of_file(source: str) -> bytes:
     try:
         raw = file_bytes(source, MAXIMUM_FILE_BYTES)
     except FileNotFoundError:
-        raise InvalidNode([Complaint("there is no such file")]) from None
+        link = Path(source)
+        words = f"is a link to {str(link.readlink())!r}, which is not there" if link.is_symlink() else ""
+        raise InvalidNode([Complaint(words or "there is no such file")]) from None
     except IsADirectoryError:
         raise InvalidNode([Complaint("is a directory; a scene is a file")]) from None
     except (OSError, ValueError) as error:
