@@ -36,6 +36,7 @@ PLUGINS = [
     "heo",
     "leo",
     "trackers",
+    "readers",
     "export",
     "studies",
     "dask",
@@ -109,7 +110,10 @@ def commands_page() -> str:
 
 def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
-    text, settings = io.StringIO(), {"COLUMNS": "100", "OPIR_PLUGINS": "export,http,physics,report,studies,testing"}
+    text, settings = (
+        io.StringIO(),
+        {"COLUMNS": "100", "OPIR_PLUGINS": "export,http,physics,readers,report,studies,testing"},
+    )
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])
     return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())

@@ -94,15 +94,18 @@ def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
         row = late[0]
         span = f"from {ignition_s[row]:g} to {burnout_s[row]:g} s"
         return f"{ids[row]} burning {span}; a burn ends after it begins, and both are within a year of 0"
-    end_s, burns_s, names = part.end_s, part.burns_s, part.class_names
+    end_s: Any = part.end_s
+    burns_s: Any = part.burns_s
+    names: Any = part.class_names
+    warnings: Any = part.warnings
     if not isinstance(end_s, np.ndarray) or end_s.shape != (count,) or not (end_s >= burnout_s).all():
         return f"end_s as {getattr(end_s, 'shape', kind_of(end_s))}; {count} times from burnout on are required"
     if not isinstance(burns_s, np.ndarray) or burns_s.ndim != 3 or burns_s.shape[::2] != (count, 2):
         return f"burns_s as {getattr(burns_s, 'shape', kind_of(burns_s))}; ({count}, k, 2) is required"
     if not isinstance(names, Sequence) or len(names) != count:
         return f"class_names {names!r}; {count} names are required"
-    if not isinstance(part.warnings, Sequence):
-        return f"warnings as {kind_of(part.warnings)}; a list of problems is required"
+    if not isinstance(warnings, Sequence):
+        return f"warnings as {kind_of(warnings)}; a list of problems is required"
     target = np.tile(np.arange(count, dtype=np.int32), 3)
     time_s = np.concatenate([ignition_s, 0.5 * (ignition_s + burnout_s), burnout_s])
     return positions_fault(part.position_ecef_m(target, time_s), len(target)) if count else ""

@@ -375,6 +375,7 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         duration_s=scene.duration_s,
         free_flight=free_flight,
         target_class=partial(host.component, TargetClass),
+        readers=host.readers,
     )
     configs = [target.model.config for target in chosen]
     trajectories = built(host, chosen[0].model, context, configs)

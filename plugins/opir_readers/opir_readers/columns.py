@@ -11,7 +11,7 @@ from difflib import get_close_matches
 
 from attrs import frozen
 
-from opir_readers.table import BadTableError
+from opir_core.plugin import BadFileError
 
 _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _LENGTH = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
@@ -109,7 +109,7 @@ def map_complaint(columns: Mapping[str, str] | None) -> str | None:
 
 
 def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dict[str, Column]:
-    """Return the columns that are read, by quantity; raises `BadTableError` where they do not make states.
+    """Return the columns that are read, by quantity; raises `BadFileError` where they do not make states.
 
     `given` maps quantities with units to names of columns; others are known by their own names. `line` is that of the
     names.
@@ -119,13 +119,13 @@ def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dic
     lost = [own for own in mapped if own not in names]
     if lost:
         listed = ", ".join(map(repr, names))
-        raise BadTableError(f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}")
+        raise BadFileError(f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}")
     for place, name in enumerate(names):
         known = quantity_of(mapped.get(name, name))
         if known is None:
             continue
         if known[0] in found and (name in mapped) == (found[known[0]].name in mapped):
-            raise BadTableError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}")
+            raise BadFileError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}")
         if known[0] not in found or name in mapped:
             found[known[0]] = Column(place, name, *known)
     _require_states(found, names, line)
@@ -142,7 +142,7 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
     groups = [PLACES[1] if "lat" in found or "lon" in found else PLACES[0]]
     groups += [group for group in VELOCITIES if any(name in found for name in group)]
     if len(groups) > 2:
-        raise BadTableError(f"line {line}: has velocities in several axes; name those to read with columns")
+        raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
     missing = [quantity for quantity in (TIME, *(name for group in groups for name in group)) if quantity not in found]
     unknown = unread(names, found)
     slips = {name: near for name in unknown if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))}
@@ -150,10 +150,10 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
         is_most = len(missing) > 1
         others = f" and has unknown columns ({', '.join(map(repr, unknown[:6]))})" if unknown else ""
         wanted = ", ".join(map(_with_unit, missing))
-        raise BadTableError(f"line {line}: lacks the column{'s' if is_most else ''} {wanted}{others}{_proposal(names)}")
+        raise BadFileError(f"line {line}: lacks the column{'s' if is_most else ''} {wanted}{others}{_proposal(names)}")
     for name, near in slips.items():
         if name not in (column.name for column in found.values()):
-            raise BadTableError(f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?")
+            raise BadFileError(f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?")
 
 
 def _proposal(names: Sequence[str]) -> str:

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from attrs import Factory, frozen
+from attrs import frozen
 
-from opir_core.plugin import TargetClass, nested, number, text
-from opir_readers.columns import map_complaint
+from opir_core.plugin import FileReader, TargetClass, number, text
+from opir_readers.formats import OBJECT_HELP, columns_setting, start_setting
 
 
 def _scene_time(meaning: str, default: float | None = None) -> Any:
@@ -27,20 +27,9 @@ class TableConfig:
         " those of columns, parted by commas, semicolons, tabs or blanks; or a CCSDS OEM (KVN) in UTC and ITRF, TDR,"
         " GRC, TEME or EME2000"
     )
-    columns: Mapping[str, str] = nested(
-        default=Factory(dict),
-        check=map_complaint,
-        help="columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon: Longitude,"
-        " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s, ft_s, km_h, kn;"
-        " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east, v_north, v_up",
-    )
-    start_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=-1e13,
-        maximum=31_557_600.0,
-        help="scene time of time 0 of a CSV file; default 0",
-    )
-    object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID, for an OEM with several objects")
+    format: str | None = text(default=None, names_of=FileReader.hook, help="reader of the file; default: by content")
+    columns: Mapping[str, str] = columns_setting()
+    start_s: float | None = start_setting()
+    object: str | None = text(default=None, help=OBJECT_HELP)
     ignition_s: float | None = _scene_time("scene time of the first ignition; default: from the file")
     burnout_s: float | None = _scene_time("scene time at which the last burn ends; default: from the file")

@@ -8,7 +8,7 @@ from itertools import islice
 
 from attrs import frozen
 
-from opir_readers.table import BadTableError
+from opir_core.plugin import BadFileError
 
 _COMMENTS = ("#", "%", "//")
 _NUMBER = re.compile(r"\s*[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?\s*")
@@ -30,7 +30,7 @@ class Layout:
     names: tuple[str, ...]
 
     def rows(self, text: str) -> Iterator[tuple[int, list[str]]]:
-        """Yield number and cells of each line of a state; raises `BadTableError` for what is not CSV."""
+        """Yield number and cells of each line of a state; raises `BadFileError` for what is not CSV."""
         for number, cells in _cells(text, self.delimiter):
             if number > self.line:
                 yield number, cells
@@ -43,10 +43,10 @@ class Layout:
 
 
 def layout_of(text: str) -> Layout:
-    """Return the layout of a table; raises `BadTableError` for one without names, or without any line."""
+    """Return the layout of a table; raises `BadFileError` for one without names, or without any line."""
     first = next(_lines(text), None)
     if first is None:
-        raise BadTableError("is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m")
+        raise BadFileError("is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m")
     told = _EXCEL.fullmatch(first[1])
     head = next((line for number, line in _lines(text) if not told or number > first[0]), "")
     delimiter = told[1] if told else _delimiter(head)
@@ -84,7 +84,7 @@ def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> tuple
             names = [name.strip() for name in (bare.split(mark) if mark else bare.split())]
             if len(names) == count and comment.strip().startswith(_COMMENTS):
                 return line - 1, names
-    raise BadTableError(
+    raise BadFileError(
         f"line {line}: has numbers and no line of names above it; the first line names the columns, like time_s,"
         " x_ecef_m, y_ecef_m, z_ecef_m"
     )
@@ -108,4 +108,4 @@ def _cells(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
             if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith(_COMMENTS):
                 yield reader.line_num, cells
     except csv.Error as error:
-        raise BadTableError(f"line {reader.line_num}: not CSV: {error}") from error
+        raise BadFileError(f"line {reader.line_num}: not CSV: {error}") from error

@@ -9,9 +9,10 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.plugin import BadFileError, StateTable
 from opir_readers.columns import BURNING, PLACES, TIME, VELOCITIES, Column, columns_of, unread
 from opir_readers.csv_layout import Layout, decimal, layout_of
-from opir_readers.table import MOST_BURNS, BadTableError, LineOf, Table, require_order, require_places
+from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
@@ -20,21 +21,21 @@ MOST_BREAKS = 10_000
 _LISTED = 6
 
 
-def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = None) -> Table:
+def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = None) -> StateTable:
     """Return the table of a text whose time 0 is the scene time `start_s`.
 
     Columns, in any order, parted by commas, semicolons, tabs or blanks: the time; the place, as ECEF or as geodetic
     latitude, longitude and height; perhaps the velocity; and is_burning: 1 where the plume radiates from this line's
     time to the next, else 0. Names have their units (`opir_readers.columns`), or `columns` maps quantities to names.
     Lines that begin with #, % or // are comments. A time that occurs twice in a row marks a point where the motion is
-    not smooth, as a change of stages. Raises `BadTableError`.
+    not smooth, as a change of stages. Raises `BadFileError`.
     """
     layout = layout_of(text)
     known = columns_of(layout.names, layout.line, columns or {})
     values = _values(text, layout, known)
     count = len(values[TIME])
     if count < 2:
-        raise BadTableError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
+        raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
     time_s = values[TIME] + start_s
 
     def line_of(row: int) -> int:
@@ -46,10 +47,11 @@ def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = Non
     velocity = _velocities(values, position)
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     if run[-1] > MOST_BREAKS:
-        raise BadTableError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
+        raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
     names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
-    return Table(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names)
+    frame = "ECEF" if PLACES[0][0] in known else "latitude, longitude, height above WGS 84"
+    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, frame=frame)
 
 
 def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
@@ -65,7 +67,7 @@ def _positions(values: Mapping[str, FloatArray], line_of: LineOf) -> FloatArray:
     latitude, longitude, height = (values[name] for name in PLACES[1])
     for row in np.flatnonzero((np.abs(latitude) > 0.5 * math.pi) | (np.abs(longitude) > 2.0 * math.pi)).tolist():
         places = math.degrees(latitude[row]), math.degrees(longitude[row])
-        raise BadTableError(
+        raise BadFileError(
             f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
             " swapped, or the units others?"
         )
@@ -103,9 +105,9 @@ def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
     # A time that occurs twice may end one burn and begin the next, or hold a burn of no length.
     burns_s = burns_s[burns_s[:, 0] < burns_s[:, 1]]
     if not len(burns_s):
-        raise BadTableError(f"{BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
+        raise BadFileError(f"{BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
     if len(burns_s) > MOST_BURNS:
-        raise BadTableError(f"{BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
+        raise BadFileError(f"{BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
     return burns_s
 
 
@@ -149,7 +151,7 @@ def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> Fl
 def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: int) -> list[float]:
     extra = cells[len(layout.names) :]
     if len(cells) < len(layout.names) or any(cell.strip() for cell in extra):
-        raise BadTableError(f"line {line}: has {len(cells)} values; the first line names {len(layout.names)} columns")
+        raise BadFileError(f"line {line}: has {len(cells)} values; the first line names {len(layout.names)} columns")
     return [_number(column, cells[column.place], layout, line) for column in known.values()]
 
 
@@ -160,7 +162,7 @@ def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
     except ValueError as error:
         value, why = math.nan, f": it {error}" if "separators" in str(error) else ""
     if not math.isfinite(value):
-        raise BadTableError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}")
+        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}")
     if column.quantity == BURNING and value not in (0.0, 1.0):
-        raise BadTableError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
+        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
     return value

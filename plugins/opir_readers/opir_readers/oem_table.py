@@ -13,10 +13,8 @@ import numpy as np
 from attrs import Factory, define
 
 from opir_core.flight import ecef_state
-from opir_readers.table import BadTableError, Table, require_order, require_places
-
-#: The keyword that every message begins with.
-FIRST_KEYWORD = "CCSDS_OEM_VERS"
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.states import require_order, require_places
 
 _UNIX = datetime(1970, 1, 1)
 _EARTH_FIXED = ("TDR", "GRC")
@@ -39,19 +37,19 @@ class Segment:
         """Add a line of metadata."""
         key, equals, value = (part.strip() for part in line.partition("="))
         if not equals:
-            raise BadTableError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
+            raise BadFileError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
         if key in self.meta:
-            raise BadTableError(f"line {number}: {key} stands twice in these metadata; leave one out")
+            raise BadFileError(f"line {number}: {key} stands twice in these metadata; leave one out")
         self.meta[key] = value
 
     def take_state(self, words: list[str], number: int) -> None:
         """Add a line of a state."""
         if self.has_covariance:
-            raise BadTableError(f"line {number}: comes after the segment's covariance, where no state can be")
+            raise BadFileError(f"line {number}: comes after the segment's covariance, where no state can be")
         state = _state(words, number)
         self.width = self.width or len(words)
         if len(words) != self.width:
-            raise BadTableError(
+            raise BadFileError(
                 f"line {number}: has {len(words)} values, the segment's first state {self.width}; all states of a"
                 " segment have accelerations, or none has"
             )
@@ -59,17 +57,17 @@ class Segment:
         self.states.append(state)
 
 
-def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
+def oem_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
     """Return the table of a message, for a scene epoch in microseconds of UTC since 1970.
 
     `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is a run; the burn is
-    the useable interval. Raises `BadTableError`.
+    the useable interval. Raises `BadFileError`.
     """
     segments = _of_object(_segments(text), wanted)
     parts = [_states(segment, epoch_us) for segment in segments]
     for before, after, segment in zip(parts, parts[1:], segments[1:], strict=False):
         if not before[0][-1] == after[0][0]:
-            raise BadTableError(
+            raise BadFileError(
                 f"line {segment.line}: this segment does not start when the one before it ends; split the file or"
                 " make them meet"
             )
@@ -77,7 +75,8 @@ def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
     run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
     lines = [line for segment in segments for line in segment.lines]
     burns_s = np.array([_useable_s(segments, epoch_us, time)])
-    return Table(time, position, velocity, run, burns_s, lines.__getitem__)
+    frame = segments[0].meta["REF_FRAME"]
+    return StateTable(time, position, velocity, run, burns_s, lines.__getitem__, has_dates=True, frame=frame)
 
 
 def _segments(text: str) -> list[Segment]:
@@ -98,33 +97,33 @@ def _segments(text: str) -> list[Segment]:
         elif block == "" and segments:
             segments[-1].take_state(words, number)
     if block:
-        raise BadTableError(f"ends within a block that began with {block}")
+        raise BadFileError(f"ends within a block that began with {block}")
     if not segments:
-        raise BadTableError("has no META_START, so no states")
+        raise BadFileError("has no META_START, so no states")
     return segments
 
 
 def _require_meta(segments: list[Segment], number: int) -> None:
     if not segments:
-        raise BadTableError(f"line {number}: ends a block that never began")
+        raise BadFileError(f"line {number}: ends a block that never began")
     meta = segments[-1].meta
     missing = [key for key in _NEEDED if not meta.get(key)]
     if missing:
-        raise BadTableError(f"line {number}: the metadata lack {', '.join(missing)}")
+        raise BadFileError(f"line {number}: the metadata lack {', '.join(missing)}")
     if meta["CENTER_NAME"].upper() != "EARTH":
-        raise BadTableError(f"line {number}: CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken")
+        raise BadFileError(f"line {number}: CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken")
     if meta["TIME_SYSTEM"].upper() != "UTC":
-        raise BadTableError(f"line {number}: TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to UTC")
+        raise BadFileError(f"line {number}: TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to UTC")
     frame = meta["REF_FRAME"].upper()
     if not (frame.startswith("ITRF") or frame in (*_EARTH_FIXED, *_EQUINOX, "TEME")):
         known = f"ITRF, {', '.join((*_EARTH_FIXED, 'TEME', *_EQUINOX))}"
-        raise BadTableError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
+        raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
 
 
 def _state(words: list[str], number: int) -> list[float]:
     """Return a line's time, s since 1970, and state, km and km/s; accelerations are left."""
     if len(words) not in (7, 10):
-        raise BadTableError(f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers")
+        raise BadFileError(f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers")
     numbers = []
     for word in words[1:]:
         try:
@@ -132,7 +131,7 @@ def _state(words: list[str], number: int) -> list[float]:
         except ValueError:
             numbers.append(math.nan)
         if not math.isfinite(numbers[-1]):
-            raise BadTableError(f"line {number}: {word!r} is not a finite number")
+            raise BadFileError(f"line {number}: {word!r} is not a finite number")
     return [_unix_s(words[0], number), *numbers[:6]]
 
 
@@ -146,23 +145,23 @@ def _unix_s(text: str, number: int) -> float:
             continue
         if not fraction or fraction.isdecimal():
             return seconds + float(f"0.{fraction or 0}")
-    raise BadTableError(f"line {number}: {text!r} is no time like 2026-04-01T12:00:00.000 (a leap second is none here)")
+    raise BadFileError(f"line {number}: {text!r} is no time like 2026-04-01T12:00:00.000 (a leap second is none here)")
 
 
 def _of_object(segments: list[Segment], wanted: str | None) -> list[Segment]:
     names = list(dict.fromkeys(segment.meta["OBJECT_NAME"] for segment in segments))
     found = [s for s in segments if wanted is None or wanted in (s.meta["OBJECT_NAME"], s.meta["OBJECT_ID"])]
     if not found:
-        raise BadTableError(f"has no object {wanted!r}; it has {', '.join(names)}")
+        raise BadFileError(f"has no object {wanted!r}; it has {', '.join(names)}")
     if len({segment.meta["OBJECT_NAME"] for segment in found}) > 1:
-        raise BadTableError(f"has several objects; say which with object: {', '.join(names)}")
+        raise BadFileError(f"has several objects; say which with object: {', '.join(names)}")
     return found
 
 
 def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return scene times, s, and states in ECEF, m and m/s."""
     if len(segment.states) < 2:
-        raise BadTableError(f"line {segment.line}: this segment has fewer than 2 states")
+        raise BadFileError(f"line {segment.line}: this segment has fewer than 2 states")
     rows = np.array(segment.states)
     time_s = rows[:, 0] - epoch_us * 1e-6
     require_order(time_s, segment.lines.__getitem__, may_repeat=False)

@@ -11,7 +11,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_readers.table import BadTableError, Table, runs
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.interpolation import runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
 #: Velocities that differ systematically from positions by this, m/s, are refused, by less told.
@@ -52,28 +53,33 @@ class SceneTimes:
     duration_s: float
 
 
-def doubts_about(table: Table, times: SceneTimes, start_s: float | None) -> list[str]:
-    """Return what of a table may be an error; raises `BadTableError` for what cannot be meant.
+def doubts_about(table: StateTable, times: SceneTimes, start_s: float | None) -> list[str]:
+    """Return what of a table may be an error; raises `BadFileError` for what cannot be meant.
 
     `start_s` is the scene time of the table's time 0, None where its times are dates.
     """
     _require_overlap(table, times, start_s)
+    return contradictions(table)
+
+
+def contradictions(table: StateTable) -> list[str]:
+    """Return what of a table may be an error in any scene; raises `BadFileError` for what cannot be meant."""
     return [*table.notes, *_doubts_of_velocities(table), *_doubts_of_motion(table), *_doubts_of_heights(table)]
 
 
-def _require_overlap(table: Table, times: SceneTimes, start_s: float | None) -> None:
-    """Raise `BadTableError` for a table that has no time in common with its scene."""
+def _require_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> None:
+    """Raise `BadFileError` for a table that has no time in common with its scene."""
     first, last = float(table.time_s[0]), float(table.time_s[-1])
     if first < times.duration_s and last > 0.0:
         return
     begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
     if start_s is None:
         own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
-        raise BadTableError(
+        raise BadFileError(
             f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no time in common;"
             f" set the scene's epoch, or take the ephemeris of that day"
         )
-    raise BadTableError(
+    raise BadFileError(
         f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
         f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
     )
@@ -104,13 +110,13 @@ def moment_text(unix_s: float) -> str:
     return f"{np.datetime64(round(unix_s), 's')}Z"
 
 
-def _doubts_of_velocities(table: Table) -> Iterator[str]:
+def _doubts_of_velocities(table: StateTable) -> Iterator[str]:
     slip = velocity_slip(table)
     if slip is None:
         return
     text = _slip_text(slip)
     if slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S:
-        raise BadTableError(text)
+        raise BadFileError(text)
     yield text
 
 
@@ -126,7 +132,7 @@ def _slip_text(slip: VelocitySlip) -> str:
     return f"{seen}; all look {slip.cause}: so read, they agree to {left:.2g} m/s; {way}, {out}"
 
 
-def _doubts_of_motion(table: Table) -> Iterator[str]:
+def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     speed, line, acceleration, bend_line = 0.0, 0, 0.0, 0
     for rows in runs(table):
         step_s = np.diff(table.time_s[rows])
@@ -155,7 +161,7 @@ def _doubts_of_motion(table: Table) -> Iterator[str]:
         )
 
 
-def _doubts_of_heights(table: Table) -> Iterator[str]:
+def _doubts_of_heights(table: StateTable) -> Iterator[str]:
     height_m = ecef_to_geodetic(table.position_m).height_m
     row = int(height_m.argmin())
     if height_m[row] < _LEAST_HEIGHT_M:

@@ -16,7 +16,8 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic
-from opir_readers.table import Table, runs
+from opir_core.plugin import StateTable
+from opir_readers.interpolation import runs
 
 #: A slip explains what velocities and positions differ by if it leaves at most this share of it.
 _EXPLAINED = 0.3
@@ -56,7 +57,7 @@ class VelocitySlip:
     is_systematic: bool = True
 
 
-def velocity_slip(table: Table) -> VelocitySlip | None:
+def velocity_slip(table: StateTable) -> VelocitySlip | None:
     """Return how the velocities of a table contradict its positions, or None where they agree."""
     if table.velocity_m_s is None:
         return None
@@ -80,7 +81,7 @@ def velocity_slip(table: Table) -> VelocitySlip | None:
     return None
 
 
-def _rates(table: Table) -> tuple[RowArray, FloatArray, FloatArray]:
+def _rates(table: StateTable) -> tuple[RowArray, FloatArray, FloatArray]:
     """Return rows (n,), the rates of their positions (n, 3), m/s, and how much rates change around them (n,)."""
     parts = [_rates_of_run(table, _thinned(table.time_s, rows)) for rows in runs(table)]
     rows, rates, turns = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -88,7 +89,7 @@ def _rates(table: Table) -> tuple[RowArray, FloatArray, FloatArray]:
     return rows[::stride], rates[::stride], turns[::stride]
 
 
-def _rates_of_run(table: Table, rows: RowArray) -> tuple[RowArray, FloatArray, FloatArray]:
+def _rates_of_run(table: StateTable, rows: RowArray) -> tuple[RowArray, FloatArray, FloatArray]:
     if len(rows) < 3:
         return rows[:0], np.empty((0, 3)), np.empty(0)
     step = np.diff(table.time_s[rows])[:, None]
@@ -105,7 +106,7 @@ def _thinned(time_s: FloatArray, rows: RowArray) -> RowArray:
     return rows[:: max(min(stride, len(rows) // 8), 1)]
 
 
-def _best(table: Table, rows: RowArray, rates: FloatArray, alike_m_s: float) -> tuple[str, str, float]:
+def _best(table: StateTable, rows: RowArray, rates: FloatArray, alike_m_s: float) -> tuple[str, str, float]:
     """Return the slip that explains best, its remedy, and the median difference that it leaves, m/s.
 
     Slips that leave as little to within `alike_m_s` fit alike.
@@ -124,7 +125,7 @@ _UNITS = {"": 1.0, "km_s": 1e3, "ft_s": 0.3048, "km_h": 1.0 / 3.6, "kn": 1852.0 
 _IN_UNITS = {"km_s": "km/s", "ft_s": "ft/s", "km_h": "km/h", "kn": "knots"}
 
 
-def _mended(table: Table, rows: RowArray, rates: FloatArray) -> Iterator[tuple[str, str, FloatArray]]:
+def _mended(table: StateTable, rows: RowArray, rates: FloatArray) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield the usual slips, the plainest first: cause, remedy, and the velocities without it."""
     assert table.velocity_m_s is not None
     given, place_m, time_s = table.velocity_m_s[rows], table.position_m[rows], table.time_s[rows]
@@ -175,7 +176,7 @@ def _lagged(given: FloatArray, rates: FloatArray, time_s: FloatArray) -> Iterato
     yield words, "", mended
 
 
-def _renamed(table: Table, quantities: tuple[str, ...], unit: str) -> str:
+def _renamed(table: StateTable, quantities: tuple[str, ...], unit: str) -> str:
     """Return the column map that reads the velocities rightly, "" where none does."""
     pairs = zip(quantities, table.velocity_names, strict=False)
     mapped = ", ".join(f"{quantity}_{unit or 'm_s'}: {name}" for quantity, name in pairs)

@@ -3,8 +3,17 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from opir_testing import TargetContract
+from opir_testing import ReaderContract, TargetContract
 from repository import DATA
+
+
+class TestCsv(ReaderContract):
+    name = "csv"
+
+
+class TestOem(ReaderContract):
+    name = "oem"
+
 
 FLIGHTS = DATA / "flights"
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_readers.csv_table import csv_table
-from opir_readers.table import BadTableError, Table
 from opir_readers.table_checks import SceneTimes, doubts_about
 from opir_readers.velocity_checks import velocity_slip
 from repository import ROOT
 from scipy.integrate import solve_ivp
+
+from opir_core.plugin import BadFileError, StateTable
 
 TURN = np.array([0.0, 0.0, 7.292115e-5])
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
@@ -47,7 +48,7 @@ def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 
     time_s = np.arange(0.0, end_s, step_s)
     position, velocity = np.round(state(time_s).T, decimals).reshape(-1, 2, 3).transpose(1, 0, 2)
     run, burn = np.zeros(len(time_s), np.intp), np.array([[0.0, time_s[-1]]])
-    return Table(time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ"))
+    return StateTable(time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ"))
 
 
 def axes_at(position):
@@ -149,7 +150,7 @@ def test_one_wrong_velocity_is_told_with_its_line():
 
 def test_a_message_names_line_figure_cause_and_way_out():
     table = boost(1.0)
-    with pytest.raises(BadTableError) as refused:
+    with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, velocity_m_s=SLIPS["inertial"][0](table)), SCENE, 0.0)
     text = str(refused.value)
     assert text == (
@@ -162,7 +163,7 @@ def test_a_message_names_line_figure_cause_and_way_out():
 def test_velocities_for_which_no_cause_is_known_are_refused():
     table = boost(1.0)
     noise = np.random.default_rng(1).normal(0.0, 3000.0, table.velocity_m_s.shape)
-    with pytest.raises(BadTableError, match="for none of the usual causes"):
+    with pytest.raises(BadFileError, match="for none of the usual causes"):
         doubts_about(evolve(table, velocity_m_s=noise), SCENE, 0.0)
 
 
@@ -186,14 +187,14 @@ FIRST = "they look like Unix seconds: the first is 2026-04-01T12:00:00Z, 0 s aft
 )
 def test_times_of_another_scale_are_told(offset, told):
     table = boost(1.0)
-    with pytest.raises(BadTableError) as refused:
+    with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + offset), SCENE, 0.0)
     assert told in str(refused.value)
 
 
 def test_an_ephemeris_of_another_day_is_told():
     table = boost(1.0)
-    with pytest.raises(BadTableError) as refused:
+    with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + 86400.0), SCENE, None)
     assert (
         "line 2: its states, 2026-04-02T12:00:00Z to 2026-04-02T12:02:09Z, and the scene, 2026-04-01T12:00:00Z to"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from opir_readers.csv_table import csv_table
-from opir_readers.table import BadTableError
 from pyproj import Transformer
 
 from opir_core.errors import SceneError
 from opir_core.planning.plan import compile_plan
+from opir_core.plugin import BadFileError
 from opir_core.reading import scene_from_mapping
 from opir_core.scene import text_of
 
@@ -75,7 +75,7 @@ MAP = {"time_s": "Time (s)", "lat": "Latitude (°)", "lon": "Longitude (°)"}
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("ft", 0.3048), ("km", 1e3)])
 def test_geodetic_columns_are_read_with_a_map_to_what_proj_makes_of_them(unit, factor):
     text = GEODETIC.format(unit=unit, low=100.0 / factor, high=260.0 / factor)
-    with pytest.raises(BadTableError) as refused:
+    with pytest.raises(BadFileError) as refused:
         csv_table(text, 0.0)
     proposed = 'set columns: {time_s: "Time (s)", lat_deg: "Latitude (°)", lon_deg: "Longitude (°)", '
     assert f'{proposed}height_{unit}: "Altitude ({unit})"}}' in str(refused.value)
@@ -122,7 +122,7 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
     ],
 )
 def test_tables_that_are_none_are_told_with_the_way_to_read_them(text, columns, told):
-    with pytest.raises(BadTableError) as refused:
+    with pytest.raises(BadFileError) as refused:
         csv_table(text, 0.0, columns)
     assert told in str(refused.value)
 
