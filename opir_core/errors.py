@@ -94,6 +94,8 @@ def reason_of(error: OSError) -> str:
 
 def way_to_write(error: OSError, path: Path) -> str:
     """Return the remedy for a file that cannot be opened or written."""
+    if isinstance(error, FileNotFoundError) and path.is_symlink():
+        return f"it is a link to {str(path.readlink())!r}, whose folder is not there; remove it or give another path"
     if isinstance(error, FileNotFoundError):
         return f"create the folder {str(path.parent)!r} or give another path"
     if isinstance(error, IsADirectoryError):

@@ -256,22 +256,6 @@ class GravityTurnConfig:
 ClassConfig = BallisticConfig | InsertionConfig | GlideConfig | GravityTurnConfig
 
 
-@frozen(kw_only=True)
-class TableConfig:
-    """What a scene may set of a target of the model `table`."""
-
-    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
-    file: str = text(
-        help="path of a table of states: CSV with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m (and vx_ecef_m_s,"
-        " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's time, else 0), or a"
-        " CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"
-    )
-    start_s: float | None = _scene_time("scene time of time 0 of a CSV file; default 0")
-    object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID, for an OEM with several objects")
-    ignition_s: float | None = _scene_time("scene time of the first ignition; default: from the file")
-    burnout_s: float | None = _scene_time("scene time at which the last burn ends; default: from the file")
-
-
 @frozen
 class JsonlConfig:
     """The settings of the sink `jsonl`."""

@@ -18,7 +18,6 @@ from opir_core.builtin.configs import (
     JsonlConfig,
     MemoryConfig,
     PosteriorConfig,
-    TableConfig,
     WeightedConfig,
 )
 from opir_core.host.components import (
@@ -162,7 +161,7 @@ def opir_trackers() -> Iterable[TrackerModel]:
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `ballistic`, `gravity-turn`, `orbit`, `glide` and `table`."""
+    """Yield `ballistic`, `gravity-turn`, `orbit` and `glide`."""
     yield TargetModel(
         name="ballistic",
         summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
@@ -186,12 +185,6 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and free fall",
         config=GlideConfig,
         build=_built_by("glide_targets", "glide_targets"),
-    )
-    yield TargetModel(
-        name="table",
-        summary="a trajectory from a file: a table of states, CSV or CCSDS OEM",
-        config=TableConfig,
-        build=_built_by("table_targets", "table_targets"),
     )
 
 

@@ -2,6 +2,7 @@
 
 import sys
 
+from opir_core.cli.streams import plain_text
 from opir_core.errors import ModelError, OpirError
 from opir_core.host.error_messages import described_error
 
@@ -15,5 +16,5 @@ def report(error: BaseException) -> int:
         message, code = f"a component raised {described_error(error)}", ModelError.exit_code
     else:
         message, code = f"internal error: {described_error(error)}; with --debug the traceback is printed", 1
-    sys.stderr.write(f"opir: {message}\n")
+    sys.stderr.write(f"opir: {plain_text(message)}\n")
     return code

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from opir_core._version import __version__
+from opir_core.cli.streams import open_streams
 
 #: The core's commands: the module of `opir_core.cli`, and the summary. For a command `new-plugin` the module has
 #: `new_plugin_arguments(parser)` and `new_plugin(arguments) -> exit code`.
@@ -53,6 +54,7 @@ _BROKEN_PIPE = 141
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     if argv is None:
+        open_streams()
         for name in THREADS:
             os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from opir_core.cli.terminal import grouped, told_if_slow
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
-from opir_core.reading import load_scene
+from opir_core.reading import load_scene, placed
 from opir_core.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -45,13 +45,18 @@ def scene_of(
 
     The overrides in `first` precede those of the user; `otherwise` applies to a scene without outputs.
     """
-    shorthand = {"seed": arguments.seed, "tracker": arguments.tracker}
-    given = [*first, *(f"{key}={value}" for key, value in shorthand.items() if value is not None)]
+    given = [*first, *_shorthand(arguments)]
     with told_if_slow(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
         scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
         if scene.outputs or not otherwise:
             return scene
         return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
+
+
+def _shorthand(arguments: argparse.Namespace) -> list[str]:
+    """Return the overrides that options of their own stand for."""
+    values = {"seed": arguments.seed, "tracker": arguments.tracker}
+    return [f"{key}={value}" for key, value in values.items() if value is not None]
 
 
 def plan_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Plan":
@@ -75,7 +80,8 @@ def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callabl
         with told_if_slow(f"{doing} {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
             return make()
     except SceneError as error:
-        raise SceneError(error.problems, source=arguments.scene) from error
+        overrides = [*_shorthand(arguments), *arguments.overrides]
+        raise SceneError(placed(error.problems, arguments.scene, overrides), source=arguments.scene) from error
 
 
 def _is_shown(arguments: argparse.Namespace) -> bool:

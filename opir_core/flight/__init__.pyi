@@ -18,6 +18,10 @@ from opir_core.flight.boost import (
     boost_profiles as boost_profiles,
     launch_site as launch_site,
 )
+from opir_core.flight.burns import (
+    joined_burns_s as joined_burns_s,
+    plain_gaps_s as plain_gaps_s,
+)
 from opir_core.flight.conic_impact import (
     kepler_impact as kepler_impact,
 )
@@ -49,7 +53,7 @@ from opir_core.flight.propagation import (
     impact_states_eci as impact_states_eci,
     propagate as propagate,
 )
-from opir_core.flight.tables.oem_table import (
+from opir_core.geometry.celestial_frames import (
     ecef_state as ecef_state,
 )
 from opir_core.scene.target_classes import (

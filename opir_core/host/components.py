@@ -213,6 +213,23 @@ class RendererModel(Component):
 
 
 @frozen(kw_only=True)
+class FileReader(Component):
+    """`build(config, context) -> StateTable`, or what else `yields` names: the content of a file.
+
+    `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one of `FILE_CONTENTS`:
+    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM. `example` is a small file of
+    the format, for the documentation and the conformance tests.
+    """
+
+    hook = "opir_readers"
+    kind = "reader"
+
+    recognises: Callable[[str], bool]
+    yields: str = "trajectories"
+    example: str
+
+
+@frozen(kw_only=True)
 class MetricModel(Component):
     """`build(config, context) -> Metric`: figures of a finished run, for studies."""
 
@@ -284,6 +301,7 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass
         EventEncoder,
         SinkModel,
         RendererModel,
+        FileReader,
         MetricModel,
         ExecutorModel,
         ExporterModel,

@@ -307,6 +307,32 @@ class CatalogueHooks:
         """
 
     @hookspec
+    def opir_readers(self) -> Iterable[c.FileReader]:  # type: ignore[empty-body]
+        """Yield readers: files of other programs to flights or orbits. A file is read by whoever recognises it.
+
+        A scene may name one with `format: NAME` in the block of a target of the model `table`; `opir import FILE` shows
+        what a reader makes of a file.
+
+        >>> import numpy as np
+        >>> from opir_core.plugin import FileReader, Host, StateTable, hookimpl
+        >>> def two_states(config, context):
+        ...     rows = np.array([line.split() for line in context.text.splitlines()[1:]], dtype=float)
+        ...     return StateTable(rows[:, 0], rows[:, 1:], None, np.zeros(len(rows), int), rows[[[0, -1]], 0])
+        >>> class Plugin:
+        ...     @hookimpl
+        ...     def opir_readers(self):
+        ...         yield FileReader(
+        ...             name="pad",
+        ...             summary="lines of time and place below the word PAD",
+        ...             recognises=lambda text: text.startswith("PAD"),
+        ...             example="PAD\\n0 6.4e6 0 0\\n9 6.5e6 0 0\\n",
+        ...             build=two_states,
+        ...         )
+        >>> Host.of(Plugin()).component(FileReader, "pad").yields
+        'trajectories'
+        """
+
+    @hookspec
     def opir_metrics(self) -> Iterable[c.MetricModel]:  # type: ignore[empty-body]
         """Yield metrics: figures of finished runs. A study chooses them by name under `metrics`.
 

@@ -7,13 +7,14 @@ and there is no global host.
 
 import os
 from collections.abc import Container, Iterable
+from contextlib import suppress
 from itertools import count
 from types import EllipsisType
 from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
 from opir_core.host import error_messages
-from opir_core.host.components import CATALOGUE, Offered, PluginFailure, Provenance
+from opir_core.host.components import CATALOGUE, FileReader, Offered, PluginFailure, Provenance
 from opir_core.host.contributions import Contributions
 from opir_core.host.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.host.error_messages import Search
@@ -100,6 +101,14 @@ class Host:
         """Return the names offered under a hook, sorted; plugins that advertise their names are not imported."""
         wanted = _hook_name(hook)
         return sorted({name for offered, name in self.registry.claims() if offered == wanted})
+
+    def readers(self) -> list[FileReader]:
+        """Return the readers of files that can be used, sorted by name; one whose plugin fails costs itself."""
+        found = []
+        for name in self.names(FileReader.hook):
+            with suppress(PluginError):
+                found.append(self.component(FileReader, name))
+        return found
 
     def catalogue(self) -> list[PluginRow]:
         """Return a row for every plugin, sorted by name; loads all that are allowed."""

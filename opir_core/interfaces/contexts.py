@@ -33,17 +33,20 @@ class TargetContext:
     """The context of a target model: the ids and scene paths of its targets, one per configuration.
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic coefficient of
-    targets. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01. With `free_flight` a sensor
-    follows targets after burnout: the model returns `FreeFlight` trajectories if it can. `target_class` returns the
-    target class of a name; by default the core's.
+    targets. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01, `duration_s` its length. With
+    `free_flight` a sensor follows targets after burnout: the model returns `FreeFlight` trajectories if it can.
+    `target_class` returns the target class of a name; by default the core's. `readers` returns the readers of files
+    that plugins offer (`FileReader`).
     """
 
     ids: tuple[str, ...]
     paths: tuple[str, ...]
     forces: "ForceModel" = "kepler"
     epoch_us: int = 0
+    duration_s: float = float("inf")
     free_flight: bool = False
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
+    readers: Callable[[], Sequence[Any]] = field(default=tuple, eq=False)
 
 
 @frozen(eq=False)

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from attrs import field, frozen
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
+from opir_core.errors import Problem
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import PluginPart, optional, required
@@ -201,6 +202,11 @@ class Trajectories(PluginPart):
     def end_s(self) -> FloatArray:
         """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor follows targets."""
         return self.burnout_s
+
+    @optional
+    def warnings(self) -> Sequence[Problem]:
+        """What of the settings, or of the files they name, may be an error, each with its path in the scene."""
+        return ()
 
     @optional
     def class_names(self) -> Sequence[str]:

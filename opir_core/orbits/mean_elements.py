@@ -5,6 +5,7 @@ Sources: Hoots and Roehrich, Spacetrack Report No. 3 (1980), for the columns of 
 """
 
 import math
+import re
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
@@ -31,16 +32,22 @@ _OMM_WORDS = {
 #: The ephemeris type of SGP4-XP, in both formats: elements of another theory, which SGP4 would misread.
 _SGP4_XP = "4"
 
-#: The numbers of a TLE by line: what they are, and the columns, counted from 0.
+#: The numbers of a TLE by line: what they are, the columns, counted from 0, and their form.
+_PLAIN, _DIGITS, _POWER = r" *[+-]?\d*\.?\d* *", r"\d{7}", r"[ +-]\d{5}[+-]\d|[ +-]0{5}[ +-]\d"
 _TLE_NUMBERS = {
-    0: (("epoch", 18, 32), ("mean motion's first derivative", 33, 43)),
+    0: (
+        ("epoch", 18, 32, r"\d\d[ \d]{3}\.\d{8}"),
+        ("mean motion's first derivative", 33, 43, _PLAIN),
+        ("mean motion's second derivative", 44, 52, _POWER),
+        ("drag term B*", 53, 61, _POWER),
+    ),
     1: (
-        ("inclination", 8, 16),
-        ("right ascension of the node", 17, 25),
-        ("eccentricity", 26, 33),
-        ("argument of perigee", 34, 42),
-        ("mean anomaly", 43, 51),
-        ("mean motion", 52, 63),
+        ("inclination", 8, 16, _PLAIN),
+        ("right ascension of the node", 17, 25, _PLAIN),
+        ("eccentricity", 26, 33, _DIGITS),
+        ("argument of perigee", 34, 42, _PLAIN),
+        ("mean anomaly", 43, 51, _PLAIN),
+        ("mean motion", 52, 63, _PLAIN),
     ),
 }
 
@@ -49,33 +56,47 @@ _TLE_LENGTH = 69
 #: More turns a day than any orbit above the ground has.
 _MOST_TURNS_A_DAY = 18.0
 
+#: A larger drag term, by the Earth's radius, than that of any satellite: 0.14 days before it decays.
+_MOST_BSTAR = 1.0
+
+#: Elements farther from the scene than this, days, are told, for SGP4 errs by so much a day, km.
+_OLD_DAYS, _ERROR_KM_DAY = 14.0, (1.0, 3.0)
+
 
 def tle_complaint(lines: tuple[str, str] | None) -> str | None:
-    """Return the first error in the two lines of a TLE (no title line), or None."""
-    for number, line in enumerate(lines or ()):
-        complaint = _line_complaint(number, line)
-        if complaint:
-            return f"line {number + 1} {complaint}"
-    if lines and lines[0][2:7] != lines[1][2:7]:
+    """Return the errors in the two lines of a TLE (no title line), or None."""
+    if lines is None:
+        return None
+    found = [
+        f"line {number + 1} {words}" for number, line in enumerate(lines) for words in _line_complaints(number, line)
+    ]
+    if found:
+        return "; ".join(found)
+    if lines[0][2:7] != lines[1][2:7]:
         return f"the lines are of two objects, {lines[0][2:7]} and {lines[1][2:7]}"
-    if lines and lines[0][62] == _SGP4_XP:
+    if lines[0][62] == _SGP4_XP:
         return "these are elements for SGP4-XP (ephemeris type 4), a theory that is not public"
     return None
 
 
 def omm_complaint(omm: Mapping[str, Any] | None) -> str | None:
-    """Return the first error in the keywords of an OMM, or None; keywords that SGP4 does not use are not checked."""
+    """Return the errors in the keywords of an OMM, or None; keywords that SGP4 does not use are not checked."""
     if omm is None:
         return None
     missing = [name for name in ("EPOCH", *OMM_NUMBERS) if name not in omm]
     if missing:
         return f"{', '.join(missing)} missing"
-    for name, words in _OMM_WORDS.items():
-        if name in omm and str(omm[name]).upper() not in words:
-            return f"{name}: {omm[name]!r} is not {words[0]}"
+    found = [
+        f"{name}: {omm[name]!r} is not {words[0]}"
+        for name, words in _OMM_WORDS.items()
+        if name in omm and str(omm[name]).upper() not in words
+    ]
     if str(omm.get("EPHEMERIS_TYPE", "0")) == _SGP4_XP:
-        return "EPHEMERIS_TYPE: these are elements for SGP4-XP, a theory that is not public"
-    return _numbers_complaint(omm) or _epoch_complaint(omm["EPOCH"])
+        found.append("EPHEMERIS_TYPE: these are elements for SGP4-XP, a theory that is not public")
+    found += _number_complaints(omm)
+    if _epoch_complaint(omm["EPOCH"]):
+        found.append(_epoch_complaint(omm["EPOCH"]))
+    return "; ".join(found) or None
 
 
 def omm_number(value: Any) -> float:
@@ -99,37 +120,81 @@ def omm_name(omm: Mapping[str, Any]) -> str:
     return str(omm.get("OBJECT_NAME") or omm.get("NORAD_CAT_ID") or "the satellite")
 
 
-def _line_complaint(number: int, line: str) -> str | None:
-    if len(line) != _TLE_LENGTH or not line.isascii():
-        return f"has {len(line)} characters, not the {_TLE_LENGTH} of a TLE"
+def age_warning(name: str, age_days: float) -> str | None:
+    """Return what the age of elements at the scene's epoch does to a position, None where it is too young to matter."""
+    days = abs(age_days)
+    if days <= _OLD_DAYS:
+        return None
+    age = f"{days:.0f} days" if days < 2.0 * 365.25 else f"{days / 365.25:.1f} years"
+    low, high = (days * error_km for error_km in _ERROR_KM_DAY)
+    where = f"{low:.0f} to {high:.0f} km away" if high < 5000.0 else "anywhere along its orbit"
+    return (
+        f"the elements of {name} are {age} {'older' if age_days > 0.0 else 'younger'} than the scene; SGP4 errs by 1 to"
+        f" 3 km a day, so the satellite may be {where}: take elements of the scene's days, or set the scene's epoch"
+    )
+
+
+def _line_complaints(number: int, line: str) -> list[str]:
+    if not line.isascii():
+        stranger = next(character for character in line if not character.isascii())
+        return [f"has the character {stranger!r} (U+{ord(stranger):04X}), which no TLE has; copy it as plain text"]
+    if len(line) != _TLE_LENGTH:
+        return [f"has {len(line)} characters, not the {_TLE_LENGTH} of a TLE"]
     if line[:2] != f"{number + 1} ":
-        return f"starts with {line[:2]!r}, not {number + 1} and a blank"
+        return [f"starts with {line[:2]!r}, not {number + 1} and a blank"]
+    found = [words for field in _TLE_NUMBERS[number] if (words := _field_complaint(line, *field))]
     total = sum(int(character) if character.isdigit() else character == "-" for character in line[:-1]) % 10
     if line[-1] != str(total):
-        return f"has the checksum {line[-1]}, and its digits come to {total}"
-    for name, first, end in _TLE_NUMBERS[number]:
-        if math.isnan(omm_number(line[first:end])):
-            return f"has no number for the {name} in columns {first + 1} to {end}: {line[first:end]!r}"
-    return None
+        found.append(f"has the checksum {line[-1]}, and its digits come to {total}")
+    return found
 
 
-def _numbers_complaint(omm: Mapping[str, Any]) -> str | None:
+def _field_complaint(line: str, name: str, first: int, end: int, form: str) -> str:
+    text = line[first:end]
+    if not re.fullmatch(form, text) or not any(map(str.isdigit, text)):
+        hint = f"; write {_as_power(text)}" if form == _POWER else ""
+        return f"has no number for the {name} in columns {first + 1} to {end}: {text!r}{hint}"
+    if name == "drag term B*" and abs(_power(text)) > _MOST_BSTAR:
+        return f"has the {name} {_power(text):g}, more than any satellite's ({_MOST_BSTAR:g}); is a sign lost?"
+    if name == "inclination" and not 0.0 <= float(text) <= 180.0:
+        return f"has the inclination {float(text):g}, outside [0, 180] deg"
+    if name == "mean motion" and not 0.0 < float(text) <= _MOST_TURNS_A_DAY:
+        return f"has the mean motion {float(text):g}, outside (0, {_MOST_TURNS_A_DAY:g}] turns a day"
+    return ""
+
+
+def _power(text: str) -> float:
+    """Return the number of a field like ` 11606-4`: a sign, five digits after a decimal point, the power of ten."""
+    return float(f"{text[0].strip()}.{text[1:6]}e{text[6:].replace(' ', '+')}")
+
+
+def _as_power(text: str) -> str:
+    """Return a number as such a field, or how one is written where the text is none."""
+    number = omm_number(text)
+    if "." not in text or not 1e-10 <= abs(number) < 1e9:
+        return "a sign or a blank, five digits, and the power of ten with its sign, like ' 11606-4'"
+    power = math.floor(math.log10(abs(number))) + 1
+    return repr(f"{'-' if number < 0.0 else ' '}{abs(number) / 10.0**power * 1e5:05.0f}{power:+d}")
+
+
+def _number_complaints(omm: Mapping[str, Any]) -> list[str]:
     numbers = {name: omm_number(omm[name]) for name in OMM_NUMBERS}
-    for name, number in numbers.items():
-        if not math.isfinite(number):
-            return f"{name}: {omm[name]!r} is not a number"
-    if not 0.0 < numbers["MEAN_MOTION"] <= _MOST_TURNS_A_DAY:
-        return f"MEAN_MOTION: {numbers['MEAN_MOTION']!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day"
-    if not 0.0 <= numbers["ECCENTRICITY"] < 1.0:
-        return f"ECCENTRICITY: {numbers['ECCENTRICITY']!r} is outside [0, 1)"
-    if not 0.0 <= numbers["INCLINATION"] <= 180.0:
-        return f"INCLINATION: {numbers['INCLINATION']!r} is outside [0, 180] deg"
-    return None
+    found = [f"{name}: {omm[name]!r} is not a number" for name, number in numbers.items() if not math.isfinite(number)]
+    motion, eccentricity, inclination = (numbers[name] for name in OMM_NUMBERS[:3])
+    if math.isfinite(motion) and not 0.0 < motion <= _MOST_TURNS_A_DAY:
+        found.append(f"MEAN_MOTION: {motion!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day")
+    if math.isfinite(eccentricity) and not 0.0 <= eccentricity < 1.0:
+        found.append(f"ECCENTRICITY: {eccentricity!r} is outside [0, 1)")
+    if math.isfinite(inclination) and not 0.0 <= inclination <= 180.0:
+        found.append(f"INCLINATION: {inclination!r} is outside [0, 180] deg")
+    if math.isfinite(numbers["BSTAR"]) and abs(numbers["BSTAR"]) > _MOST_BSTAR:
+        found.append(f"BSTAR: {numbers['BSTAR']!r} is outside [-{_MOST_BSTAR:g}, {_MOST_BSTAR:g}]")
+    return found
 
 
-def _epoch_complaint(value: Any) -> str | None:
+def _epoch_complaint(value: Any) -> str:
     try:
         omm_epoch(value)
     except ValueError:
         return f"EPOCH: {value!r} is not a time in UTC like 2026-04-01T12:00:00.000000"
-    return None
+    return ""

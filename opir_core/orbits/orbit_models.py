@@ -6,6 +6,7 @@ Orbits that move over the ground are evaluated from polynomials, fitted once for
 import json
 import math
 from collections.abc import Iterator, Mapping
+from json import JSONDecodeError
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,8 +34,8 @@ from opir_core.orbits.elements import (
     slot_elements,
     walker_pattern,
 )
-from opir_core.orbits.mean_elements import omm_complaint, omm_name
-from opir_core.scene.input_file import file_bytes
+from opir_core.orbits.mean_elements import age_warning, omm_complaint, omm_name
+from opir_core.scene.input_file import file_bytes, text_of
 
 
 @frozen
@@ -109,6 +110,8 @@ class MovingOrbit:
 
     motion: EarthFixedMotion
     tolerance_m: float = 1e-3
+    #: What of the elements may be an error.
+    warnings: tuple[str, ...] = ()
     is_stationary: bool = field(default=False, init=False)
     _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
 
@@ -167,26 +170,33 @@ _OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 def orbit_of(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | MovingOrbit":
     """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of UTC since 1970.
 
-    Raises `SceneError` for a file that cannot be read, `ModelError` for a satellite that SGP4 cannot follow to the
-    scene epoch, and `PluginError` where the package sgp4 is needed and not installed.
+    Raises `SceneError`, with paths in the sensor's block, for a file that cannot be read and for a satellite that SGP4
+    cannot follow to the scene epoch, and `PluginError` where the package sgp4 is needed and not installed.
     """
     slot = config.slot
     if slot is not None and slot.inclination_deg == 0.0 and slot.eccentricity == 0.0:
         return GeostationaryOrbit(slot.lon_deg)
     elements = elements_of(config, epoch_us)
-    if elements is None:
-        from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle  # of such orbits alone
+    return _sgp4_orbit(config, epoch_us) if elements is None else MovingOrbit(TwoBodyMotion(elements))
 
-        if config.tle is not None:
-            satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
-        else:
-            omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
-            assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
-            satellite, name = satellite_of_omm(omm), omm_name(omm)
-        motion = Sgp4Motion(satellite, epoch_us, name)
+
+def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> MovingOrbit:
+    from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle  # of such orbits alone
+
+    kind = "tle" if config.tle is not None else "omm" if config.omm_file is None else "omm_file"
+    if config.tle is not None:
+        satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
+    else:
+        omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
+        assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
+        satellite, name = satellite_of_omm(omm), omm_name(omm)
+    motion = Sgp4Motion(satellite, epoch_us, name)
+    try:
         motion.position_teme_m(np.zeros(1))
-        return MovingOrbit(motion)
-    return MovingOrbit(TwoBodyMotion(elements))
+    except ModelError as error:
+        raise SceneError([Problem(f"orbit.{kind}", str(error))]) from error
+    warning = age_warning(name, motion.age_days)
+    return MovingOrbit(motion, warnings=() if warning is None else (warning,))
 
 
 def elements_of(config: OrbitConfig, epoch_us: int) -> Elements | None:
@@ -264,17 +274,21 @@ def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, ep
 def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
     """Return the OMM of a configuration; `SceneError` unless there is exactly one."""
     try:
-        data = json.loads(file_bytes(config.path).decode("utf-8"))
+        text = text_of(file_bytes(config.path))
+        data = json.loads(text)
     except OSError as error:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
+    except JSONDecodeError as error:
         raise _refused(config, f"is not JSON: {error}") from error
+    except ValueError as error:
+        raise _refused(config, str(error)) from error
     messages = [message for message in (data if isinstance(data, list) else [data]) if isinstance(message, dict)]
     if config.satellite is not None:
         messages = [m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)]
     if len(messages) != 1:
         which = "" if config.satellite is None else f" of {config.satellite}"
-        raise _refused(config, f"holds {len(messages)} OMM{which}; exactly one is needed{_hint(config, messages)}")
+        count = len(messages) or "no"
+        raise _refused(config, f"holds {count} OMM{which}; exactly one is needed{_hint(config, messages)}")
     complaint = omm_complaint(messages[0])
     if complaint:
         raise _refused(config, complaint)
@@ -286,4 +300,4 @@ def _hint(config: OmmFileConfig, messages: list[dict[str, Any]]) -> str:
 
 
 def _refused(config: OmmFileConfig, message: str) -> SceneError:
-    return SceneError([Problem("", message)], source=config.path)
+    return SceneError([Problem("orbit.omm_file.path", f"{config.path}: {message}")])

@@ -59,6 +59,12 @@ class Sgp4Motion:
         later_rad = float(gmst_rad(np.datetime64(self.epoch_us, "us"), day_s))
         return (2.0 * math.pi + (later_rad - self._gmst_rad) % (2.0 * math.pi)) / day_s
 
+    @property
+    def age_days(self) -> float:
+        """Return how much later than the elements' epoch the scene's is, days."""
+        day = self.epoch_us / _US_PER_DAY + _UNIX_JULIAN_DATE
+        return float(day - self.satellite.jdsatepoch - self.satellite.jdsatepochF)
+
     def position_teme_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) in TEME at scene times (n,)."""
         days, rest_us = divmod(self.epoch_us, _US_PER_DAY)
@@ -68,6 +74,9 @@ class Sgp4Motion:
             row = int(np.argmax(code != 0))
             reason = _sgp4().SGP4_ERRORS[int(code[row])]
             raise ModelError(f"SGP4 has no position for {self.name} at {time_s[row]} s: {reason}")
+        if not np.isfinite(position_km).all():
+            row = int(np.argmin(np.isfinite(position_km).all(axis=1)))
+            raise ModelError(f"SGP4 gives no number for {self.name} at {time_s[row]} s; are its elements whole?")
         return np.asarray(position_km * 1e3, dtype=np.float64)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:

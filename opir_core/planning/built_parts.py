@@ -1,16 +1,21 @@
 """Checks of what sensor and target models build: types, shapes, units, ranges."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from opir_core.errors import kind_of
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.protocols import Sensor, Trajectories
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
 
 #: No satellite is nearer to the Earth's centre, m; positions in km are.
 _LEAST_RADIUS_M = 1e5
+#: No target flies deeper than this, m, nor beyond the Moon.
+_LEAST_TARGET_RADIUS_M, _MOST_TARGET_RADIUS_M = 6.2e6, 1e9
+#: Burns begin and end within a year of the scene's start, s: every second of them is sampled.
+LATEST_S = 31_557_600.0
 #: Lines of sight are more accurate than this, rad; other units are not.
 _MOST_SIGMA_RAD = 0.5
 _SUM_ROUNDING = 1e-6
@@ -75,4 +80,49 @@ def trajectories_fault(trajectories: Any, count: int) -> str:
         return f"the type_code {trajectories.type_code.max()}; codes are 0 to {len(EMITTER_TYPES) - 1}"
     if not np.isfinite(trajectories.ignition_s).all() or np.isnan(trajectories.burnout_s).any():
         return "times that are not finite"
+    return ""
+
+
+def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
+    """Return the first error in the times, names and positions of the trajectories of targets, or "".
+
+    Calls `position_ecef_m` once, for each target at ignition, halfway and at burnout.
+    """
+    count, ignition_s, burnout_s = len(ids), part.ignition_s, part.burnout_s
+    late = np.flatnonzero(~((burnout_s >= ignition_s) & (burnout_s <= LATEST_S) & (ignition_s >= -LATEST_S)))
+    if late.size:
+        row = late[0]
+        span = f"from {ignition_s[row]:g} to {burnout_s[row]:g} s"
+        return f"{ids[row]} burning {span}; a burn ends after it begins, and both are within a year of 0"
+    end_s: Any = part.end_s
+    burns_s: Any = part.burns_s
+    names: Any = part.class_names
+    warnings: Any = part.warnings
+    if not isinstance(end_s, np.ndarray) or end_s.shape != (count,) or not (end_s >= burnout_s).all():
+        return f"end_s as {getattr(end_s, 'shape', kind_of(end_s))}; {count} times from burnout on are required"
+    if not isinstance(burns_s, np.ndarray) or burns_s.ndim != 3 or burns_s.shape[::2] != (count, 2):
+        return f"burns_s as {getattr(burns_s, 'shape', kind_of(burns_s))}; ({count}, k, 2) is required"
+    if not isinstance(names, Sequence) or len(names) != count:
+        return f"class_names {names!r}; {count} names are required"
+    if not isinstance(warnings, Sequence):
+        return f"warnings as {kind_of(warnings)}; a list of problems is required"
+    target = np.tile(np.arange(count, dtype=np.int32), 3)
+    time_s = np.concatenate([ignition_s, 0.5 * (ignition_s + burnout_s), burnout_s])
+    return positions_fault(part.position_ecef_m(target, time_s), len(target)) if count else ""
+
+
+def positions_fault(position_m: Any, count: int) -> str:
+    """Return what is wrong with positions of targets while they burn, or ""."""
+    if not isinstance(position_m, np.ndarray) or position_m.shape != (count, 3) or position_m.dtype.kind != "f":
+        got = (
+            f"{position_m.dtype} of shape {position_m.shape}"
+            if isinstance(position_m, np.ndarray)
+            else kind_of(position_m)
+        )
+        return f"positions as {got} for {count} times; floats of shape ({count}, 3) are required"
+    radius_m = np.sqrt(np.square(position_m).sum(axis=1))
+    wrong = np.flatnonzero(~((radius_m >= _LEAST_TARGET_RADIUS_M) & (radius_m <= _MOST_TARGET_RADIUS_M)))
+    if wrong.size:
+        where = f"{radius_m[wrong[0]]:g} m from the Earth's centre"
+        return f"a position {where} during a burn; positions are in ECEF, in metres"
     return ""

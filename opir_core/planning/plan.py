@@ -16,7 +16,8 @@ from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner
 from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext, Surroundings, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
-from opir_core.planning.built_parts import sensor_fault, trajectories_fault
+from opir_core.planning.build_problems import BuildProblems
+from opir_core.planning.built_parts import motion_fault, sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import offered_hypotheses, paper_codes, reported_types, with_paper_types
@@ -169,12 +170,18 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
 
 
 def plan_parts(scene: Scene, host: Host) -> PlanParts:
-    """Build the components of a scene: sensors, sources, targets, models of detection, tracker."""
-    sensors = tuple(
-        _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
-    )
-    sources = _sources(scene, host, sensors)
-    targets = _targets(scene, host, sensors, sources)
+    """Build the components of a scene: sensors, sources, targets, models of detection, tracker.
+
+    Raises `SceneError` with the problems of all sensors, sources and targets.
+    """
+    problems, made = BuildProblems(), list[Sensor]()
+    for chosen in scene.sensors:
+        with problems.of(chosen.model.path):
+            made.append(_sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)))
+    sensors, sources = tuple(made), tuple["Sources", ...]()
+    with problems.of("sources"):
+        sources = _sources(scene, host, sensors)
+    targets = _targets(scene, host, sensors, sources, problems)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, sensors, detection)
     # A tracker that cannot be built is an error of the plan, not of its first run.
@@ -329,11 +336,19 @@ def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sour
     return make_sources(scene, host, sensors)
 
 
-def _targets(scene: Scene, host: Host, sensors: Sequence[Sensor], sources: "Sequence[Sources]") -> Targets:
-    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its sources."""
-    places = _rows_by_model(scene)
+def _targets(
+    scene: Scene, host: Host, sensors: Sequence[Sensor], sources: "Sequence[Sources]", problems: BuildProblems
+) -> Targets:
+    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its sources.
+
+    Raises `SceneError` if there are problems, its own or those found before.
+    """
+    places, trajectories = _rows_by_model(scene), list[Trajectories]()
     free_flight = any(sensor.follows_bodies for sensor in sensors)
-    trajectories = [_trajectories(scene, host, rows, free_flight) for rows in places]
+    for rows in places:
+        with problems.of("targets"):
+            trajectories.append(_trajectories(scene, host, rows, free_flight))
+    problems.require_none()
     ids = [target.id for target in scene.targets]
     for source in sources:
         places.append(list(range(len(ids), len(ids) + len(source.ids))))
@@ -357,16 +372,21 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         paths=tuple(target.model.path for target in chosen),
         forces=_forces(scene),
         epoch_us=scene.epoch_us,
+        duration_s=scene.duration_s,
         free_flight=free_flight,
         target_class=partial(host.component, TargetClass),
+        readers=host.readers,
     )
     configs = [target.model.config for target in chosen]
     trajectories = built(host, chosen[0].model, context, configs)
+    owner, hint = _owner(host, chosen[0].model), check_hint(chosen[0].model.name)
     fault = trajectories_fault(trajectories, len(chosen))
+    if not fault:
+        part = Trajectories.adopt(trajectories, owner)
+        fault = blamed_call(owner, hint, "position_ecef_m", lambda: motion_fault(part, context.ids))
     if fault:
-        owner = owner_text(host, chosen[0].model)
-        raise ModelError(f"{owner}: build made trajectories with {fault}; {check_hint(chosen[0].model.name)}")
-    return Trajectories.adopt(trajectories, _owner(host, chosen[0].model))
+        raise ModelError(f"{owner()}: build made trajectories with {fault}; {hint}")
+    return part
 
 
 def _forces(scene: Scene) -> "ForceModel":

@@ -8,6 +8,7 @@ from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.errors import ModelError, kind_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.protocols import Trajectories
 
@@ -44,18 +45,27 @@ class Targets:
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,), m; nan outside ignition to `end_s`."""
         if len(self.trajectories) == 1:
-            return self.trajectories[0].position_ecef_m(target, time_s)
+            return _checked(self.trajectories[0].position_ecef_m(target, time_s), len(target))
         positions = np.full((len(target), 3), np.nan)
         group = self.group[target]
         for number, trajectories in enumerate(self.trajectories):
             rows = np.flatnonzero(group == number)
-            positions[rows] = trajectories.position_ecef_m(self.place[target[rows]], time_s[rows])
+            found = trajectories.position_ecef_m(self.place[target[rows]], time_s[rows])
+            positions[rows] = _checked(found, len(rows))
         return positions
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping of plain values per target, in the scene's order."""
         truths = [trajectories.truth() for trajectories in self.trajectories]
         return [truths[group][place] for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)]
+
+
+def _checked(position_m: Any, count: int) -> FloatArray:
+    """Return positions of a target model; raises `ModelError` unless there is one for each of `count` times."""
+    shape = getattr(position_m, "shape", kind_of(position_m))
+    if shape != (count, 3):
+        raise ModelError(f"a target model returned positions as {shape} for {count} times; ({count}, 3) is required")
+    return position_m
 
 
 def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]) -> Targets:

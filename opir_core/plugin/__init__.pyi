@@ -9,6 +9,7 @@ from opir_core.host.components import (
     EventEncoder as EventEncoder,
     ExecutorModel as ExecutorModel,
     ExporterModel as ExporterModel,
+    FileReader as FileReader,
     MetricModel as MetricModel,
     NoConfig as NoConfig,
     RendererModel as RendererModel,
@@ -35,6 +36,12 @@ from opir_core.interfaces.contexts import (
     SinkContext as SinkContext,
     TargetContext as TargetContext,
     TrackerContext as TrackerContext,
+)
+from opir_core.interfaces.file_contents import (
+    FILE_CONTENTS as FILE_CONTENTS,
+    BadFileError as BadFileError,
+    ReaderContext as ReaderContext,
+    StateTable as StateTable,
 )
 from opir_core.interfaces.focal_plane import (
     FocalPlaneConfig as FocalPlaneConfig,

@@ -9,6 +9,7 @@ from opir_core.reading.component_reader import (
 from opir_core.reading.loading import (
     load_scene as load_scene,
     overridden as overridden,
+    placed as placed,
     scene_from_mapping as scene_from_mapping,
 )
 from opir_core.reading.nodes import (

@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
@@ -14,6 +15,7 @@ from opir_core.reading.nodes import (
     Complaint,
     InvalidNode,
     Node,
+    Place,
     complaints_inside,
     cut_short,
     index_step,
@@ -65,6 +67,33 @@ def scene_from_mapping(
     return _scene_of_node(root, overrides, host, source)
 
 
+def placed(problems: Iterable[Problem], source: str, overrides: Sequence[str] = ()) -> list[Problem]:
+    """Return problems of a scene file with the lines that their paths stand in, as far as there are any."""
+    try:
+        root = node_of_yaml(_text_of_file(source))
+    except InvalidNode:
+        return list(problems)
+    overridden(root, overrides)
+    return [
+        Problem(problem.path, Complaint(problem.message, _place_of(root, problem.path)).text) for problem in problems
+    ]
+
+
+def _place_of(root: Node, path: str) -> Place:
+    """Return the place of the deepest node on a path; None if not even its first step is there."""
+    node, place = root, None
+    for key, index, _ in _STEP.findall(f".{path}"):
+        value = node.value
+        if isinstance(value, dict) and key in value:
+            node = value[key]
+        elif isinstance(value, list) and index and int(index) < len(value):
+            node = value[int(index)]
+        else:
+            break
+        place = node.place
+    return place
+
+
 def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, source: str) -> Scene:
     try:
         block_of(root, ("scene", "epoch", "duration_s", "sensors"))
@@ -101,7 +130,9 @@ def _bytes_of_file(source: str) -> bytes:
     try:
         raw = file_bytes(source, MAXIMUM_FILE_BYTES)
     except FileNotFoundError:
-        raise InvalidNode([Complaint("there is no such file")]) from None
+        link = Path(source)
+        words = f"is a link to {str(link.readlink())!r}, which is not there" if link.is_symlink() else ""
+        raise InvalidNode([Complaint(words or "there is no such file")]) from None
     except IsADirectoryError:
         raise InvalidNode([Complaint("is a directory; a scene is a file")]) from None
     except (OSError, ValueError) as error:

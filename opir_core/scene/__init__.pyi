@@ -8,6 +8,7 @@ from opir_core.scene.hypotheses import (
 from opir_core.scene.input_file import (
     NotAFileError as NotAFileError,
     file_bytes as file_bytes,
+    text_of as text_of,
 )
 from opir_core.scene.plausibility import (
     implausible_defaults as implausible_defaults,

@@ -17,6 +17,10 @@ _KINDS = (
 _READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 
 
+#: Marks at the beginning of a text, and the encoding of which each is.
+_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+
+
 class NotAFileError(OSError):
     """A path that names a pipe, a socket or a device; `strerror` says which, and the way out."""
 
@@ -31,6 +35,25 @@ def file_bytes(path: str | os.PathLike[str], most_bytes: int | None = None) -> b
     with os.fdopen(os.open(path, _READING), "rb") as file:
         _require_file(os.fstat(file.fileno()).st_mode, path)
         return file.read() if most_bytes is None else file.read(most_bytes + 1)
+
+
+def text_of(content: bytes) -> str:
+    """Return the text of a file's content, UTF-8 or with a byte-order mark UTF-16, every line ended by a line feed.
+
+    Raises `ValueError` with the line and the byte where it is no such text.
+    """
+    mark = next((mark for mark in _BYTE_ORDER_MARKS if content.startswith(mark)), b"")
+    encoding = _BYTE_ORDER_MARKS.get(mark, "utf-8")
+    try:
+        text = content[len(mark) :].decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start + len(mark)) + 1
+        byte = content[error.start + len(mark)]
+        raise ValueError(f"line {line}: is not UTF-8 text (byte 0x{byte:02x}); save the file as UTF-8") from None
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise ValueError(f"line {line}: is not text: it contains zero bytes")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _require_file(mode: int, path: str | os.PathLike[str]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.errors import Problem
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import Plan, PlanParts
 from opir_core.planning.sightlines import Pairs
@@ -77,9 +78,20 @@ def expectation_text(row: Mapping[str, Any]) -> str:
 
 
 def _implausible(plan: Plan | CheckedScene) -> list[str]:
-    values = [] if plan.scene.allow_implausible else implausible_values(plan.scene)
+    if plan.scene.allow_implausible:
+        return []
+    values = implausible_values(plan.scene)
     more = [f"and {len(values) - _LISTED_VALUES} more implausible values"] if len(values) > _LISTED_VALUES else []
-    return [*(f"{problem}; {REMEDY}" for problem in values[:_LISTED_VALUES]), *more]
+    return [*(f"{problem}; {REMEDY}" for problem in values[:_LISTED_VALUES]), *more, *map(str, _of_parts(plan))]
+
+
+def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
+    """Return what targets and orbits say of their own settings and files."""
+    found = [problem for part in plan.targets.trajectories for problem in part.warnings]
+    for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
+        words = getattr(sensor.orbit, "warnings", ())
+        found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]
+    return found
 
 
 def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:

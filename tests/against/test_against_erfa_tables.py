@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.tables.oem_table import ecef_state
+from opir_core.geometry.celestial_frames import ecef_state
 
 YEARS = (1970, 1985, 1999, 2016, 2026, 2050, 2099)
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from astropy.time import Time
 from oem import OrbitEphemerisMessage
+from opir_readers.oem_table import oem_table
 
-from opir_core.flight.tables.oem_table import ecef_state, oem_table
-from opir_core.flight.tables.table import BadTableError
+from opir_core.geometry.celestial_frames import ecef_state
+from opir_core.plugin import BadFileError
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))
@@ -155,7 +156,7 @@ def test_what_oem_refuses_is_refused_with_its_line(tmp_path, text):
     (tmp_path / "message.oem").write_text(text)
     with pytest.raises(Exception, match=r"."):
         _ = OrbitEphemerisMessage.open(tmp_path / "message.oem").states
-    with pytest.raises(BadTableError, match=r"^line \d+: |has no META_START"):
+    with pytest.raises(BadFileError, match=r"^line \d+: |has no META_START"):
         oem_table(text, EPOCH_US, None)
 
 
@@ -186,10 +187,10 @@ COMMENT a file of navigation
 def test_the_standards_own_example_is_of_another_planet_and_told_so(tmp_path):
     text = OF_THE_STANDARD.format(center="MARS BARYCENTER")
     assert len(by_oem(tmp_path, text)[0]) == 3
-    with pytest.raises(BadTableError, match="line 16: CENTER_NAME is 'MARS BARYCENTER'; only EARTH is taken"):
+    with pytest.raises(BadFileError, match="line 16: CENTER_NAME is 'MARS BARYCENTER'; only EARTH is taken"):
         oem_table(text, EPOCH_US, None)
 
 
 def test_its_states_would_be_deep_in_the_earth_and_that_is_told():
-    with pytest.raises(BadTableError, match=r"line 18: the position is 3\.30326e\+06 m from the Earth's centre"):
+    with pytest.raises(BadFileError, match=r"line 18: the position is 3\.30326e\+06 m from the Earth's centre"):
         oem_table(OF_THE_STANDARD.format(center="EARTH"), EPOCH_US, None)

@@ -9,7 +9,7 @@ from sgp4.api import Satrec
 from sgp4.exporter import export_omm
 from sgp4_cases import KINDS, TLE, US_PER_DAY, epoch_of, published_km
 
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, SceneError
 from opir_core.geometry import gmst_rad
 from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
 from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit
@@ -138,5 +138,5 @@ def test_a_satellite_that_decays_says_so_and_is_followed_until_then():
 
 def test_elements_that_cannot_be_followed_to_the_scene_are_refused_when_the_orbit_is_made():
     epoch_us, _ = epoch_of(Satrec.twoline2rv(*TLE["28872"]))
-    with pytest.raises(ModelError, match=re.escape("object 28872 at 0.0 s")):
+    with pytest.raises(SceneError, match=re.escape("object 28872 at 0.0 s")):
         orbit_of(OrbitConfig(tle=TLE["28872"]), epoch_us + 60 * US_PER_DAY)

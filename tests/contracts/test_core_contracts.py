@@ -1,6 +1,6 @@
 """The core's own components keep the contracts of their kinds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import pytest
@@ -20,7 +20,6 @@ from opir_testing import (
     TrackerContract,
 )
 from opir_testing.bench import TARGETS
-from repository import DATA
 
 from opir_core.interfaces.protocols import Band
 
@@ -243,17 +242,6 @@ class TestKeplerArc(TrackerContract):
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the beginning of the bench's scene, in which there are tracks soon."""
         return super().scene(**{"duration_s": 30.0, **changes})
-
-
-FLIGHTS = DATA / "flights"
-
-
-class TestTables(TargetContract):
-    name = "table"
-    launches: ClassVar[Sequence[Mapping[str, Any]]] = (
-        {"id": "IN-VIEW", "type": "ICBM", "file": str(FLIGHTS / "in_view.csv")},
-        {"id": "ANTIMERIDIAN", "type": "SRBM", "file": str(FLIGHTS / "antimeridian.csv")},
-    )
 
 
 class TestReferenceRenderer(RendererContract):

@@ -20,6 +20,7 @@ from opir_core.simulation.run import run_of_plan
 
 #: Parts that no word of a scene run by `opir run` names.
 NEVER = (
+    "opir_readers",
     "opir_report",
     "opir_paper",
     "opir_scoring",

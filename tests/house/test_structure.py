@@ -21,7 +21,7 @@ LONGEST_FUNCTION = 40
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "misc"}
 
 #: Lines of the core: the number only falls. A feature that needs more moves something out.
-CORE_LINES = 34_900
+CORE_LINES = 34_600
 
 #: Modules that may lie flat in the core.
 FLAT = {"__init__", "__main__", "_version", "arrays", "constants", "doors", "errors"}
@@ -36,18 +36,9 @@ FLOORS = (
 
 #: The floors of the distributions: a plugin imports from the core and from plugins below its own.
 DISTRIBUTIONS = (
-    *("opir_core", "opir_photons", "opir_dsp", "opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_trackers"),
-    *(
-        "opir_stonesoup",
-        "opir_render",
-        "opir_export",
-        "opir_paper",
-        "opir_scoring",
-        "opir_studies",
-        "opir_dask",
-        "opir_report",
-    ),
-    *("opir_kafka", "opir_http", "opir_testing"),
+    *("opir_core", "opir_photons", "opir_dsp", "opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_readers"),
+    *("opir_trackers", "opir_stonesoup", "opir_render", "opir_export", "opir_paper", "opir_scoring", "opir_studies"),
+    *("opir_dask", "opir_report", "opir_kafka", "opir_http", "opir_testing"),
 )
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

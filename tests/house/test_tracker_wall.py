@@ -24,7 +24,6 @@ TARGET_MODELS = (
     "opir_core.builtin.gravity_turn_targets",
     "opir_core.builtin.orbit_targets",
     "opir_core.builtin.plugin",
-    "opir_core.builtin.table_targets",
     "opir_core.builtin.target_classes",
     "opir_core.builtin.targets",
     "opir_core.flight.aiming",
@@ -34,6 +33,7 @@ TARGET_MODELS = (
     "opir_core.flight.orbit_insertion",
     "opir_core.flight.staged",
     "opir_photons",
+    "opir_readers",
 )
 
 #: Records of classes and profiles, which contexts and the kit for plugins have to name: no tracker imports them itself.

@@ -17,8 +17,8 @@ from opir_core.host.components import CATALOGUE
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 
-#: Kinds that work on finished runs, or on many: no scene chooses one.
-OF_STUDIES = ("metric", "executor", "exporter", "view")
+#: Kinds that work on files, on finished runs, or on many: no scene chooses one.
+OF_STUDIES = ("reader", "metric", "executor", "exporter", "view")
 
 Opir = Callable[..., tuple[int, str, str]]
 

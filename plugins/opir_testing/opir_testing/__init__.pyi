@@ -19,6 +19,9 @@ from opir_testing.contracts.radiometry import (
     SignatureContract as SignatureContract,
     SourceContract as SourceContract,
 )
+from opir_testing.contracts.readers import (
+    ReaderContract as ReaderContract,
+)
 from opir_testing.contracts.renderers import (
     RendererContract as RendererContract,
 )

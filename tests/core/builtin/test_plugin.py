@@ -24,7 +24,7 @@ MODELS = {
     "opir_classifiers": {"paper", "none", "always", "never"},
     "opir_confidence_models": {"weighted", "posterior", "always", "never"},
     "opir_trackers": {"none"},
-    "opir_target_models": {"ballistic", "gravity-turn", "orbit", "glide", "table"},
+    "opir_target_models": {"ballistic", "gravity-turn", "orbit", "glide"},
     "opir_atmosphere_models": {"clear"},
     "opir_background_models": {"none"},
 }

@@ -98,9 +98,9 @@ def test_an_omm_file_gives_what_the_omm_itself_does(tmp_path):
     ("content", "satellite", "words"),
     [
         ("{", None, "is not JSON"),
-        ("3", None, "holds 0 OMM; exactly one is needed"),
+        ("3", None, "holds no OMM; exactly one is needed"),
         ("[{}, {}]", None, "holds 2 OMM; exactly one is needed; say which with satellite"),
-        (json.dumps([OMM]), "HST", "holds 0 OMM of HST; exactly one is needed"),
+        (json.dumps([OMM]), "HST", "holds no OMM of HST; exactly one is needed"),
         (json.dumps([OMM, OMM]), "25544", "holds 2 OMM of 25544; exactly one is needed"),
         (json.dumps({**OMM, "REF_FRAME": "GCRF"}), None, "REF_FRAME: 'GCRF' is not TEME"),
     ],
@@ -109,7 +109,9 @@ def test_a_file_that_holds_no_omm_is_refused(tmp_path, content, satellite, words
     path = files(tmp_path, content)
     with pytest.raises(SceneError) as caught:
         orbit_of(file_orbit(path, satellite), OMM_EPOCH_US)
-    assert str(caught.value).startswith(f"{path}: 1 problem")
+    (problem,) = caught.value.problems
+    assert problem.path == "orbit.omm_file.path"
+    assert problem.message.startswith(f"{path}: ")
     assert words in str(caught.value)
 
 
@@ -117,8 +119,8 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(SceneError, match="cannot be read: No such file"):
         orbit_of(file_orbit(str(tmp_path / "none.json")), OMM_EPOCH_US)
     binary = tmp_path / "binary.json"
-    binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="is not JSON"):
+    binary.write_bytes(b"{}\n\xc3\x28")
+    with pytest.raises(SceneError, match="line 2: is not UTF-8 text"):
         orbit_of(file_orbit(str(binary)), OMM_EPOCH_US)
 
 

@@ -164,3 +164,70 @@ def test_naming_orbits_imports_neither_numpy_nor_sgp4():
         "assert not {'numpy', 'sgp4'} & sys.modules.keys(), sorted(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def with_checksum(line):
+    """Return the 68 characters of a line of a TLE with their checksum."""
+    return line + str(sum(int(character) if character.isdigit() else character == "-" for character in line) % 10)
+
+
+@pytest.mark.parametrize(
+    ("field", "told"),
+    [
+        ("1.16e-05", "' 11600-4'"),
+        (" 1.16e-5", "' 11600-4'"),
+        ("-.000012", "'-12000-4'"),
+        (".0000116", "' 11600-4'"),
+        (" 11606 4", "a sign or a blank, five digits, and the power of ten with its sign, like ' 11606-4'"),
+        ("11606-4 ", "a sign or a blank, five digits"),
+        ("00011606", "a sign or a blank, five digits"),
+        (" 11606E4", "a sign or a blank, five digits"),
+        ("        ", "a sign or a blank, five digits"),
+        ("    nan ", "a sign or a blank, five digits"),
+    ],
+)
+def test_a_drag_term_that_is_written_otherwise_is_told_with_its_columns(field, told):
+    ((path, message),) = complaints({"tle": [with_checksum(f"{LINE_1[:53]}{field}{LINE_1[61:68]}"), LINE_2]})
+    assert path == "orbit.tle"
+    head = f"line 1 has no number for the drag term B* in columns 54 to 61: {field!r}; write "
+    assert message.startswith(f"{head}{told}")
+
+
+@pytest.mark.parametrize("field", [" 11606-4", "-11606-4", "+11606-4", " 00000-0", " 00000+0", " 00000 0", " 13519-0"])
+def test_drag_terms_as_they_are_published_are_read(field):
+    assert read_data({"tle": [with_checksum(f"{LINE_1[:53]}{field}{LINE_1[61:68]}"), LINE_2]}).tle
+
+
+@pytest.mark.parametrize(
+    ("line", "first", "text", "told"),
+    [
+        (1, 53, " 11606+4", "line 1 has the drag term B* 1160.6, more than any satellite's (1); is a sign lost?"),
+        (1, 44, " 1.2e-05", "line 1 has no number for the mean motion's second derivative in columns 45 to 52"),
+        (1, 18, "082645178252  ", "line 1 has no number for the epoch in columns 19 to 32: '082645178252  '"),
+        (2, 26, " .00067", "line 2 has no number for the eccentricity in columns 27 to 33: ' .00067'"),
+        (2, 8, "251.6416", "line 2 has the inclination 251.642, outside [0, 180] deg"),
+        (2, 52, "85.72125391", "line 2 has the mean motion 85.7213, outside (0, 18] turns a day"),
+        (2, 43, "        ", "line 2 has no number for the mean anomaly in columns 44 to 51: '        '"),
+    ],
+)
+def test_every_field_of_a_tle_is_named(line, first, text, told):
+    lines = [LINE_1, LINE_2]
+    was = lines[line - 1]
+    lines[line - 1] = with_checksum(f"{was[:first]}{text}{was[first + len(text) : 68]}")
+    ((_, message),) = complaints({"tle": lines})
+    assert message.startswith(told)
+
+
+def test_all_that_is_wrong_with_a_tle_and_an_omm_is_told_at_once():
+    lines = [f"{LINE_1[:53]}1.16e-05{LINE_1[61:68]}9", LINE_2.replace("0006703", " .00067")]
+    ((_, message),) = complaints({"tle": lines})
+    heads = [part.partition(" has ")[0] for part in message.split("; ") if " has " in part]
+    assert heads == ["line 1", "line 1", "line 2", "line 2"]
+    wrong = {"BSTAR": "1,2e-5", "INCLINATION": 200, "EPOCH": "now", "TIME_SYSTEM": "TAI"}
+    ((_, message),) = complaints({"omm": {**OMM, **wrong}})
+    assert [part.partition(":")[0] for part in message.split("; ")] == ["TIME_SYSTEM", "BSTAR", "INCLINATION", "EPOCH"]
+
+
+def test_a_character_that_no_tle_has_is_named():
+    ((_, message),) = complaints({"tle": [LINE_1.replace("-11606-4", "−11606-4"), LINE_2]})
+    assert message == "line 1 has the character '−' (U+2212), which no TLE has; copy it as plain text"

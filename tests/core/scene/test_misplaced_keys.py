@@ -136,7 +136,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
 
 def test_an_exact_key_of_another_model_is_told_beside_the_slip() -> None:
     mapping = {"targets": [{**good_mapping()["targets"][0], "file": "x.csv"}]}
-    (words,) = complaints(Host.discover(allowed=[]), **mapping, **CORE)
+    (words,) = complaints(Host.discover(allowed=["readers"]), **mapping, **CORE)
     assert words == (
         "targets[0].file: unknown key; did you mean profile? Otherwise it belongs to the target model table, and this"
         " is ballistic; write model: table to set it"

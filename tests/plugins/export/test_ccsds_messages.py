@@ -12,10 +12,10 @@ from attrs import evolve
 from ccsds_ndm.ndm_io import NdmIo
 from exported_runs import exported, short_run
 from oem import OrbitEphemerisMessage
+from opir_readers.oem_table import oem_table
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.flight.tables.oem_table import oem_table
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
 

@@ -365,6 +365,7 @@ LEFT_OUT = {
         "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
         "ecef_state": "an OEM state in other frames, held to other libraries (tests/against)",
         "forces_of": "looks a name up",
+        **dict.fromkeys(("joined_burns_s", "plain_gaps_s"), "the times given, laid out otherwise"),
         **dict.fromkeys(("height_and_up", "height_m"), "through ecef_to_geodetic, to 2e-8 m (tests/core/flight)"),
         "impact_states_eci": "through impact and kepler_impact",
         "Aim": "a record",

@@ -77,6 +77,7 @@ KINDS: Mapping[str, TemplateKind] = {
         "event_encoders", "event encoder", "EncoderContract", "outputs:\n  - jsonl: {encoder: $name}"
     ),
     "sink": TemplateKind("sinks", "sink", "SinkContract", "outputs:\n  - $name"),
+    "reader": TemplateKind("readers", "reader", "ReaderContract"),
     "metric": TemplateKind("metrics", "metric", "MetricContract"),
     "executor": TemplateKind("executors", "executor", "ExecutorContract"),
     "exporter": TemplateKind("exporters", "exporter", "ExporterContract"),

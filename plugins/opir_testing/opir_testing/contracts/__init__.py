@@ -27,6 +27,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_event_encoders": ("outputs", "EncoderContract"),
     "opir_sinks": ("sinks", "SinkContract"),
     "opir_renderers": ("renderers", "RendererContract"),
+    "opir_readers": ("readers", "ReaderContract"),
     "opir_metrics": ("results", "MetricContract"),
     "opir_executors": ("results", "ExecutorContract"),
     "opir_exporters": ("results", "ExporterContract"),

@@ -1,68 +1,17 @@
-"""Tables of states, their checks, and local polynomials through them in Newton's form, for many tables at once.
+"""Local polynomials through tables of states in Newton's form, for many tables at once.
 
 Between two states the polynomial is that through the nearest states: four with their velocities (degree 7), or six
 positions alone (degree 5); fewer where a smooth run has fewer. With velocities, the two ends alone (degree 3) where
 states are much closer to each other than these. It never extends across the end of a run.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, RowArray
-
-#: Positions nearer to the Earth's centre, or farther from it, m, are most likely in other units.
-LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
-
-
-#: The most burns of a flight, as many as plumes have stages.
-MOST_BURNS = 8
-
-
-class BadTableError(ValueError):
-    """An invalid table; the only argument is the reason, with its line and the remedy."""
-
-
-@frozen(eq=False)
-class Table:
-    """States in order of time: scene times (n,), s, ECEF positions (n, 3), m, and velocities over the Earth, m/s.
-
-    `velocity_m_s` is None where the file has none. `run` (n,) numbers the runs of smooth motion, which polynomials do
-    not cross. `burns_s` (k, 2) are the scene times of ignition and burnout of each burn, in order.
-    """
-
-    time_s: FloatArray
-    position_m: FloatArray
-    velocity_m_s: FloatArray | None
-    run: NDArray[np.intp]
-    burns_s: FloatArray
-
-
-def require_order(time_s: FloatArray, line_of: Callable[[int], int], *, may_repeat: bool) -> None:
-    """Raise `BadTableError` where times do not increase; with `may_repeat` a time may occur twice in a row.
-
-    `line_of` gives the line of a row.
-    """
-    step = np.diff(time_s)
-    wrong = np.flatnonzero(step < 0.0 if may_repeat else step <= 0.0)
-    thrice = np.flatnonzero((step[1:] == 0.0) & (step[:-1] == 0.0)) + 1 if may_repeat else wrong[:0]
-    for row in [*wrong.tolist(), *thrice.tolist()]:
-        raise BadTableError(
-            f"line {line_of(row + 1)}: its time does not follow that of line {line_of(row)}; sort the states"
-        )
-
-
-def require_places(position_m: FloatArray, line_of: Callable[[int], int]) -> None:
-    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon; `line_of` gives a row's line."""
-    with np.errstate(over="ignore"):
-        radius_m = np.sqrt((position_m * position_m).sum(axis=1))
-    for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
-        where = "deep below the ground" if radius_m[row] < LEAST_RADIUS_M else "beyond the Moon"
-        place = f"{radius_m[row]:.6g} m from the Earth's centre, {where}"
-        raise BadTableError(f"line {line_of(row)}: the position is {place}; check its units")
-
+from opir_core.plugin import StateTable
 
 _WITH_VELOCITY = 4
 _WITHOUT_VELOCITY = 6
@@ -105,7 +54,7 @@ class Interpolant:
         return position, slope / self.length_s[row, None]
 
 
-def interpolant(tables: Sequence[Table]) -> Interpolant:
+def interpolant(tables: Sequence[StateTable]) -> Interpolant:
     """Return the polynomials of tables."""
     parts = [_intervals(table) for table in tables]
     first = np.cumsum([0, *(len(part[0]) for part in parts)])
@@ -115,13 +64,13 @@ def interpolant(tables: Sequence[Table]) -> Interpolant:
     return Interpolant(first, start, length, nodes, coefficients)
 
 
-def largest_doubt_m(table: Table) -> float | None:
+def largest_doubt_m(table: StateTable) -> float | None:
     """Return the largest distance between a state's position and what the states about it give without it.
 
     Between states the error is smaller still, by far where the motion is smooth. None where no stretch has three.
     """
     doubts = []
-    for rows in _runs(table):
+    for rows in runs(table):
         for parity in (0, 1):
             is_kept = np.arange(len(rows)) % 2 == parity
             is_kept[[0, -1]] = True
@@ -133,26 +82,26 @@ def largest_doubt_m(table: Table) -> float | None:
     return float(max(doubts)) if doubts else None
 
 
-def _thinned(table: Table, rows: RowArray) -> Table:
+def _thinned(table: StateTable, rows: RowArray) -> StateTable:
     velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
-    return Table(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burns_s)
+    return StateTable(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burns_s)
 
 
-def _intervals(table: Table) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _intervals(table: StateTable) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8, m, 3)."""
-    parts = [_of_run(table, rows) for rows in _runs(table)]
+    parts = [_of_run(table, rows) for rows in runs(table)]
     parts = [part for part in parts if len(part[0])]
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     nodes, coefficients = (np.concatenate([part[k] for part in parts], axis=1) for k in (2, 3))
     return start, length, nodes, coefficients
 
 
-def _runs(table: Table) -> list[RowArray]:
+def runs(table: StateTable) -> list[RowArray]:
     """Return the rows of each run."""
     return np.split(np.arange(len(table.run)), np.flatnonzero(np.diff(table.run)) + 1)
 
 
-def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _of_run(table: StateTable, rows: RowArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     has_velocity = table.velocity_m_s is not None
     count = min(len(rows), _WITH_VELOCITY if has_velocity else _WITHOUT_VELOCITY)
     left = np.arange(len(rows) - 1)
@@ -168,7 +117,9 @@ def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, Float
     return start, length, nodes, coefficients
 
 
-def _newton(table: Table, chosen: RowArray, start: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _newton(
+    table: StateTable, chosen: RowArray, start: FloatArray, length: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through the states `chosen` (m, k), each."""
     repeats = 1 if table.velocity_m_s is None else 2
     nodes = np.repeat((table.time_s[chosen] - start[:, None]) / length[:, None], repeats, axis=1).T

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from opir_readers import csv_table as csv_table_module
+from opir_readers.configs import TableConfig
+from opir_readers.table_targets import table_targets
 from repository import EXAMPLES
 
-from opir_core.builtin.configs import TableConfig
-from opir_core.builtin.table_targets import table_targets
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.tables import csv_table as csv_table_module
-from opir_core.flight.tables.table import BadTableError
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.planning.plan import compile_plan
+from opir_core.plugin import BadFileError
 from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.simulation.run import simulate
 
@@ -233,9 +233,9 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
             {"ignition_s": 1.2, "burnout_s": 1.8},
             "a burn from 1.2 to 1.8 s is within a dark gap of the file",
         ),
-        (GOOD_CSV, {"object": "ONE"}, "omit object"),
+        (GOOD_CSV, {"object": "ONE"}, "is read as csv, which has no object; omit object"),
         (GOOD_CSV, {"burnout_s": 2.0}, "a burn from 0 to 2 s does not fit: states go from 0 to 1 s"),
-        (GOOD_OEM, {"start_s": 1.0}, "an OEM has its own times; omit start_s"),
+        (GOOD_OEM, {"start_s": 1.0}, "is read as oem, which has no start_s; omit start_s (its settings: object)"),
         (GOOD_OEM, {"object": "TWO"}, "has no object 'TWO'; it has ONE"),
         (
             GOOD_OEM.replace("ITRF2014", "TOD"),
@@ -329,9 +329,9 @@ class TestReadingAtOnce:
     def lines_read(self, text, monkeypatch):
         read, row = [], csv_table_module._row
 
-        def counted(names, cells, line):
+        def counted(columns, layout, cells, line):
             read.append(line)
-            return row(names, cells, line)
+            return row(columns, layout, cells, line)
 
         monkeypatch.setattr(csv_table_module, "_row", counted)
         return csv_table_module.csv_table(text, 0.0), read
@@ -346,7 +346,7 @@ class TestReadingAtOnce:
 
     def test_both_ways_give_the_same_numbers(self, monkeypatch):
         at_once, _ = self.lines_read(csv_text(self.TIMES), monkeypatch)
-        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda _text, _count: None)
+        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda *_: None)
         by_line, read = self.lines_read(csv_text(self.TIMES), monkeypatch)
         assert len(read) == len(self.TIMES)
         assert np.array_equal(at_once.time_s, by_line.time_s)
@@ -354,10 +354,10 @@ class TestReadingAtOnce:
 
     def test_lines_are_numbered_as_in_the_file(self):
         text = csv_text(self.TIMES).replace("\n0.5,", "\n\n# a comment\n0.1,")
-        with pytest.raises(BadTableError, match="line 7: its time does not follow that of line 4"):
+        with pytest.raises(BadFileError, match="line 7: its time does not follow that of line 4"):
             csv_table_module.csv_table(text, 0.0)
 
     def test_points_that_are_not_smooth_are_limited(self, monkeypatch):
         monkeypatch.setattr(csv_table_module, "MOST_BREAKS", 3)
-        with pytest.raises(BadTableError, match="has 4 times that occur twice; at most 3"):
+        with pytest.raises(BadFileError, match="has 4 times that occur twice; at most 3"):
             csv_table_module.csv_table(csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2])), 0.0)

@@ -1,7 +1,6 @@
 """The target model `table`: trajectories that a scene brings itself, as tables of states in files."""
 
 from collections.abc import Mapping, Sequence
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -9,25 +8,21 @@ from attrs import define, evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.class_flights import plain_places
-from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.burns import joined_burns_s, plain_gaps_s
-from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.tables.csv_table import csv_table
-from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
-from opir_core.flight.tables.table import BadTableError, Table, interpolant, largest_doubt_m
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.input_file import file_bytes
+from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.plugin import BadFileError, StateTable, TargetContext, Trajectories
+from opir_readers.configs import TableConfig
+from opir_readers.formats import READERS
+from opir_readers.interpolation import interpolant, largest_doubt_m
+from opir_readers.reading import content_of, file_text, reader_of
+from opir_readers.table_checks import SceneTimes, doubts_about
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
 
 #: States below this height, m, at the ends of a table are its launch point and its impact.
 _NEAR_GROUND_M = 1000.0
-
-_LARGEST_FILE_BYTES = 64_000_000
 
 
 @define(eq=False)
@@ -41,6 +36,7 @@ class TableTargets(Trajectories):
     burns_s: FloatArray
     flight: Ephemeris
     told: tuple[Mapping[str, Any], ...]
+    warnings: Sequence[Problem] = ()
 
     @property
     def class_names(self) -> Sequence[str]:
@@ -70,14 +66,18 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
 
     Raises `SceneError` with a problem for each target whose file cannot be taken.
     """
-    problems, tables, hashes = list[Problem](), list[Table](), list[str]()
+    problems, warnings, tables, hashes = list[Problem](), list[Problem](), list[StateTable](), list[str]()
+    times = SceneTimes(context.epoch_us, context.duration_s)
     for config, path in zip(configs, context.paths, strict=True):
+        place = f"{path}.file"
         try:
-            content = _content(config.file)
-            hashes.append(sha256(content).hexdigest())
-            tables.append(_with_burn(_table(content, config, context.epoch_us), config))
-        except BadTableError as error:
-            problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}".removeprefix(": ")))
+            table, digest = _table(config, context)
+            hashes.append(digest)
+            start_s = None if table.has_dates else config.start_s or 0.0
+            warnings += [Problem(place, f"{config.file}: {doubt}") for doubt in doubts_about(table, times, start_s)]
+            tables.append(_with_burn(table, config))
+        except BadFileError as error:
+            problems.append(Problem(place, f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:
         raise SceneError(problems)
     ignition_s = np.array([table.burns_s[0, 0] for table in tables])
@@ -93,40 +93,23 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
             interpolant(tables).state, ignition_s, end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
         ),
         told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
+        warnings=tuple(warnings),
     )
 
 
-def _content(file: str) -> bytes:
-    if not file:
-        raise BadTableError("the path is empty; give that of a table of states")
-    try:
-        content = file_bytes(file, _LARGEST_FILE_BYTES)
-    except OSError as error:
-        raise BadTableError(f"cannot be read: {error.strerror or error}") from error
-    if len(content) > _LARGEST_FILE_BYTES:
-        raise BadTableError(f"is larger than {_LARGEST_FILE_BYTES} bytes; keep only the burn")
-    return content
+def _table(config: TableConfig, context: TargetContext) -> tuple[StateTable, str]:
+    """Return the table of a file, and the SHA-256 of the file."""
+    file = file_text(config.file)
+    readers = [reader for reader in context.readers() or READERS if reader.yields == "trajectories"]
+    reader = reader_of(file.text, readers, config.format)
+    settings = {"columns": config.columns, "start_s": config.start_s, "object": config.object}
+    return content_of(file.text, reader, settings, context.epoch_us), file.sha256
 
 
-def _table(content: bytes, config: TableConfig, epoch_us: int) -> Table:
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise BadTableError(f"line {line}: is not UTF-8 text") from error
-    if next(keywords(text), "").startswith(FIRST_KEYWORD):
-        if config.start_s is not None:
-            raise BadTableError("an OEM has its own times; omit start_s")
-        return oem_table(text, epoch_us, config.object)
-    if config.object is not None:
-        raise BadTableError(f"is a CSV file, which has no object; omit object (an OEM begins with {FIRST_KEYWORD})")
-    return csv_table(text, config.start_s or 0.0)
-
-
-def _with_burn(table: Table, config: TableConfig) -> Table:
+def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
     """Return a table with the first ignition and the last burnout that its block asks for.
 
-    Raises `BadTableError` where the states do not cover them.
+    Raises `BadFileError` where the states do not cover them.
     """
     ends = float(table.burns_s[0, 0]), float(table.burns_s[-1, 1])
     ignition, burnout = (
@@ -134,33 +117,40 @@ def _with_burn(table: Table, config: TableConfig) -> Table:
     )
     first, last = float(table.time_s[0]), float(table.time_s[-1])
     if not max(first, 0.0) <= ignition < burnout <= last:
-        raise BadTableError(
+        raise BadFileError(
             f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from {first:.12g} to"
             f" {last:.12g} s of the scene, whose times start at 0; set ignition_s and burnout_s"
         )
     burns_s = table.burns_s[(table.burns_s[:, 0] < burnout) & (table.burns_s[:, 1] > ignition)]
     if not len(burns_s):
-        raise BadTableError(f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file")
+        raise BadFileError(f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file")
     burns_s[0, 0], burns_s[-1, 1] = ignition, burnout
     return evolve(table, burns_s=burns_s)
 
 
-def _breakpoints_s(tables: Sequence[Table]) -> FloatArray:
+def _breakpoints_s(tables: Sequence[StateTable]) -> FloatArray:
     """Return the times of the states (n, k), where one polynomial gives way to the next; short rows are filled up."""
     longest = max(len(table.time_s) for table in tables)
     return np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
 
 
-def _points(table: Table) -> Mapping[str, Any]:
+def _place(position_m: FloatArray) -> dict[str, float]:
+    """Return a position (3,) as a plain geodetic place, with its height above the WGS 84 ellipsoid."""
+    where = ecef_to_geodetic(position_m[None])
+    latitude, longitude = (float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad))
+    return {"lat_deg": latitude, "lon_deg": longitude, "height_m": float(where.height_m[0])}
+
+
+def _points(table: StateTable) -> Mapping[str, Any]:
     """Return launch and impact of a table: its first and last states, where these are near the ground."""
-    first, last = plain_places(table.position_m[[0, -1]])
+    first, last = _place(table.position_m[0]), _place(table.position_m[-1])
     is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
     is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
     launch = {"launch": first} if is_launch else {}
     return {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
 
 
-def _told(own_id: str, config: TableConfig, table: Table, digest: str) -> Mapping[str, Any]:
+def _told(own_id: str, config: TableConfig, table: StateTable, digest: str) -> Mapping[str, Any]:
     return {
         "id": own_id,
         "type": config.type,

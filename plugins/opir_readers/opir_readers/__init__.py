@@ -1,0 +1,1 @@
+"""Readers of other programs' files: trajectories as CSV tables of states and CCSDS OEM."""

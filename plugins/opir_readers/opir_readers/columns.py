@@ -1,0 +1,183 @@
+"""Columns of tables: which quantity and unit each one holds, by its own name or by the user's map.
+
+A name is a quantity with its unit, `x_ecef_km`; without a unit it is that of the first in the list. A map says the same
+of columns with other names: `{lat: "Latitude (°)", height_ft: ALT}`.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+
+from attrs import frozen
+
+from opir_core.plugin import BadFileError
+
+_TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+_LENGTH = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
+_SPEED = {"m_s": 1.0, "km_s": 1e3, "ft_s": 0.3048, "km_h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
+_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+
+#: How a state may give its place, and its velocity: the quantities, which come together.
+PLACES = (("x_ecef", "y_ecef", "z_ecef"), ("lat", "lon", "height"))
+VELOCITIES = (
+    ("vx_ecef", "vy_ecef", "vz_ecef"),
+    ("vx_inertial", "vy_inertial", "vz_inertial"),
+    ("v_east", "v_north", "v_up"),
+)
+TIME, BURNING = "time", "is_burning"
+
+#: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    TIME: _TIME,
+    **dict.fromkeys(PLACES[0], _LENGTH),
+    "lat": _ANGLE,
+    "lon": _ANGLE,
+    "height": _LENGTH,
+    **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
+    BURNING: {"": 1.0},
+}
+
+#: How like a known name an unknown one must be to be taken for a slip of the pen.
+_SLIP = 0.85
+
+#: Names that tables of other programs give their columns, for the map that a message proposes.
+_WORDS = (
+    (r"^t(ime)?\b|elapsed", "time"),
+    (r"\blat", "lat"),
+    (r"\blon|\blng", "lon"),
+    (r"\balt|height|\bh\b", "height"),
+    (r"^x\b", "x_ecef"),
+    (r"^y\b", "y_ecef"),
+    (r"^z\b", "z_ecef"),
+    (r"^v_?x\b", "vx_ecef"),
+    (r"^v_?y\b", "vy_ecef"),
+    (r"^v_?z\b", "vz_ecef"),
+)
+_WRITTEN_UNITS = {
+    "°": "deg",
+    "degrees": "deg",
+    "degree": "deg",
+    "deg": "deg",
+    "rad": "rad",
+    "s": "s",
+    "sec": "s",
+    "seconds": "s",
+    "ms": "ms",
+    "min": "min",
+    "m": "m",
+    "meters": "m",
+    "metres": "m",
+    "km": "km",
+    "ft": "ft",
+    "feet": "ft",
+    "m/s": "m_s",
+    "km/s": "km_s",
+    "ft/s": "ft_s",
+    "km/h": "km_h",
+}
+
+
+@frozen
+class Column:
+    """A column that is read: its place in a line, its name there, its quantity, and its unit in SI units or radians."""
+
+    place: int
+    name: str
+    quantity: str
+    factor: float
+
+
+def quantity_of(name: str) -> tuple[str, float] | None:
+    """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None."""
+    for quantity, units in UNITS.items():
+        if name == quantity:
+            return quantity, next(iter(units.values()))
+        if name.startswith(f"{quantity}_") and name[len(quantity) + 1 :] in units:
+            return quantity, units[name[len(quantity) + 1 :]]
+    return None
+
+
+def map_complaint(columns: Mapping[str, str] | None) -> str | None:
+    """Return the first error in the quantities of a column map, or None."""
+    for name in columns or ():
+        if quantity_of(name) is None:
+            near = get_close_matches(name, _all_names(), n=1)
+            hint = f"did you mean {near[0]}?" if near else f"quantities are {', '.join(UNITS)}"
+            return f"{name} is no quantity with its unit; {hint}"
+    return None
+
+
+def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dict[str, Column]:
+    """Return the columns that are read, by quantity; raises `BadFileError` where they do not make states.
+
+    `given` maps quantities with units to names of columns; others are known by their own names. `line` is that of the
+    names.
+    """
+    found: dict[str, Column] = {}
+    mapped = {own: wanted for wanted, own in given.items()}
+    lost = [own for own in mapped if own not in names]
+    if lost:
+        listed = ", ".join(map(repr, names))
+        raise BadFileError(f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}")
+    for place, name in enumerate(names):
+        known = quantity_of(mapped.get(name, name))
+        if known is None:
+            continue
+        if known[0] in found and (name in mapped) == (found[known[0]].name in mapped):
+            raise BadFileError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}")
+        if known[0] not in found or name in mapped:
+            found[known[0]] = Column(place, name, *known)
+    _require_states(found, names, line)
+    return found
+
+
+def unread(names: Iterable[str], columns: Mapping[str, Column]) -> list[str]:
+    """Return the names of columns that are not read."""
+    read = {column.name for column in columns.values()}
+    return [name for name in names if name and name not in read]
+
+
+def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -> None:
+    groups = [PLACES[1] if "lat" in found or "lon" in found else PLACES[0]]
+    groups += [group for group in VELOCITIES if any(name in found for name in group)]
+    if len(groups) > 2:
+        raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
+    missing = [quantity for quantity in (TIME, *(name for group in groups for name in group)) if quantity not in found]
+    unknown = unread(names, found)
+    slips = {name: near for name in unknown if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))}
+    if missing:
+        is_most = len(missing) > 1
+        others = f" and has unknown columns ({', '.join(map(repr, unknown[:6]))})" if unknown else ""
+        wanted = ", ".join(map(_with_unit, missing))
+        raise BadFileError(f"line {line}: lacks the column{'s' if is_most else ''} {wanted}{others}{_proposal(names)}")
+    for name, near in slips.items():
+        if name not in (column.name for column in found.values()):
+            raise BadFileError(f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?")
+
+
+def _proposal(names: Sequence[str]) -> str:
+    """Return the column map that the names suggest, for a message, or how to write one."""
+    taken: dict[str, str] = {}
+    for name in names:
+        bare, unit = re.sub(r"[(\[].*", "", name).strip().lower(), re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]", name)
+        quantity = next((own for words, own in _WORDS if re.search(words, bare.replace("_", " "))), None)
+        if quantity is None or any(key.startswith(quantity) for key in taken):
+            continue
+        suffix = _WRITTEN_UNITS.get(unit[1].lower(), "") if unit else ""
+        units = UNITS[quantity]
+        taken[f"{quantity}_{suffix if suffix in units else next(iter(units))}"] = name
+    kinds = {quantity_of(key)[0] for key in taken}  # type: ignore[index]
+    if not any(set(group) <= kinds for group in PLACES) or TIME not in kinds:
+        return "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon: Longitude, height_m: H}"
+    listed = ", ".join(f'{key}: "{name}"' for key, name in taken.items())
+    return f"; if this is what they are, set columns: {{{listed}}}"
+
+
+def _with_unit(quantity: str) -> str:
+    unit = next(iter(UNITS[quantity]))
+    return f"{quantity}_{unit}" if unit else quantity
+
+
+def _all_names() -> list[str]:
+    return [f"{quantity}_{unit}" if unit else quantity for quantity, units in UNITS.items() for unit in units]

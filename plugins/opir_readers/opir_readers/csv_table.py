@@ -1,0 +1,168 @@
+"""Tables of states as text: a line of column names with units, then one state per line."""
+
+import math
+from collections.abc import Mapping
+from itertools import chain, islice
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.columns import BURNING, PLACES, TIME, VELOCITIES, Column, columns_of, unread
+from opir_readers.csv_layout import Layout, decimal, layout_of
+from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places
+
+#: The most points where the motion is not smooth: each costs as much as a hundred states.
+MOST_BREAKS = 10_000
+
+#: The most names of columns that are listed.
+_LISTED = 6
+
+
+def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = None) -> StateTable:
+    """Return the table of a text whose time 0 is the scene time `start_s`.
+
+    Columns, in any order, parted by commas, semicolons, tabs or blanks: the time; the place, as ECEF or as geodetic
+    latitude, longitude and height; perhaps the velocity; and is_burning: 1 where the plume radiates from this line's
+    time to the next, else 0. Names have their units (`opir_readers.columns`), or `columns` maps quantities to names.
+    Lines that begin with #, % or // are comments. A time that occurs twice in a row marks a point where the motion is
+    not smooth, as a change of stages. Raises `BadFileError`.
+    """
+    layout = layout_of(text)
+    known = columns_of(layout.names, layout.line, columns or {})
+    values = _values(text, layout, known)
+    count = len(values[TIME])
+    if count < 2:
+        raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
+    time_s = values[TIME] + start_s
+
+    def line_of(row: int) -> int:
+        return next(islice(layout.rows(text), row, None))[0]
+
+    require_order(time_s, line_of, may_repeat=True)
+    position = _positions(values, line_of)
+    require_places(position, line_of)
+    velocity = _velocities(values, position)
+    run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
+    if run[-1] > MOST_BREAKS:
+        raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
+    burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
+    names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
+    frame = "ECEF" if PLACES[0][0] in known else "latitude, longitude, height above WGS 84"
+    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, frame=frame)
+
+
+def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
+    left = unread(layout.names, known)
+    more = f" and {len(left) - _LISTED} more" if len(left) > _LISTED else ""
+    return (f"columns that are not read: {', '.join(map(repr, left[:_LISTED]))}{more}",) if left else ()
+
+
+def _positions(values: Mapping[str, FloatArray], line_of: LineOf) -> FloatArray:
+    """Return ECEF positions (n, 3), m."""
+    if PLACES[0][0] in values:
+        return np.stack([values[name] for name in PLACES[0]], axis=1)
+    latitude, longitude, height = (values[name] for name in PLACES[1])
+    for row in np.flatnonzero((np.abs(latitude) > 0.5 * math.pi) | (np.abs(longitude) > 2.0 * math.pi)).tolist():
+        places = math.degrees(latitude[row]), math.degrees(longitude[row])
+        raise BadFileError(
+            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
+            " swapped, or the units others?"
+        )
+    return geodetic_to_ecef(latitude, longitude, height)
+
+
+def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> FloatArray | None:
+    """Return velocities over the rotating Earth in ECEF (n, 3), m/s, or None."""
+    names = next((group for group in VELOCITIES if group[0] in values), None)
+    if names is None:
+        return None
+    velocity = np.stack([values[name] for name in names], axis=1)
+    if names == VELOCITIES[1]:
+        return over_the_ground(velocity, position_m)
+    return from_local_axes(velocity, position_m) if names == VELOCITIES[2] else velocity
+
+
+def over_the_ground(inertial_m_s: FloatArray, position_m: FloatArray) -> FloatArray:
+    """Return velocities over the rotating Earth (n, 3) of inertial ones along the axes of ECEF."""
+    x, y = position_m[:, 0], position_m[:, 1]
+    return inertial_m_s - EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros_like(x)], axis=1)
+
+
+def from_local_axes(velocity_m_s: FloatArray, position_m: FloatArray) -> FloatArray:
+    """Return velocities (n, 3) in ECEF of those towards east, north and up at each position."""
+    where = ecef_to_geodetic(position_m)
+    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)
+    return np.asarray((velocity_m_s[:, :, None] * axes).sum(axis=1))
+
+
+def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
+    """Return the burns (k, 2) of states at times (n,): each from a line with 1 to the next line with 0, or the last."""
+    edge = np.diff(np.concatenate([[0.0], is_burning[:-1], [0.0]]))
+    burns_s = np.stack([time_s[edge > 0.0], time_s[edge < 0.0]], axis=-1)
+    # A time that occurs twice may end one burn and begin the next, or hold a burn of no length.
+    burns_s = burns_s[burns_s[:, 0] < burns_s[:, 1]]
+    if not len(burns_s):
+        raise BadFileError(f"{BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
+    if len(burns_s) > MOST_BURNS:
+        raise BadFileError(f"{BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
+    return burns_s
+
+
+def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
+    """Return the columns by quantity, in SI units and radians: read at once where all are plain numbers, else line by
+    line, to say what is not."""
+    values = _plain_numbers(text, layout, known)
+    if values is not None and BURNING in known:
+        burning = values[:, list(known).index(BURNING)]
+        values = values if ((burning == 0.0) | (burning == 1.0)).all() else None
+    if values is None:
+        rows = [_row(known, layout, cells, line) for line, cells in layout.rows(text)]
+        values = np.array(rows).reshape(-1, len(known))
+    return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
+
+
+def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:
+    """Return the numbers (n, columns) below the names, or None where something else stands there."""
+    lines = layout.plain_lines(text)
+    first = next(lines, None)
+    if first is None:
+        return None
+    places = [column.place for column in known.values()]
+    is_whole = len(places) == len(layout.names)
+    try:
+        values = np.loadtxt(
+            chain([first], lines),
+            delimiter=layout.delimiter or None,
+            comments=None,
+            quotechar='"',
+            ndmin=2,
+            usecols=None if is_whole else places,
+        )
+    except ValueError:
+        return None
+    if is_whole:
+        values = values[:, places] if values.shape[1] == len(places) else values[:0]
+    return values if len(values) and np.isfinite(values).all() else None
+
+
+def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: int) -> list[float]:
+    extra = cells[len(layout.names) :]
+    if len(cells) < len(layout.names) or any(cell.strip() for cell in extra):
+        raise BadFileError(f"line {line}: has {len(cells)} values; the first line names {len(layout.names)} columns")
+    return [_number(column, cells[column.place], layout, line) for column in known.values()]
+
+
+def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
+    why = ""
+    try:
+        value = decimal(cell, layout)
+    except ValueError as error:
+        value, why = math.nan, f": it {error}" if "separators" in str(error) else ""
+    if not math.isfinite(value):
+        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}")
+    if column.quantity == BURNING and value not in (0.0, 1.0):
+        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
+    return value

@@ -1,0 +1,100 @@
+"""The formats that are read: how each is recognised, and a small file of it."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from attrs import Factory, frozen
+
+from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, number, text
+from opir_readers.columns import map_complaint
+
+#: The keyword that every Orbit Ephemeris Message begins with.
+FIRST_KEYWORD = "CCSDS_OEM_VERS"
+
+_OEM_HEAD = re.compile(rf"(\s*(COMMENT[^\n]*|#[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
+_OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[12] \d{5}[A-Z ])")
+
+COLUMNS_HELP = (
+    "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon: Longitude,"
+    " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s, ft_s, km_h, kn;"
+    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east, v_north, v_up"
+)
+OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
+
+
+def columns_setting() -> Any:
+    """Return the field of a column map."""
+    return nested(default=Factory(dict), check=map_complaint, help=COLUMNS_HELP)
+
+
+def start_setting() -> Any:
+    """Return the field of the scene time of a text's time 0."""
+    return number(
+        default=None,
+        unit="s",
+        minimum=-1e13,
+        maximum=31_557_600.0,
+        help="scene time of time 0 of a file whose times are no dates; default 0",
+    )
+
+
+@frozen(kw_only=True)
+class CsvConfig:
+    """The settings of the reader `csv`."""
+
+    columns: Mapping[str, str] = columns_setting()
+    start_s: float | None = start_setting()
+
+
+@frozen(kw_only=True)
+class OemConfig:
+    """The settings of the reader `oem`."""
+
+    object: str | None = text(default=None, help=OBJECT_HELP)
+
+
+def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.csv_table import csv_table
+
+    return csv_table(context.text, config.start_s or 0.0, config.columns)
+
+
+def _oem(config: OemConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.oem_table import oem_table
+
+    return oem_table(context.text, context.epoch_us, config.object)
+
+
+READERS = (
+    FileReader(
+        name="csv",
+        summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks",
+        config=CsvConfig,
+        build=_csv,
+        recognises=lambda text: not _OTHER_HEADS.match(text),
+        example="time_s,x_ecef_km,y_ecef_km,z_ecef_km\n0,-2643.878,-4579.332,3566.637\n10,-2644.469,-4580.355,3567.568\n",
+    ),
+    FileReader(
+        name="oem",
+        summary="CCSDS Orbit Ephemeris Message, keyword form",
+        config=OemConfig,
+        build=_oem,
+        recognises=lambda text: _OEM_HEAD.match(text) is not None,
+        example="""CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-04-01T00:00:00
+ORIGINATOR = EXAMPLE
+META_START
+OBJECT_NAME = ONE
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = ITRF
+TIME_SYSTEM = UTC
+START_TIME = 2026-04-01T12:00:00
+STOP_TIME = 2026-04-01T12:00:10
+META_STOP
+2026-04-01T12:00:00 -2643.878 -4579.332 3566.637 -0.053 -0.091 0.083
+2026-04-01T12:00:10 -2644.469 -4580.355 3567.568 -0.065 -0.114 0.104
+""",
+    ),
+)

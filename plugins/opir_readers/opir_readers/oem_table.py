@@ -1,0 +1,188 @@
+"""Orbit Ephemeris Messages: CCSDS 502.0-B-3, section 5, in the keyword form (KVN).
+
+Accepted are states in UTC in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in TEME, and in EME2000 (also
+used for GCRF and ICRF, which differ from it by 0.02 arcseconds); other frames and time systems are rejected by name.
+The library `oem`, a reference in the tests, needs astropy and reports most errors without line and remedy.
+"""
+
+import math
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+
+import numpy as np
+from attrs import Factory, define
+
+from opir_core.flight import ecef_state
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.states import require_order, require_places
+
+_UNIX = datetime(1970, 1, 1)
+_EARTH_FIXED = ("TDR", "GRC")
+_EQUINOX = ("EME2000", "GCRF", "ICRF")
+_NEEDED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
+
+
+@define
+class Segment:
+    """A stretch of states with its metadata; `line` is that of META_START."""
+
+    line: int
+    meta: dict[str, str] = Factory(dict)
+    lines: list[int] = Factory(list)
+    states: list[list[float]] = Factory(list)
+    width: int = 0
+    has_covariance: bool = False
+
+    def take_keyword(self, line: str, number: int) -> None:
+        """Add a line of metadata."""
+        key, equals, value = (part.strip() for part in line.partition("="))
+        if not equals:
+            raise BadFileError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
+        if key in self.meta:
+            raise BadFileError(f"line {number}: {key} stands twice in these metadata; leave one out")
+        self.meta[key] = value
+
+    def take_state(self, words: list[str], number: int) -> None:
+        """Add a line of a state."""
+        if self.has_covariance:
+            raise BadFileError(f"line {number}: comes after the segment's covariance, where no state can be")
+        state = _state(words, number)
+        self.width = self.width or len(words)
+        if len(words) != self.width:
+            raise BadFileError(
+                f"line {number}: has {len(words)} values, the segment's first state {self.width}; all states of a"
+                " segment have accelerations, or none has"
+            )
+        self.lines.append(number)
+        self.states.append(state)
+
+
+def oem_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
+    """Return the table of a message, for a scene epoch in microseconds of UTC since 1970.
+
+    `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is a run; the burn is
+    the useable interval. Raises `BadFileError`.
+    """
+    segments = _of_object(_segments(text), wanted)
+    parts = [_states(segment, epoch_us) for segment in segments]
+    for before, after, segment in zip(parts, parts[1:], segments[1:], strict=False):
+        if not before[0][-1] == after[0][0]:
+            raise BadFileError(
+                f"line {segment.line}: this segment does not start when the one before it ends; split the file or"
+                " make them meet"
+            )
+    time, position, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+    lines = [line for segment in segments for line in segment.lines]
+    burns_s = np.array([_useable_s(segments, epoch_us, time)])
+    frame = segments[0].meta["REF_FRAME"]
+    return StateTable(time, position, velocity, run, burns_s, lines.__getitem__, has_dates=True, frame=frame)
+
+
+def _segments(text: str) -> list[Segment]:
+    segments, block = list[Segment](), ""
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split()
+        if not words or words[0] == "COMMENT":
+            continue
+        if words[0] in ("META_START", "COVARIANCE_START"):
+            block = words[0]
+            segments += [Segment(number)] if block == "META_START" else []
+        elif words[0] in ("META_STOP", "COVARIANCE_STOP"):
+            block = ""
+            _require_meta(segments, number)
+            segments[-1].has_covariance = words[0] == "COVARIANCE_STOP"
+        elif block == "META_START":
+            segments[-1].take_keyword(line, number)
+        elif block == "" and segments:
+            segments[-1].take_state(words, number)
+    if block:
+        raise BadFileError(f"ends within a block that began with {block}")
+    if not segments:
+        raise BadFileError("has no META_START, so no states")
+    return segments
+
+
+def _require_meta(segments: list[Segment], number: int) -> None:
+    if not segments:
+        raise BadFileError(f"line {number}: ends a block that never began")
+    meta = segments[-1].meta
+    missing = [key for key in _NEEDED if not meta.get(key)]
+    if missing:
+        raise BadFileError(f"line {number}: the metadata lack {', '.join(missing)}")
+    if meta["CENTER_NAME"].upper() != "EARTH":
+        raise BadFileError(f"line {number}: CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken")
+    if meta["TIME_SYSTEM"].upper() != "UTC":
+        raise BadFileError(f"line {number}: TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to UTC")
+    frame = meta["REF_FRAME"].upper()
+    if not (frame.startswith("ITRF") or frame in (*_EARTH_FIXED, *_EQUINOX, "TEME")):
+        known = f"ITRF, {', '.join((*_EARTH_FIXED, 'TEME', *_EQUINOX))}"
+        raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
+
+
+def _state(words: list[str], number: int) -> list[float]:
+    """Return a line's time, s since 1970, and state, km and km/s; accelerations are left."""
+    if len(words) not in (7, 10):
+        raise BadFileError(f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers")
+    numbers = []
+    for word in words[1:]:
+        try:
+            numbers.append(float(word))
+        except ValueError:
+            numbers.append(math.nan)
+        if not math.isfinite(numbers[-1]):
+            raise BadFileError(f"line {number}: {word!r} is not a finite number")
+    return [_unix_s(words[0], number), *numbers[:6]]
+
+
+def _unix_s(text: str, number: int) -> float:
+    """Return seconds of UTC since 1970 (no leap seconds), of YYYY-MM-DDThh:mm:ss.s or YYYY-DDDThh:mm:ss.s."""
+    whole, _, fraction = text.removesuffix("Z").partition(".")
+    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S"):
+        try:
+            seconds = (datetime.strptime(whole, form) - _UNIX) // timedelta(seconds=1)
+        except ValueError:
+            continue
+        if not fraction or fraction.isdecimal():
+            return seconds + float(f"0.{fraction or 0}")
+    raise BadFileError(f"line {number}: {text!r} is no time like 2026-04-01T12:00:00.000 (a leap second is none here)")
+
+
+def _of_object(segments: list[Segment], wanted: str | None) -> list[Segment]:
+    names = list(dict.fromkeys(segment.meta["OBJECT_NAME"] for segment in segments))
+    found = [s for s in segments if wanted is None or wanted in (s.meta["OBJECT_NAME"], s.meta["OBJECT_ID"])]
+    if not found:
+        raise BadFileError(f"has no object {wanted!r}; it has {', '.join(names)}")
+    if len({segment.meta["OBJECT_NAME"] for segment in found}) > 1:
+        raise BadFileError(f"has several objects; say which with object: {', '.join(names)}")
+    return found
+
+
+def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return scene times, s, and states in ECEF, m and m/s."""
+    if len(segment.states) < 2:
+        raise BadFileError(f"line {segment.line}: this segment has fewer than 2 states")
+    rows = np.array(segment.states)
+    time_s = rows[:, 0] - epoch_us * 1e-6
+    require_order(time_s, segment.lines.__getitem__, may_repeat=False)
+    require_places(rows[:, 1:4] * 1e3, segment.lines.__getitem__)
+    frame = segment.meta["REF_FRAME"].upper()
+    frame = "EME2000" if frame in _EQUINOX else "TEME" if frame == "TEME" else "ITRF"
+    return time_s, *ecef_state(frame, rows[:, 1:4] * 1e3, rows[:, 4:7] * 1e3, epoch_us, time_s)
+
+
+def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tuple[float, float]:
+    """Return the first and last useable scene times of the message."""
+    ends = []
+    for segment, key, other in (
+        (segments[0], "USEABLE_START_TIME", time_s[0]),
+        (segments[-1], "USEABLE_STOP_TIME", time_s[-1]),
+    ):
+        text = segment.meta.get(key)
+        ends.append(float(other) if text is None else _unix_s(text, segment.line) - epoch_us * 1e-6)
+    return max(ends[0], float(time_s[0])), min(ends[1], float(time_s[-1]))
+
+
+def keywords(text: str) -> Iterator[str]:
+    """Yield the first word of each line that is not a comment."""
+    return (line.split()[0] for line in text.splitlines() if line.strip() and not line.startswith(("COMMENT", "#")))

@@ -1,0 +1,105 @@
+"""Which reader a file is for, by its content, and what that reader makes of it."""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from typing import Any
+
+from attrs import fields_dict, frozen
+
+from opir_core.plugin import BadFileError, FileReader, ReaderContext
+from opir_core.scene import file_bytes, text_of
+
+_LARGEST_FILE_BYTES = 64_000_000
+_GZIP = b"\x1f\x8b"
+
+#: Formats that are known by their beginnings and have no reader.
+_STRANGERS = (
+    ("<?xml", "XML"),
+    ("<", "XML or HTML"),
+    ("stk.v.", "an STK ephemeris"),
+    ("#c", "SP3"),
+    ("#d", "SP3"),
+    ("{", "JSON"),
+    ("[", "JSON"),
+    ("%PDF", "PDF"),
+    ("PK", "a ZIP file or a spreadsheet"),
+)
+
+
+@frozen
+class FileText:
+    """The text of a file and the SHA-256 of its bytes."""
+
+    text: str
+    sha256: str
+
+
+def file_text(path: str) -> FileText:
+    """Return the text of a file, gzip or not; raises `BadFileError` where it cannot be read."""
+    if not path:
+        raise BadFileError("the path is empty; give that of a file")
+    try:
+        content = file_bytes(path, _LARGEST_FILE_BYTES)
+    except OSError as error:
+        raise BadFileError(f"cannot be read: {error.strerror or error}") from error
+    digest = sha256(content).hexdigest()
+    if content.startswith(_GZIP):
+        content = _unpacked(content)
+    if len(content) > _LARGEST_FILE_BYTES:
+        raise BadFileError(f"is larger than {_LARGEST_FILE_BYTES} bytes; keep only the burn")
+    try:
+        return FileText(text_of(content), digest)
+    except ValueError as error:
+        raise BadFileError(str(error)) from error
+
+
+def _unpacked(content: bytes) -> bytes:
+    """Return the content of a gzip file, at most a byte above the largest: a small one may hold endless zeros."""
+    packed = zlib.decompressobj(wbits=31)
+    try:
+        unpacked = packed.decompress(content, _LARGEST_FILE_BYTES + 1)
+    except zlib.error as error:
+        raise BadFileError(f"is no whole gzip file: {error}") from error
+    if not packed.eof and len(unpacked) <= _LARGEST_FILE_BYTES:
+        raise BadFileError("is no whole gzip file: its end is missing")
+    return unpacked
+
+
+def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None) -> FileReader:
+    """Return the reader of a text: the one of a name, or the only one that recognises it.
+
+    Raises `BadFileError` where there is none, or several.
+    """
+    known = ", ".join(reader.name for reader in readers)
+    if name is not None:
+        found = [reader for reader in readers if reader.name == name]
+        if not found:
+            raise BadFileError(f"there is no reader {name!r}; there are {known}")
+        return found[0]
+    found = [reader for reader in readers if reader.recognises(text)]
+    if len(found) > 1:
+        names = " and ".join(reader.name for reader in found)
+        raise BadFileError(f"may be for several readers, {names}; say which")
+    if not found:
+        head = text.lstrip()
+        like = next((f"it looks like {words}" for mark, words in _STRANGERS if head.startswith(mark)), "")
+        summaries = "; ".join(f"{reader.name} ({reader.summary})" for reader in readers)
+        raise BadFileError(f"is of no format that is read{like and f': {like}'}; read are {summaries}")
+    return found[0]
+
+
+def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch_us: int) -> Any:
+    """Return what a reader makes of a text, with those settings that are set (not None, not empty).
+
+    Raises `BadFileError` for a setting that the reader does not have, and for what the reader refuses.
+    """
+    given = {name: value for name, value in settings.items() if value is not None and value != {}}
+    strange = [name for name in given if name not in fields_dict(reader.config)]
+    if strange:
+        own = ", ".join(fields_dict(reader.config)) or "none"
+        raise BadFileError(
+            f"is read as {reader.name}, which has no {' and no '.join(strange)}; omit {' and '.join(strange)} (its"
+            f" settings: {own})"
+        )
+    return reader.build(reader.config(**given), ReaderContext(text=text, epoch_us=epoch_us))

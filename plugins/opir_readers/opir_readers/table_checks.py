@@ -1,0 +1,175 @@
+"""The plausibility of a table in its scene: times, speeds, accelerations, heights, and velocities against positions.
+
+What cannot be meant is refused; what may be meant is told. Each finding has its line, its figure, the likely cause and
+the way out.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.interpolation import runs
+from opir_readers.velocity_checks import VelocitySlip, velocity_slip
+
+#: Velocities that differ systematically from positions by this, m/s, are refused, by less told.
+_REFUSED_M_S = 5.0
+
+#: No launch leaves the Earth faster than it takes to leave it for good, m/s.
+_FASTEST_M_S = 11_200.0
+
+#: What never moves faster than this, m/s, was not launched.
+_SLOWEST_M_S = 5.0
+
+#: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
+#: this, m, are the rounding of positions.
+_MOST_ACCELERATION_M_S2, _LEAST_BEND_M = 250.0, 20.0
+
+#: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
+_LEAST_HEIGHT_M = -1000.0
+
+_DAY_S = 86_400.0
+
+#: Scales of time that count from elsewhere: how one goes from a time to Unix seconds.
+_SCALES: tuple[tuple[str, Callable[[float], float]], ...] = (
+    ("Unix seconds", lambda time: time),
+    ("Unix milliseconds", lambda time: time * 1e-3),
+    ("GPS seconds", lambda time: time + 315_964_800.0 - 18.0),
+    ("seconds since J2000", lambda time: time + 946_728_000.0),
+    ("days of a Julian date", lambda time: (time - 2_440_587.5) * _DAY_S),
+    ("days of a modified Julian date", lambda time: (time - 40_587.0) * _DAY_S),
+    ("seconds of the day", lambda time: time),
+)
+
+
+@frozen
+class SceneTimes:
+    """The epoch of a scene, µs of UTC since 1970, and its length, s."""
+
+    epoch_us: int
+    duration_s: float
+
+
+def doubts_about(table: StateTable, times: SceneTimes, start_s: float | None) -> list[str]:
+    """Return what of a table may be an error; raises `BadFileError` for what cannot be meant.
+
+    `start_s` is the scene time of the table's time 0, None where its times are dates.
+    """
+    _require_overlap(table, times, start_s)
+    return contradictions(table)
+
+
+def contradictions(table: StateTable) -> list[str]:
+    """Return what of a table may be an error in any scene; raises `BadFileError` for what cannot be meant."""
+    return [*table.notes, *_doubts_of_velocities(table), *_doubts_of_motion(table), *_doubts_of_heights(table)]
+
+
+def _require_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> None:
+    """Raise `BadFileError` for a table that has no time in common with its scene."""
+    first, last = float(table.time_s[0]), float(table.time_s[-1])
+    if first < times.duration_s and last > 0.0:
+        return
+    begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
+    if start_s is None:
+        own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
+        raise BadFileError(
+            f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no time in common;"
+            f" set the scene's epoch, or take the ephemeris of that day"
+        )
+    raise BadFileError(
+        f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
+        f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
+    )
+
+
+def _scale_text(time: float, times: SceneTimes) -> str:
+    """Return the scale that a time may be of, for a message."""
+    for scale, unix_s in _SCALES:
+        after_s = unix_s(time) - times.epoch_us * 1e-6
+        earliest_s, latest_s = -_DAY_S, max(_DAY_S, times.duration_s)
+        if scale == "seconds of the day":
+            after_s = time - times.epoch_us * 1e-6 % _DAY_S
+            earliest_s, latest_s = -1.0, times.duration_s
+        if earliest_s < after_s < latest_s:
+            way = f"subtract {time:.12g} from them" + (
+                f", or set start_s: {after_s - time:.12g}" if "days" not in scale and "milli" not in scale else ""
+            )
+            moment = moment_text(times.epoch_us * 1e-6 + after_s)
+            return f"; they look like {scale}: the first is {moment}, {after_s:g} s after the scene's start; {way}"
+    hint = f" ({moment_text(time)} if they are Unix seconds)" if 1e8 < time < 4e9 else ""
+    return f"; times count from start_s of the scene{hint}: set start_s, or a longer duration_s"
+
+
+def moment_text(unix_s: float) -> str:
+    """Return Unix seconds as a time in UTC, `2026-04-01T12:00:00Z`; the number where no calendar has it."""
+    if not abs(unix_s) < 1e11:
+        return f"{unix_s:g} s"
+    return f"{np.datetime64(round(unix_s), 's')}Z"
+
+
+def _doubts_of_velocities(table: StateTable) -> Iterator[str]:
+    slip = velocity_slip(table)
+    if slip is None:
+        return
+    text = _slip_text(slip)
+    if slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S:
+        raise BadFileError(text)
+    yield text
+
+
+def _slip_text(slip: VelocitySlip) -> str:
+    seen = f"line {slip.line}: its velocity is {slip.difference_m_s:.3g} m/s off the change of the positions around it"
+    if not slip.is_systematic:
+        return f"{seen}; is it a slip of the pen?"
+    out = "or leave the velocities out: positions are enough"
+    if not slip.cause:
+        return f"{seen}, and others are too, for none of the usual causes; mend the velocities, {out}"
+    left = max(slip.residual_m_s, 0.01)
+    way = slip.remedy or "mend the velocities"
+    return f"{seen}; all look {slip.cause}: so read, they agree to {left:.2g} m/s; {way}, {out}"
+
+
+def _doubts_of_motion(table: StateTable) -> Iterator[str]:
+    speed, line, acceleration, bend_line = 0.0, 0, 0.0, 0
+    for rows in runs(table):
+        step_s = np.diff(table.time_s[rows])
+        chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
+        speeds = _length(chord)
+        if speeds.size and speeds.max() > speed:
+            speed, line = float(speeds.max()), table.line_of(int(rows[1:][speeds.argmax()]))
+        if len(rows) < 3:
+            continue
+        span_s = 0.5 * (step_s[1:] + step_s[:-1])
+        bends = _length(np.diff(chord, axis=0)) / span_s
+        bends[bends * step_s[1:] * step_s[:-1] < _LEAST_BEND_M] = 0.0
+        if bends.max() > acceleration:
+            acceleration, bend_line = float(bends.max()), table.line_of(int(rows[1:-1][bends.argmax()]))
+    if speed > _FASTEST_M_S:
+        yield (
+            f"line {line}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or lengths in other"
+            " units?"
+        )
+    if speed < _SLOWEST_M_S:
+        yield f"line {line}: nothing in it moves faster than {speed:.3g} m/s; are its times in another unit?"
+    if acceleration > _MOST_ACCELERATION_M_S2:
+        yield (
+            f"line {bend_line}: the path turns with {acceleration:.4g} m/s² there, {acceleration / 9.80665:.0f} g; a"
+            " wrong state, or positions coarser than their steps: leave the state out, smooth them, or take fewer"
+        )
+
+
+def _doubts_of_heights(table: StateTable) -> Iterator[str]:
+    height_m = ecef_to_geodetic(table.position_m).height_m
+    row = int(height_m.argmin())
+    if height_m[row] < _LEAST_HEIGHT_M:
+        yield (
+            f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are latitudes geocentric,"
+            " or heights above something else?"
+        )
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt((vectors * vectors).sum(axis=1))

@@ -1,0 +1,66 @@
+"""Elements of another time than the scene's are told, with what their age does to a position."""
+
+import numpy as np
+import pytest
+
+from opir_core.orbits import OrbitConfig, orbit_of
+from opir_core.planning.plan import compile_plan
+from opir_core.reading import scene_from_mapping
+from opir_core.simulation.plan_checks import plan_warnings
+
+DAY_US = 86_400_000_000
+LINES = (
+    "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+    "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+)
+OMM = {
+    "OBJECT_NAME": "ISS (ZARYA)",
+    "EPOCH": "2008-09-20T12:25:40.104192",
+    "MEAN_MOTION": 15.72125391,
+    "ECCENTRICITY": 0.0006703,
+    "INCLINATION": 51.6416,
+    "RA_OF_ASC_NODE": 247.4627,
+    "ARG_OF_PERICENTER": 130.536,
+    "MEAN_ANOMALY": 325.0288,
+    "BSTAR": -1.1606e-05,
+}
+EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))
+
+
+@pytest.mark.parametrize("config", [OrbitConfig(tle=LINES), OrbitConfig(omm=OMM)], ids=["tle", "omm"])
+@pytest.mark.parametrize(
+    ("days", "told"),
+    [
+        (0.0, None),
+        (13.0, None),
+        (-13.0, None),
+        (20.0, "20 days older than the scene; SGP4 errs by 1 to 3 km a day, so the satellite may be 20 to 60 km away"),
+        (-30.0, "30 days younger than the scene"),
+        (
+            400.0,
+            "400 days older than the scene; SGP4 errs by 1 to 3 km a day, so the satellite may be 400 to",
+        ),
+        (
+            20 * 365.25,
+            "20.0 years older than the scene; SGP4 errs by 1 to 3 km a day, so the satellite may be any",
+        ),
+    ],
+)
+def test_the_age_of_elements_is_told_beyond_two_weeks(config, days, told):
+    warnings = orbit_of(config, EPOCH_US + round(days * DAY_US)).warnings
+    assert len(warnings) == (told is not None)
+    assert told is None or told in warnings[0]
+
+
+@pytest.mark.parametrize("is_meant", [False, True])
+def test_a_scene_tells_it_with_the_sensor_unless_it_is_meant(is_meant):
+    scene = {
+        "scene": "old",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 60.0,
+        "sensors": [{"model": "generic-scanner", "id": "S", "orbit": {"tle": list(LINES)}}],
+        "allow_implausible": is_meant,
+    }
+    told = plan_warnings(compile_plan(scene_from_mapping(scene)))
+    assert [line for line in told if "elements of object 25544 are 17.5 years older" in line] == told
+    assert [line.partition(":")[0] for line in told] == ([] if is_meant else ["sensors[0].orbit"])
