@@ -4,8 +4,8 @@ import os
 import stat
 import threading
 from collections.abc import Callable
-from hashlib import sha256
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -266,11 +266,11 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(
         states.append(contents(place.parent))
     if name == "report":
         path.mkdir()
-    number, stages = 0, set()
+    write, number, stages = WRITERS[name], 0, set()
     while True:
         number += 1
-        WRITERS[name](run, path)
-        if not killed_at(number, lambda: WRITERS[name](other, path), monkeypatch):
+        write(run, path)
+        if not killed_at(number, lambda: write(other, path), monkeypatch):
             break
         found = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
         old, new = ({name.removeprefix("out/"): text for name, text in each.items()} for each in states)
