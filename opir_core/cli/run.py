@@ -83,6 +83,7 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             truth_path=truth,
             tracks_path=tracks,
             manifest_path=manifest,
+            made_up=[path for what, path in files.items() if getattr(arguments, what) is None],
             on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
             workers=arguments.workers,
         )

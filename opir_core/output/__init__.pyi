@@ -43,6 +43,9 @@ from opir_core.output.geojson import (
     region_figures as region_figures,
     region_texts as region_texts,
 )
+from opir_core.output.growing_digest import (
+    file_digest as file_digest,
+)
 from opir_core.output.pump import (
     SinkReport as SinkReport,
 )
@@ -60,5 +63,7 @@ from opir_core.output.tracks_file import (
     read_tracks as read_tracks,
 )
 from opir_core.output.transaction import (
+    FILES_KEY as FILES_KEY,
     OutputFiles as OutputFiles,
+    finish_interrupted as finish_interrupted,
 )

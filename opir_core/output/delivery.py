@@ -1,6 +1,6 @@
 """Batch runs: windows into the scene's sinks, truth and tracks into files of their own."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,7 @@ def deliver(
     truth_path: Path | None = None,
     tracks_path: Path | None = None,
     manifest_path: Path | None = None,
+    made_up: Collection[Path | None] = (),
     on_window: Callable[[Window], None] | None = None,
     workers: int = 1,
 ) -> RunOutcome:
@@ -77,6 +78,7 @@ def deliver(
 
     The files of the run are put in place together, once it is whole, the manifest last; a run that is interrupted, or
     in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks.
+    `made_up` are those of the paths that no user gave: no link, device or pipe is written to under these names.
     `workers` is the number of processes that compute and encode the windows; it changes no byte. A failing sink does
     not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of
     the files; for the sinks, `RunOutcome.raise_for_failures` does.
@@ -84,7 +86,7 @@ def deliver(
     tally = Tally(plan)
     shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
     windows = tally.over(plan_windows(plan) if shared is None else shared.windows())
-    files = OutputFiles(manifest_path)
+    files = OutputFiles(manifest_path, is_made_up=manifest_path in made_up)
     try:
         staged: dict[str, bool] = {}
         sinks = _sinks(plan, files, staged)
@@ -92,7 +94,8 @@ def deliver(
             for sink in sinks.values():
                 closing.callback(sink.close)
             if truth_path is not None or tracks_path is not None:
-                windows = _recorded(plan, windows, files, truth_path, tracks_path, shared)
+                place = partial(_placed, files, made_up)
+                windows = _recorded(plan, windows, place, truth_path, tracks_path, shared)
             closing.pop_all()
         if shared is not None:
             sinks = {path: shared.sink(path, sink) for path, sink in sinks.items()}
@@ -129,7 +132,7 @@ def _shared(plan: Plan, workers: int, *, needs_columns: bool) -> "SharedOutput":
 def _recorded(
     plan: Plan,
     windows: Iterable[Window],
-    files: OutputFiles,
+    place: Callable[..., Path],
     truth_path: Path | None,
     tracks_path: Path | None,
     shared: "SharedOutput | None",
@@ -138,14 +141,14 @@ def _recorded(
     with ExitStack() as opened:
         truth = None
         if truth_path is not None:
-            file = opened.enter_context(_truth_file(plan, files, truth_path))
+            file = opened.enter_context(_truth_file(plan, place, truth_path))
             truth = file if shared is None else shared.truth(file)
         tracks = None
         if tracks_path is not None:
             from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
 
-            place = files.stage(tracks_path, only_appends=True, kind="tracks")
-            tracks = opened.enter_context(TracksFile(place, plan.hypothesis_names))
+            at = place(tracks_path, only_appends=True, kind="tracks")
+            tracks = opened.enter_context(TracksFile(at, plan.hypothesis_names))
         for window in windows:
             if truth is not None:
                 truth.write(window)
@@ -154,7 +157,11 @@ def _recorded(
             yield window
 
 
-def _truth_file(plan: Plan, files: OutputFiles, path: Path) -> Any:
+def _placed(files: OutputFiles, made_up: Collection[Path | None], path: Path, **how: Any) -> Path:
+    return files.stage(path, is_made_up=path in made_up, **how)
+
+
+def _truth_file(plan: Plan, place: Callable[..., Path], path: Path) -> Any:
     """Return the file of a run's truth, open: columns for a path that ends in `.parquet`, else lines.
 
     Raises `PluginError` if no plugin writes columns.
@@ -162,9 +169,9 @@ def _truth_file(plan: Plan, files: OutputFiles, path: Path) -> Any:
     from opir_core.output.run_files import TruthFile, truth_records
 
     if not has_columns(path):
-        return TruthFile(files.stage(path, only_appends=True, kind="truth"), plan)
+        return TruthFile(place(path, only_appends=True, kind="truth"), plan)
     opened = columns_sink(plan.host, "open_truth", f"a truth file with the ending {PARQUET}")
-    return opened(path, files.stage(path, kind="truth"), plan.targets.ids, truth_records(plan))
+    return opened(path, place(path, kind="truth"), plan.targets.ids, truth_records(plan))
 
 
 def columns_sink(host: Host, ability: str, wanted: str) -> Callable[..., Any]:

@@ -1,101 +1,35 @@
-"""The files of a batch run as one transaction: all of them are the new run's, or all are those of the run before.
+"""The files of a run, an export, a report or a study as one transaction: all are the new ones, or all those before.
 
-A file is written under a temporary name, `events.jsonl.part`, in the folder of its path, and locked there. When the run
-is whole, every file is on disk and the manifest, with the SHA-256 of each, lies complete under its temporary name, the
-files are renamed, the manifest last. A run that is killed before leaves the files that were there; one that is killed
-while they are renamed is finished by `finish_interrupted`, when the files are next written or read.
+A file is written under a temporary name, `events.jsonl.part`, in the folder of its path, and locked there. When every
+file is on disk and the manifest, with the SHA-256 of each, lies complete under its temporary name, the files are
+renamed, the manifest last. A process that is killed before leaves the files that were there; one that is killed while
+they are renamed is finished by `finish_interrupted`, when the files are next written or read.
+
+Only regular files are replaced. A path that the user gives may be a link, which stays one, or a device or pipe, which
+is written through; under a name that opir makes up neither is written to.
 """
 
-import hashlib
 import json
 import os
-import threading
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from io import FileIO
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 from attrs import frozen
 
 from opir_core.errors import SinkError, reason_of, unwritable
-
-try:
-    import fcntl
-except ImportError:  # Windows: files are replaced whole, and not locked
-    _HAS_LOCKS = False
-else:
-    _HAS_LOCKS = True
+from opir_core.output.growing_digest import GrowingDigest, file_digest
+from opir_core.output.temporary_files import held, keep_mode, locked, planted, sync_folder
 
 #: What is appended to a path while its file is written.
 TEMPORARY = ".part"
 #: The key of a manifest that lists the files of its run: kind, name from the manifest's folder, bytes and SHA-256.
 FILES_KEY = "written_files"
-_CHUNK = 1 << 20
-#: Bytes after which what was written is sent to the disk, so that little is left to wait for at the end.
-_SYNCED = 64 << 20
-#: Time between two looks at a file that grows, s.
-_POLL_S = 0.02
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file's content, in hexadecimal digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-class GrowingDigest:
-    """The SHA-256 of a file to which bytes are appended: most is done when the file is whole.
-
-    Reading and hashing release the interpreter's lock, so that they take another core, if there is one.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._sum = hashlib.sha256()
-        self._done = 0
-        self._ended = threading.Event()
-        self._error: OSError | None = None
-        self._thread = threading.Thread(target=self._follow, name=f"opir sha256 {path.name}", daemon=True)
-        self._thread.start()
-
-    def result(self, size: int) -> str:
-        """Return the digest of the first `size` bytes, once the file is whole; raises `OSError`."""
-        self.stop()
-        if self._error is not None:
-            raise self._error
-        return self._sum.hexdigest() if self._done == size else file_digest(self._path)
-
-    def stop(self) -> None:
-        """Read what is left and end the thread."""
-        self._ended.set()
-        self._thread.join()
-
-    def _follow(self) -> None:
-        try:
-            descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-        except OSError as error:
-            self._error = error
-            return
-        with FileIO(descriptor, "rb") as file:
-            try:
-                self._read(file)
-            except OSError as error:
-                self._error = error
-
-    def _read(self, file: FileIO) -> None:
-        synced, buffer = 0, memoryview(bytearray(_CHUNK))
-        while True:
-            is_last = self._ended.is_set()
-            while count := file.readinto(buffer):
-                self._sum.update(buffer[:count])
-                self._done += count
-                if self._done - synced >= _SYNCED:
-                    os.fsync(file.fileno())
-                    synced = self._done
-            if is_last:
-                return
-            self._ended.wait(_POLL_S)
+#: Name of the list of a folder's files while they are put in place, with `TEMPORARY`.
+_LIST = ".opir"
 
 
 @frozen(eq=False)
@@ -109,28 +43,75 @@ class _Staged:
 
 
 class OutputFiles:
-    """The files of a batch run; ends with `commit`, `keep` or `abandon`."""
+    """Files that are put in place together; ends with `commit`, `keep` or `abandon`.
 
-    def __init__(self, manifest: Path | None = None) -> None:
+    As a context it commits at the end, and abandons at an error. `manifest` is the file that lists the others. Instead,
+    several files may have a `folder`, made if it is missing, with a list of them until all are in place.
+    `is_made_up` is whether opir made up the name of either.
+    """
+
+    def __init__(self, manifest: Path | None = None, *, folder: Path | None = None, is_made_up: bool = False) -> None:
         self._staged: list[_Staged] = []
+        self._made: list[Path] = []
         self._record: _Staged | None = None
-        if manifest is not None and _is_replaceable(manifest):
-            finish_interrupted(manifest)
-            self._record = self._open("manifest", manifest, only_appends=False)
-        self._manifest = manifest
+        self._is_kept, self._manifest = folder is None, manifest
+        if folder is not None:
+            self.make_folder(folder, is_made_up=is_made_up)
+            self._manifest = folder / _LIST
+        if self._manifest is not None and _is_replaceable("manifest", self._manifest, is_made_up or not self._is_kept):
+            finish_interrupted(self._manifest)
+            self._record = self._open("manifest", self._manifest, only_appends=False, is_made_up=is_made_up)
 
-    def stage(self, path: str | Path, *, only_appends: bool = False, kind: str = "events") -> Path:
-        """Return where the file of a path is written until the run is whole; the path itself if it is no regular file.
+    def __enter__(self) -> Self:
+        return self
 
-        `only_appends` promises that bytes once written are not changed, so that they are hashed while the run goes on.
-        Raises `SinkError` if another run writes this path, or nothing can be written there.
+    def __exit__(self, _kind: type[BaseException] | None, error: object, _trace: TracebackType | None) -> None:
+        self.commit({}) if error is None else self.abandon()
+
+    def stage(
+        self, path: str | Path, *, only_appends: bool = False, kind: str = "events", is_made_up: bool = False
+    ) -> Path:
+        """Return where the file of a path is written until all are whole; the path itself if it is no regular file.
+
+        `only_appends` promises that bytes once written are not changed, so that they are hashed meanwhile. Raises
+        `SinkError` if another process writes this path, nothing can be written there, or what has a name that opir
+        made up, `is_made_up`, is no regular file.
         """
         path = Path(path)
-        if not _is_replaceable(path):
+        if not _is_replaceable(kind, path, is_made_up):
             return path
-        staged = self._open(kind, path, only_appends=only_appends)
+        staged = self._open(kind, path, only_appends=only_appends, is_made_up=is_made_up)
         self._staged.append(staged)
         return staged.part
+
+    @contextmanager
+    def writing(self, path: Path, kind: str, *, is_made_up: bool = False) -> Iterator[Path]:
+        """Yield where to write a file; an `OSError` meanwhile is raised as a `SinkError` with path and remedy."""
+        try:
+            yield self.stage(path, kind=kind, is_made_up=is_made_up)
+        except OSError as error:
+            raise unwritable(_words(kind), path, error) from error
+
+    def write(self, path: Path, content: bytes, kind: str, *, is_made_up: bool = False) -> None:
+        """Write a file; raises `SinkError` if that is not possible."""
+        with self.writing(path, kind, is_made_up=is_made_up) as place:
+            place.write_bytes(content)
+
+    def make_folder(self, path: Path, *, parents: bool = False, is_made_up: bool = False) -> None:
+        """Make a folder, which may be there already, and remove it again if the files are abandoned.
+
+        `parents` makes those above it too. Raises `SinkError` if that is not possible.
+        """
+        missing = [each for each in (path, *path.parents) if not each.exists()]
+        if is_made_up and path.is_symlink():
+            raise planted("the folder", path, "a link")
+        try:
+            path.mkdir(parents=parents, exist_ok=True)
+        except FileExistsError as error:
+            raise SinkError(f"the folder {path} is a file; give the path of a folder") from error
+        except OSError as error:
+            raise unwritable("the folder", path, error) from error
+        self._made += missing
 
     @property
     def parts(self) -> Sequence[Path]:
@@ -146,10 +127,13 @@ class OutputFiles:
         is_recorded = False
         try:
             document = {**manifest, FILES_KEY: [self._described(staged) for staged in self._staged]}
-            _sync_folders(self._staged)
+            _sync_folders(self._all(), self._made)
             self._write_manifest(document)
             is_recorded = self._record is not None
-            _rename([*self._staged, *([self._record] if self._record else [])])
+            _rename(self._all() if self._is_kept else self._staged, is_recorded=is_recorded)
+            if self._record is not None and not self._is_kept:
+                with suppress(OSError):
+                    self._record.part.unlink()
         except BaseException:
             self.keep() if is_recorded else self.abandon()
             raise
@@ -170,24 +154,27 @@ class OutputFiles:
         for staged in self._all():
             with suppress(OSError):
                 staged.part.unlink()
+        for folder in self._made:
+            with suppress(OSError):
+                folder.rmdir()
         self.keep()
 
     def _all(self) -> list[_Staged]:
         return [*self._staged, *([self._record] if self._record else [])]
 
-    def _open(self, kind: str, path: Path, *, only_appends: bool) -> _Staged:
-        target = Path(os.path.realpath(path))  # a link stays one
+    def _open(self, kind: str, path: Path, *, only_appends: bool, is_made_up: bool) -> _Staged:
+        target = Path(os.path.realpath(path.parent), path.name) if is_made_up else Path(os.path.realpath(path))
         part = target.with_name(target.name + TEMPORARY)
         try:
-            descriptor = _locked(part, path)
+            descriptor = locked(part, path)
             with ExitStack() as closing:
                 closing.callback(os.close, descriptor)
                 os.ftruncate(descriptor, 0)
-                _keep_mode(descriptor, target)
+                keep_mode(descriptor, target)
+                growing = GrowingDigest(part) if only_appends else None
                 closing.pop_all()
         except OSError as error:
             raise unwritable(_words(kind), path, error) from error
-        growing = GrowingDigest(part) if only_appends else None
         return _Staged(kind, path, target, part, descriptor, growing)
 
     def _described(self, staged: _Staged) -> Mapping[str, Any]:
@@ -199,7 +186,8 @@ class OutputFiles:
         except OSError as error:
             raise unwritable(_words(staged.kind), staged.path, error) from error
         folder = Path.cwd() if self._record is None else self._record.target.parent
-        return {"kind": staged.kind, "name": _name_from(folder, staged.target), "bytes": size, "sha256": sha256}
+        name = Path(os.path.relpath(staged.target, folder)).as_posix()
+        return {"kind": staged.kind, "name": name, "bytes": size, "sha256": sha256}
 
     def _write_manifest(self, document: Mapping[str, Any]) -> None:
         if self._manifest is None:
@@ -218,24 +206,25 @@ class OutputFiles:
 
 
 def finish_interrupted(manifest: Path) -> bool:
-    """Put the files of a run in place that was whole, and was killed while it did so; return whether there was one.
+    """Put the files in place of a process that was killed while it did so; return whether there were any.
 
-    Nothing is done while another run holds the files, or if one of them is not what the manifest says.
+    Nothing is done while another process holds the files, or if one of them is not what the manifest says.
     """
     target = Path(os.path.realpath(manifest))
     record = target.with_name(target.name + TEMPORARY)
     if not record.is_file():
         return False
-    with suppress(OSError, ValueError, KeyError, TypeError), _holding(record) as is_held:
+    with suppress(OSError, SinkError, ValueError, KeyError, TypeError, RecursionError), held(record) as is_held:
         if not is_held:
             return False
-        entries = [(target.parent / entry["name"], entry) for entry in json.loads(record.read_bytes())[FILES_KEY]]
+        document = json.loads(record.read_bytes())
+        entries = [(target.parent / entry["name"], entry) for entry in document[FILES_KEY]]
         moves = [path for path, entry in entries if not _is_there(path, entry)]
         for path in moves:
             path.with_name(path.name + TEMPORARY).replace(path)
-        record.replace(target)
+        record.replace(target) if set(document) != {FILES_KEY} else record.unlink()
         for folder in {target.parent, *(path.parent for path in moves)}:
-            _sync_folder(folder)
+            sync_folder(folder)
         return True
     return False
 
@@ -250,110 +239,45 @@ def _is_there(path: Path, entry: Mapping[str, Any]) -> bool:
     raise ValueError(entry["name"])
 
 
-def _rename(files: Sequence[_Staged]) -> None:
+def _rename(files: Sequence[_Staged], *, is_recorded: bool) -> None:
     """Rename temporary files in order, and make that last."""
     for staged in files:
         try:
-            if not _HAS_LOCKS:
-                os.close(staged.descriptor)
             staged.part.replace(staged.target)
         except OSError as error:
             words = f"{_words(staged.kind)} {staged.path} cannot be put in place: {reason_of(error)}"
-            way = f"the run is whole under temporary names ({staged.part.name}); `opir score` or `opir run` finishes it"
-            raise SinkError(f"{words}; {way}") from error
+            way = f"; all are whole under temporary names ({staged.part.name}), and the next command finishes that"
+            raise SinkError(f"{words}{way if is_recorded else ''}") from error
     try:
         _sync_folders(files)
     except SinkError as error:
-        raise SinkError(f"{error}; the files of this run are in place, but a power cut may still undo that") from error
+        raise SinkError(f"{error}; the files are in place, but a power cut may still undo that") from error
 
 
 def _words(kind: str) -> str:
     return {"events": "jsonl:", "manifest": "the manifest"}.get(kind, f"the {kind} file")
 
 
-def _is_replaceable(path: Path) -> bool:
-    """Return whether a path is a regular file, or nothing yet."""
+def _is_replaceable(kind: str, path: Path, is_made_up: bool) -> bool:
+    """Return whether a path is a regular file, or nothing yet; `SinkError` for anything else if opir made its name up.
+
+    A folder is left to whoever opens it.
+    """
     try:
+        with suppress(OSError):
+            mode = path.lstat().st_mode
+            if is_made_up and not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                raise planted(_words(kind), path, "a link" if stat.S_ISLNK(mode) else "a device or a pipe")
         os.fsencode(path)
         return bool(path.name) and "\0" not in str(path) and (path.is_file() or not path.exists())
     except ValueError:  # half a surrogate pair: no path
         return False
 
 
-def _name_from(folder: Path, path: Path) -> str:
-    try:
-        return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # Windows: another drive
-        return path.as_posix()
-
-
-def _locked(part: Path, path: Path) -> int:
-    """Return a descriptor of a temporary file, locked; `SinkError` if another process has it."""
-    while True:
-        descriptor = os.open(part, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+def _sync_folders(files: Sequence[_Staged], made: Sequence[Path] = ()) -> None:
+    """Make the names of files, and of folders that were made, last."""
+    for folder in {*(staged.target.parent for staged in files), *(each.parent for each in made)}:
         try:
-            is_held = _has_lock(descriptor)
-            is_same = _is_file_at(descriptor, part)
-        except BaseException:
-            os.close(descriptor)
-            raise
-        if is_held and is_same:
-            return descriptor
-        os.close(descriptor)
-        if not is_held:
-            raise SinkError(f"{path} is being written by another run; wait until that has ended, or give another path")
-
-
-def _has_lock(descriptor: int) -> bool:
-    if not _HAS_LOCKS:
-        return True
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks
-        return True
-    return True
-
-
-def _is_file_at(descriptor: int, path: Path) -> bool:
-    """Return whether a descriptor is of the file that has the path now: a run that ends renames its own."""
-    try:
-        return os.path.samestat(os.fstat(descriptor), path.stat())
-    except FileNotFoundError:
-        return False
-
-
-@contextmanager
-def _holding(part: Path) -> Iterator[bool]:
-    """Hold the lock of an existing temporary file; yields whether it was free."""
-    descriptor = os.open(part, os.O_RDWR)
-    try:
-        yield _has_lock(descriptor) and _is_file_at(descriptor, part)
-    finally:
-        os.close(descriptor)
-
-
-def _keep_mode(descriptor: int, target: Path) -> None:
-    """Give a temporary file the permissions of the file that it will replace."""
-    if hasattr(os, "fchmod") and target.is_file():
-        with suppress(PermissionError):
-            os.fchmod(descriptor, target.stat().st_mode & 0o777)
-
-
-def _sync_folders(files: Sequence[_Staged]) -> None:
-    for folder in {staged.target.parent for staged in files}:
-        try:
-            _sync_folder(folder)
+            sync_folder(folder)
         except OSError as error:
             raise unwritable("the folder", folder, error) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    if not _HAS_LOCKS:  # Windows opens no folders
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -18,6 +18,7 @@ import numpy as np
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import DamagedError, FullError
+from opir_core.output.temporary_files import sync_folder
 
 #: "OPIR": distinguishes a spool from other SQLite files.
 _APPLICATION = 0x4F504952
@@ -177,6 +178,8 @@ class Journal:
         execute(f"PRAGMA max_page_count = {pages}")
         self.waiting, self._bytes = execute("SELECT total(events), total(bytes) FROM parcel").fetchone()
         self.waiting, self._bytes = int(self.waiting), int(self._bytes)
+        with suppress(OSError):  # SQLite does not sync the name of a new file
+            sync_folder(Path(self.path).absolute().parent)
 
     def _require_spool(self) -> None:
         """Mark a new database as a spool; raise `SinkError` for any other database."""

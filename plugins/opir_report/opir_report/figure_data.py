@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.errors import unwritable
-
 
 @frozen(eq=False)
 class FigureData:
@@ -34,12 +32,9 @@ class FigureData:
         return FigureData({name: column[rows] for name, column in self.columns.items()})
 
     def write(self, path: Path) -> None:
-        """Write the columns to a Parquet file; raises `SinkError` where that is not possible."""
+        """Write the columns to a Parquet file."""
         import pyarrow
         from pyarrow import parquet
 
         table = pyarrow.table({name: pyarrow.array(column.tolist()) for name, column in self.columns.items()})
-        try:
-            parquet.write_table(table, path)
-        except OSError as error:
-            raise unwritable("the data of a figure", path, error) from error
+        parquet.write_table(table, path)

@@ -9,6 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.output import FILES_KEY, file_digest, finish_interrupted
 from opir_report.figure_data import FigureData
 
 DEFINITION, RESULTS = "study.json", "results.parquet"
@@ -75,13 +76,17 @@ def read_study(path: Path) -> SavedStudy:
     from pyarrow import ArrowException, parquet
 
     folder = path.parent if path.name == DEFINITION else path
+    finish_interrupted(folder / DEFINITION)
     try:
         definition = json.loads((folder / DEFINITION).read_text(encoding="utf-8"))
+        for entry in definition.get(FILES_KEY, ()):
+            if file_digest(folder / entry["name"]) != entry["sha256"]:
+                raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
         table = parquet.read_table(folder / RESULTS)
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise SceneError([Problem("", words)], source=str(folder)) from error
-    except (ValueError, ArrowException) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, ArrowException) as error:
         words = f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are kept"
         raise SceneError([Problem("", words)], source=str(folder)) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None

@@ -1,10 +1,9 @@
 """The finished runs of a study on disk: Parquet files, each written whole, and found again by the keys of their runs.
 
-A part is written beside its place, flushed to the disk and renamed: after a kill each part is whole or absent.
+After a kill each part is whole or absent. Its name is the SHA-256 of its content, so that damage is found.
 """
 
 import hashlib
-import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,12 +12,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from attrs import frozen
 
-from opir_core.errors import Problem, SceneError, unwritable
+from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.output import OutputFiles
 from opir_studies.runs import RunRecord
 
 #: The folder of the parts in that of the study.
 PARTS = "parts"
-_SUFFIX, _UNFINISHED = ".parquet", ".unfinished"
+_SUFFIX, _UNFINISHED = ".parquet", ".parquet.part"
+_DIGEST_LENGTH = 64
 _MARK = {b"opir_study_part": b"1"}
 _COLUMNS = ("key", "replicate", "seed", "run_time_s")
 
@@ -56,47 +57,48 @@ class Parts:
                 for place, name in enumerate(self.figures)
             },
         }
-        name = hashlib.sha256("".join(keys).encode()).hexdigest()[:24]
-        write_table(pa.table(columns).replace_schema_metadata(_MARK), self.folder / f"{name}{_SUFFIX}")
+        content = parquet_bytes(pa.table(columns).replace_schema_metadata(_MARK))
+        name = hashlib.sha256(content).hexdigest()
+        with OutputFiles() as files:
+            files.make_folder(self.folder, parents=True, is_made_up=True)
+            files.write(self.folder / f"{name}{_SUFFIX}", content, "study's", is_made_up=True)
 
 
-def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table as a Parquet file: whole, or not at all."""
-    write_whole(path, lambda unfinished: pq.write_table(table, unfinished, compression="zstd"))
-
-
-def write_whole(path: Path, write: Any) -> None:
-    """Let `write` fill a file beside the path, flush it to the disk, and put it in place."""
-    unfinished = path.with_name(f"{path.name}.{os.getpid()}{_UNFINISHED}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(unfinished)
-        with unfinished.open("rb") as file:
-            os.fsync(file.fileno())
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise unwritable("the result of the study", path, error) from error
+def parquet_bytes(table: pa.Table) -> bytes:
+    """Return a table as a Parquet file."""
+    content = pa.BufferOutputStream()
+    pq.write_table(table, content, compression="zstd")
+    return bytes(content.getvalue())
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what a killed study left half written."""
-    for path in (*folder.glob(f"*{_UNFINISHED}"), *(folder / PARTS).glob(f"*{_UNFINISHED}")):
+    """Remove the parts that a killed study left half written."""
+    for path in (folder / PARTS).glob(f"*{_UNFINISHED}"):
         path.unlink(missing_ok=True)
 
 
 def _rows(path: Path, wanted: Collection[str]) -> Sequence[Mapping[str, Any]]:
+    if len(path.stem) != _DIGEST_LENGTH:
+        raise _foreign(path)
     try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        words = f"is damaged ({str(error).splitlines()[0]}); delete it, and its runs are made again"
+        content = path.read_bytes()
+        if hashlib.sha256(content).hexdigest() != path.stem:
+            raise ValueError("its content is not what was written")
+        table = pq.read_table(pa.BufferReader(content))
+    except (OSError, ValueError, pa.ArrowException) as error:
+        reason = reason_of(error) if isinstance(error, OSError) else str(error).splitlines()[0]
+        words = f"is damaged ({reason}); delete it, and its runs are made again"
         raise SceneError([Problem("", words)], source=str(path)) from error
     if (table.schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(_COLUMNS) <= set(table.column_names):
-        words = "is no part of a study; move it elsewhere, or give another folder with --out"
-        raise SceneError([Problem("", words)], source=str(path))
+        raise _foreign(path)
     is_wanted = [str(key) in wanted for key in table["key"].to_pylist()]
     rows: list[Mapping[str, Any]] = table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
     return rows
+
+
+def _foreign(path: Path) -> SceneError:
+    words = "is no part of a study of this opir; move it elsewhere, or give another folder with --out"
+    return SceneError([Problem("", words)], source=str(path))
 
 
 def _record(row: Mapping[str, Any], figures: Sequence[str]) -> RunRecord:

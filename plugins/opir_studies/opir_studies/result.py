@@ -17,8 +17,9 @@ import pyarrow.parquet as pq
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_studies.axes import Level
-from opir_studies.parts import write_table, write_whole
+from opir_studies.parts import parquet_bytes
 from opir_studies.planning import PlannedStudy
 from opir_studies.runs import RunRecord
 from opir_studies.statistics import difference_of, figures_of
@@ -78,27 +79,36 @@ class StudyResult:
 def load_study(folder: str | Path) -> StudyResult:
     """Return the result of a study from its folder; raises `SceneError` if there is none."""
     place = Path(folder)
+    finish_interrupted(place / DEFINITION)
     try:
         definition = json.loads((place / DEFINITION).read_text(encoding="utf-8"))
+        for entry in definition.get(FILES_KEY, ()):
+            if file_digest(place / entry["name"]) != entry["sha256"]:
+                raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
         return StudyResult(place, definition, pq.read_table(place / RESULTS), pq.read_table(place / RUNS))
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise SceneError([Problem("", words)], source=str(place)) from error
-    except (ValueError, pa.ArrowException) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, pa.ArrowException) as error:
         words = f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are kept"
         raise SceneError([Problem("", words)], source=str(place)) from error
 
 
 def written_result(planned: PlannedStudy, folder: Path, records: Sequence[Sequence[RunRecord | None]]) -> StudyResult:
     """Write the result of a study from the records of each design's runs, None for a run that failed; return it."""
-    definition = _definition(planned)
     runs, table = _runs_table(planned, records), _results_table(planned, records)
-    text = json.dumps(definition, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(folder / DEFINITION, lambda path: path.write_text(text, encoding="utf-8"))
-    write_table(runs, folder / RUNS)
-    write_table(table, folder / RESULTS)
-    _write_csv(table, folder / RESULTS_CSV)
-    _write_csv(_times_table(planned, records), folder / TIMES)
+    contents = {RUNS: parquet_bytes(runs), RESULTS: parquet_bytes(table), RESULTS_CSV: _csv_bytes(table)}
+    with OutputFiles() as times:  # they differ from one execution to the next, and are listed nowhere
+        times.make_folder(folder, parents=True)
+        times.write(folder / TIMES, _csv_bytes(_times_table(planned, records)), "study's", is_made_up=True)
+    files = OutputFiles(folder / DEFINITION, is_made_up=True)
+    try:
+        for name, content in contents.items():
+            files.write(folder / name, content, "study's", is_made_up=True)
+        definition = files.commit(_definition(planned))
+    except BaseException:
+        files.abandon()
+        raise
     return StudyResult(folder, definition, table, runs)
 
 
@@ -182,10 +192,10 @@ def _times_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | N
     return pa.table({**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}})
 
 
-def _write_csv(table: pa.Table, path: Path) -> None:
+def _csv_bytes(table: pa.Table) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.column_names)
     for row in table.to_pylist():
         writer.writerow(["" if value != value else value for value in row.values()])
-    write_whole(path, lambda place: place.write_text(text.getvalue(), encoding="utf-8"))
+    return text.getvalue().encode()

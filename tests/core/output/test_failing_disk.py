@@ -58,7 +58,7 @@ SCENE = {
     ],
 }
 #: What a message says of files that are the new run's, in part or in whole, although the run failed.
-IS_THERE = re.compile("whole under temporary names|files of this run are in place")
+IS_THERE = re.compile("whole under temporary names|files are in place")
 NAMES = ["e.jsonl", "e.manifest.json", "e.tracks.jsonl", "e.truth.jsonl"]
 
 

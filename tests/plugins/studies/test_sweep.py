@@ -120,7 +120,7 @@ def test_a_damaged_or_foreign_part_is_named(tmp_path):
     sweep(study(), tmp_path)
     before = tables_of(tmp_path)
     part = next((tmp_path / "parts").glob("*.parquet"))
-    (tmp_path / "parts" / "x.parquet.1.unfinished").write_bytes(b"half")
+    (tmp_path / "parts" / "x.parquet.part").write_bytes(b"half")
     content = part.read_bytes()
     part.write_bytes(content[:-20])
     with pytest.raises(SceneError, match=r"is damaged .*delete it, and its runs are made again"):
@@ -128,7 +128,7 @@ def test_a_damaged_or_foreign_part_is_named(tmp_path):
     part.unlink()
     sweep(study(), tmp_path)
     assert tables_of(tmp_path) == before
-    assert not list((tmp_path / "parts").glob("*.unfinished"))
+    assert not list((tmp_path / "parts").glob("*.part"))
     pq.write_table(pa.table({"key": ["a"]}), tmp_path / "parts" / "foreign.parquet")
     with pytest.raises(SceneError, match="is no part of a study"):
         sweep(study(), tmp_path)

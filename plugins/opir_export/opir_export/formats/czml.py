@@ -13,8 +13,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.interfaces import IMPACT_CONDITIONS
+from opir_core.output import OutputFiles
 from opir_core.plugin import ImpactRegion
-from opir_export.files import write_bytes
 from opir_export.scenery.map_features import (
     Flight,
     Prediction,
@@ -48,7 +48,8 @@ class CzmlFile:
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the packets of a run to a file."""
         content = msgspec.json.format(msgspec.json.encode(list(packets(run, self.config))), indent=1)
-        write_bytes(path, content + b"\n", "the CZML")
+        with OutputFiles() as output:
+            output.write(path, content + b"\n", "CZML")
         return [path]
 
 

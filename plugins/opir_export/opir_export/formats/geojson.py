@@ -9,9 +9,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.output import DECIMALS, geometry_of, region_figures
+from opir_core.output import DECIMALS, OutputFiles, geometry_of, region_figures
 from opir_core.plugin import ImpactRegion
-from opir_export.files import write_bytes
 from opir_export.scenery.map_features import (
     Flight,
     Prediction,
@@ -45,7 +44,8 @@ class GeoJsonFile:
             "name": run.plan.scene.name,
             "features": list(features(run, self.config)),
         }
-        write_bytes(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n", "the GeoJSON")
+        with OutputFiles() as output:
+            output.write(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n", "GeoJSON")
         return [path]
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.output import geometry_of
-from opir_export.files import write_bytes
+from opir_core.output import OutputFiles, geometry_of
 from opir_export.formats.geojson import area
 from opir_export.scenery.map_features import (
     Flight,
@@ -60,7 +59,8 @@ class KmlFile:
             _add_prediction(tracks, run, prediction)
         Xml.indent(root, " ")
         text = Xml.tostring(root, encoding="utf-8", xml_declaration=True)
-        write_bytes(path, text + b"\n", "the KML")
+        with OutputFiles() as output:
+            output.write(path, text + b"\n", "KML")
         return [path]
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.output import OutputFiles
 from opir_export.ccsds.ephemerides import SampledStates, sensor_ephemerides, target_ephemerides
 from opir_export.ccsds.keyword_values import block, header, time_texts
-from opir_export.files import new_folder, write_bytes
 from opir_export.settings import OemConfig
 
 _DEGREE = 7
@@ -30,15 +30,15 @@ class OemFolder:
 
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the messages of a run into a folder, and return the files."""
-        new_folder(path, "the folder")
-        scene = run.plan.scene
-        files = []
-        for name, ephemerides in groupby(self._ephemerides(run), lambda each: each.file_name):
-            lines = header("OEM", "2.0", scene.epoch_us, [f"truth of the scene {scene.name}, simulated by opir"])
-            for ephemeris in ephemerides:
-                lines += _segment(ephemeris, scene.epoch_us, self.config.frame)
-            files.append(path / f"{name}.oem")
-            write_bytes(files[-1], "\n".join([*lines, ""]).encode("ascii", "replace"), "the ephemerides")
+        scene, files = run.plan.scene, []
+        with OutputFiles(folder=path) as output:
+            for name, ephemerides in groupby(self._ephemerides(run), lambda each: each.file_name):
+                lines = header("OEM", "2.0", scene.epoch_us, [f"truth of the scene {scene.name}, simulated by opir"])
+                for ephemeris in ephemerides:
+                    lines += _segment(ephemeris, scene.epoch_us, self.config.frame)
+                files.append(path / f"{name}.oem")
+                text = "\n".join([*lines, ""]).encode("ascii", "replace")
+                output.write(files[-1], text, "ephemeris", is_made_up=True)
         return files
 
     def _ephemerides(self, run: Any) -> Iterator[SampledStates]:

@@ -9,7 +9,7 @@ import pyarrow as pa
 from attrs import frozen
 from pyarrow import csv, feather, parquet
 
-from opir_export.files import new_file, new_folder
+from opir_core.output import OutputFiles
 from opir_export.settings import DELIMITERS, ArrowConfig, CsvConfig, ParquetConfig, named_tables
 from opir_export.tabular.run_tables import table
 from opir_export.tabular.well_known_binary import text_of_binary
@@ -28,11 +28,11 @@ class TableFolder(ABC):
 
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the tables of a run into a folder, and return the files."""
-        new_folder(path, "the folder")
         files = [path / f"{name}{self.ending}" for name in self.tables]
-        for name, file in zip(self.tables, files, strict=True):
-            with new_file(file, "the table") as part:
-                self.write_table(table(run, name), part)
+        with OutputFiles(folder=path) as output:
+            for name, file in zip(self.tables, files, strict=True):
+                with output.writing(file, "table", is_made_up=True) as part:
+                    self.write_table(table(run, name), part)
         return files
 
     @abstractmethod

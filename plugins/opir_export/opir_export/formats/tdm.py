@@ -12,9 +12,9 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.flight import ecef_state
+from opir_core.output import OutputFiles
 from opir_core.plugin import Detections
 from opir_export.ccsds.keyword_values import block, header, time_texts
-from opir_export.files import write_bytes
 from opir_export.settings import TdmConfig
 
 _COMMENTS = (
@@ -44,7 +44,8 @@ class TdmFile:
             meta = self._meta(run.sensors[sensor].id, names[name], time_texts(since_us[chosen[[0, -1]]], epoch_us))
             lines += [*block("META", meta), "DATA_START", *_data(since_us[chosen], angles_deg[chosen], epoch_us)]
             lines += ["DATA_STOP", ""]
-        write_bytes(path, "\n".join([*lines, ""]).encode("ascii", "replace"), "the tracking data")
+        with OutputFiles() as output:
+            output.write(path, "\n".join([*lines, ""]).encode("ascii", "replace"), "tracking data")
         return [path]
 
     def _objects(self, run: Any) -> tuple[IntArray, list[str]]:

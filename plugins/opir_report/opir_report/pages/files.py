@@ -2,27 +2,18 @@
 
 from pathlib import Path
 
-from opir_core.errors import unwritable
+from opir_core.output import OutputFiles
 from opir_report.pages.page import ReportPage
 
 
 def write_page(page: ReportPage, path: Path, *, with_data: bool) -> list[Path]:
-    """Write a page and the data of its figures; return the files. Raises `SinkError` where one cannot be written."""
+    """Write a page and the data of its figures, all or none; return the files. Raises `SinkError` if that fails."""
+    figures = {each.name: each.data for each in page.figures() if each.data is not None} if with_data else {}
     folder = path.with_suffix(".data")
-    try:
-        path.write_text(page.html(folder.name if with_data else None), encoding="utf-8")
-    except OSError as error:
-        raise unwritable("the report", path, error) from error
-    written = [path]
-    figures = [figure for figure in page.figures() if figure.data is not None] if with_data else []
-    if figures:
-        try:
-            folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise unwritable("the data of the figures", folder, error) from error
-    for figure in figures:
-        place = folder / f"{figure.name}.parquet"
-        assert figure.data is not None
-        figure.data.write(place)
-        written.append(place)
-    return written
+    written = [folder / f"{name}.parquet" for name in figures]
+    with OutputFiles(folder=folder, is_made_up=True) if figures else OutputFiles() as files:
+        for place, data in zip(written, figures.values(), strict=True):
+            with files.writing(place, "data", is_made_up=True) as part:
+                data.write(part)
+        files.write(path, page.html(folder.name if with_data else None).encode(), "report")
+    return [path, *written]
