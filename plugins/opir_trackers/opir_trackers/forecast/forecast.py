@@ -118,7 +118,10 @@ def _hypotheses(
         weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
         weight[np.ix_(broad, columns["orbit"])] = (odd * orbit * fates.reach / len(columns["orbit"]))[broad, None]
     other = none / max(outcomes.odd + none, 1e-12) * np.where(np.isfinite(fates.when_s), 1.0, _NONE_ORBITS)
-    weight[np.ix_(broad, columns["none"])] = other[broad, None]
+    # What is in orbit is a space launch, whatever has brought it there.
+    up = broad & (particles.lit == 0) & np.isnan(fates.when_s) & bool(columns["orbit"])
+    weight[np.ix_(up, columns["orbit"])] += other[up, None] / max(len(columns["orbit"]), 1)
+    weight[np.ix_(broad & ~up, columns["none"])] = other[broad & ~up, None]
     weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
     return weight * (particles.weight * _of_flying(particles, fates.flies))[:, None]
 
