@@ -39,7 +39,8 @@ class _DrawnBurns(NamedTuple):
     """States of the filter (p, 10), the stages (p,) that burn there, and their laws by family.
 
     `total`, `number` (p, families, 4) and `hot` (p, families) are as in `Known`; `log_before` (p, families) is the
-    evidence of the earlier stages, and of at least as many; `part` (p,) is 1 for the filter's part that is staging.
+    evidence of the earlier stages, and of at least as many; `part` (p,) is the part of the filter's burn: 0 steady, 1
+    staging, 2 free.
     """
 
     track: IntArray
@@ -79,7 +80,7 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
         for name in ("done", "total", "number", "hot", "log_evidence")
     )
     stage, force = np.minimum(done, STAGES - 1), force_along(state)
-    before = before + np.log(np.maximum(model.more(stage), 1e-12))
+    before = before + np.log(np.maximum(model.more(stage), 1e-12)) + history.log_free[track]
     highest = model.data["highest_m_s2"]
     laws = [
         present_burns(force, state[:, 9], since, *model.law(np.array(family), stage, *sums), highest)
@@ -147,7 +148,9 @@ def _with_later_burns(
     later = later_burns(model, kind, stage + 1, total, number, draw, drawn.hot[rows, kind])
     burns = _joined(burn - since, drawn.force[rows], rate, since, later, flown_s[track])
     lit, state = np.ones(len(rows), dtype=np.int64), drawn.state[rows]
-    return Particles.of(burns, track, kind, lit, draw, weight.ravel(), state[:, :6], state[:, 6:9])
+    return Particles.of(
+        burns, track, kind, lit, draw, weight.ravel(), state[:, :6], state[:, 6:9], drawn.part[rows] == 2
+    )
 
 
 #: The rows of a stage that a burn shows: not the gap after it.

@@ -42,7 +42,8 @@ def dark_particles(
     # What ignites without a gap does so within about the time between two looks.
     waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - known.hot, 1.0)
     ends = np.maximum(all_ - more, 1e-3)
-    evidence = np.exp(known.log_evidence - known.log_evidence.max(axis=1, keepdims=True)) * prior
+    log = known.log_evidence + over.log_free
+    evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
     relight = evidence * waits
     whole = (relight + evidence * ends).sum(axis=1, keepdims=True)
     relight, ended = relight / whole, evidence * ends / whole
@@ -68,11 +69,13 @@ def _free(
     state = draws().state[draw, :6] @ side[rows].swapaxes(1, 2) + estimates.coast_mean[rows, None]
     nothing = np.zeros((count * size, STAGES))
     burns = RemainingBurns(nothing, nothing, nothing, nothing, nothing[:, 0])
-    track, lit = np.repeat(rows, size), np.zeros(count * size, dtype=np.int64)
+    track, lit, free = np.repeat(rows, size), np.zeros(count * size, dtype=np.int64), np.zeros(count * size, np.bool_)
     # Families take turns, so that each has states of all kinds.
     turn = _turns(size)
     family, weight = family[:, turn].ravel(), weight.reshape(count, size)[:, turn].ravel()
-    return Particles.of(burns, track, family, lit, np.tile(draw, count), weight, state.reshape(-1, 6), nothing[:, :3])
+    return Particles.of(
+        burns, track, family, lit, np.tile(draw, count), weight, state.reshape(-1, 6), nothing[:, :3], free
+    )
 
 
 @cache

@@ -158,9 +158,10 @@ def _gathered(
     nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
     given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
     orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
-    # What is none of these comes down anywhere, or not: it has no region, but for failed space launchers.
-    failed = weight[:, outcomes.columns("none")].sum(axis=1) * (particles.family == SPACE)
-    falls = np.where(np.isfinite(fates.when_s), weight[:, outcomes.columns("missile")].sum(axis=1) + failed, 0.0)
+    # What is none of these burns on to anywhere: it has no region, but for failed space launchers and what is dark.
+    other = weight[:, outcomes.columns("none")].sum(axis=1) * ((particles.family == SPACE) | (particles.lit == 0))
+    down = np.where(np.isfinite(fates.when_s), weight[:, outcomes.columns("missile")].sum(axis=1) + other, 0.0)
+    falls = np.where(particles.is_free, 0.0, down)
     found = Forecasts(
         given,
         np.full((count, 3), np.nan),
@@ -169,7 +170,7 @@ def _gathered(
         np.empty(count, dtype=np.object_),
         burning,
         _sums(particles.track, weight.sum(axis=1) * (particles.lit == 2), count),
-        _sums(particles.track, falls + glide, count),
+        _sums(particles.track, down + glide, count),
         _sums(particles.track, orbit * (particles.lit == 0), count),
     )
     edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()

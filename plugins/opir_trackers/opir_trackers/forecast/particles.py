@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import names_of
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.forecast.burning_on import RemainingBurns
@@ -34,7 +34,8 @@ class Particles(RemainingBurns):
 
     `lit` is 1 for those that burn now, 2 for those that burn again, 0 for dark ones whose burn is over; `weight` sums
     to one over each of a track's burning and dark particles. `draw` is the number of a particle's draws, `force` (p, 3)
-    its specific force, 0 in the dark.
+    its specific force, 0 in the dark. `is_free` (p,) says whether it thrusts in another direction than along the
+    velocity, which no program continues.
     """
 
     track: IntArray
@@ -44,6 +45,7 @@ class Particles(RemainingBurns):
     weight: FloatArray
     state: FloatArray
     force: FloatArray
+    is_free: BoolArray
 
     @classmethod
     def of(cls, burns: RemainingBurns, *rest: Any) -> "Particles":
