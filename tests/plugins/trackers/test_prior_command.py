@@ -11,8 +11,9 @@ from opir_trackers.imm.tracker import imm_tracker
 from opir_trackers.prior_command import LEAST, WIDEN, RecordedFlight, fitted, recorded_flight
 from scipy.integrate import solve_ivp
 
+import opir_core as opir
 from opir_core.cli.main import main
-from opir_core.errors import OpirError
+from opir_core.errors import ModelError, OpirError
 from opir_core.interfaces.contexts import TrackerContext
 
 MU, SPIN, RADIUS_M = 3.986004418e14, np.array([0.0, 0.0, 7.292115e-5]), 6378137.0
@@ -91,5 +92,27 @@ def test_what_is_no_flight_and_no_law_is_refused_with_its_place(tmp_path: Path) 
     dark.write_text(HEAD + "\n" + "\n".join(f"{k},7e6,0,0,0,1,0,0" for k in range(9)))
     with pytest.raises(OpirError, match="no burn"):
         recorded_flight(dark)
-    with pytest.raises(ValueError, match=r"boost_prior .*bad\.csv"):
-        vehicle_model(str(bad))
+
+
+def test_a_prior_that_cannot_be_used_is_told_with_its_setting_and_the_way_out(tmp_path: Path) -> None:
+    own = dict(vehicle_model().data)
+    bad = {
+        "no.csv": ("time_s,x\n1,2\n", "holds no law of vehicles"),
+        "list.json": ("[1, 2]", "holds no law of vehicles"),
+        "part.json": (json.dumps({"families": own["families"]}), "no none_spread"),
+        "short.json": (json.dumps({**own, "marginal": {}}), "no range_km, density"),
+        "thin.json": (
+            json.dumps({**own, "families": {**own["families"], "space": own["families"]["missile"]["first"]}}),
+            "no first",
+        ),
+    }
+    for name, (content, why) in bad.items():
+        (tmp_path / name).write_text(content)
+        with pytest.raises(ModelError, match=rf"^tracker\.boost_prior: .*{name} .*{why}.*; write one with `opir prior"):
+            vehicle_model(str(tmp_path / name))
+    with pytest.raises(ModelError, match=r"^tracker\.boost_prior: .*none\.json cannot be read: no such file"):
+        vehicle_model(str(tmp_path / "none.json"))
+    scene = {"scene": "bad", "epoch": "2026-04-01T12:00:00Z", "duration_s": 10.0, "seed": 1, "outputs": []}
+    scene |= {"sensors": [{"constellation": "SBIRS-GEO"}], "tracker": {"model": "imm", "boost_prior": "none.json"}}
+    with pytest.raises(ModelError, match=r"^tracker\.boost_prior: none\.json cannot be read"):
+        opir.simulate(opir.scene_from_mapping(scene))

@@ -162,7 +162,7 @@ class _Contours:
         along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
         nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
         density = (along * weight) @ across.T / frame.stretch(nodes)
-        self._at = _density(squares, widths, weight) / frame.stretch(curved)
+        self._at = _density_without_own(squares, widths, weight) / frame.stretch(curved)
         self._generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
 
     def around(self, share: float) -> tuple[FloatArray, list[list[int]]]:
@@ -222,6 +222,17 @@ def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> Flo
     exponents = squares * (-0.5 / np.square(widths)).astype(squares.dtype)
     density = np.exp(exponents, out=exponents) @ (weight / np.square(widths)).astype(squares.dtype)
     return density.astype(np.float64)
+
+
+def _density_without_own(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the densities (n,) at the points from the kernels of all others: the truth is none of the points.
+
+    With its own kernel each point would lie in denser places than the truth does, and regions of few points would hold
+    it too seldom. At least the density at the edge of its own kernel.
+    """
+    own = weight / np.square(widths)
+    others: FloatArray = (_density(squares, widths, weight) - own) / np.maximum(1.0 - weight, 1e-12)
+    return np.maximum(others, own * np.exp(-0.5 * BEYOND**2))
 
 
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from opir_core.estimation import dot
 from opir_core.interfaces import Columns
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.thrust import air_velocity
-from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES
+from opir_trackers.forecast.vehicles import BURN, FAMILIES, FORCE, GAP, NONE, RATIO, STAGES
 
 #: A hot stage begins with at most this share of the force before.
 DROP = 0.75
@@ -26,6 +26,10 @@ RELIT_S, STAGED_S, UNKNOWN_S = 0.7, 2.0, 30.0
 #: Staging that is less, and more probable than this: a steady burn, and a new stage.
 _STEADY, _STAGED = 0.2, 0.5
 
+#: The filter's greatest prior probability of thrust in any direction, that from which it counts as one, and the share
+#: of what is none of these that thrusts so. Notional.
+_FREE_PRIOR, _FREE, _FREE_SHARE = 0.1, 0.5, 0.5
+
 #: Longest silence, s, after which an estimate still shows the burn.
 _FRESH_S = 1.5
 
@@ -37,7 +41,8 @@ class StageHistory(Columns):
     `logs` (n, STAGES, 4) are the rows of `vehicles` of the stages that are over, nan where unknown. `ignition_s` is
     that of the last one with its error, `dark_since_s` its burnout, inf while it burns. `force` m/s² along the velocity
     and `growth` 1/s are those at `steady_s`, the last time of a steady burn; `staging` is the latest probability of
-    staging.
+    staging. `free_odds` is the greatest ratio so far of the odds of thrust in another direction than along the velocity
+    to their prior, 1 where it never was probable.
     """
 
     number: IntArray
@@ -49,6 +54,7 @@ class StageHistory(Columns):
     growth: FloatArray
     steady_s: FloatArray
     staging: FloatArray
+    free_odds: FloatArray
 
     @classmethod
     def begun(cls, number: IntArray, tick_s: float) -> "StageHistory":
@@ -57,7 +63,7 @@ class StageHistory(Columns):
         now, unknown = np.full(count, tick_s), np.full(count, np.nan)
         logs = np.full((count, STAGES, 4), np.nan)
         sigma, dark = np.full(count, UNKNOWN_S), np.full(count, np.inf)
-        return cls(number, logs, now - 5.0, sigma, dark, unknown, unknown.copy(), now, np.zeros(count))
+        return cls(number, logs, now - 5.0, sigma, dark, unknown, unknown.copy(), now, np.zeros(count), np.ones(count))
 
     @property
     def done(self) -> IntArray:
@@ -78,6 +84,13 @@ class StageHistory(Columns):
         before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
         start: FloatArray = np.where(self.is_dark, self.dark_since_s, self.ignition_s) - before
         return start
+
+    @property
+    def log_free(self) -> FloatArray:
+        """Return what free burns add to the log evidence (n, families): they are none of these."""
+        log = np.zeros((len(self.number), len(FAMILIES)))
+        log[:, NONE] = np.log(1.0 - _FREE_SHARE + _FREE_SHARE * self.free_odds)
+        return log
 
     def of(self, number: IntArray, tick_s: float) -> "StageHistory":
         """Return the histories of tracks with these numbers, in this order; unknown ones are new."""
@@ -133,6 +146,7 @@ class StageHistory(Columns):
             np.where(steady, estimates.burn_mean[:, 0, 9], then.growth),
             np.where(steady, tick_s, then.steady_s),
             staging,
+            np.maximum(then.free_odds, _free_odds(burning, estimates.burn_share[:, 2])),
         )
         out = (~burning & ~then.is_dark).nonzero()[0]
         if not len(out):
@@ -197,6 +211,12 @@ class StageHistory(Columns):
         since_s = self.dark_since_s.copy()
         since_s[on] = tick_s - dark_s[on]
         return evolve(self.with_end(on, since_s[on]), dark_since_s=since_s)
+
+
+def _free_odds(burning: BoolArray, share: FloatArray) -> FloatArray:
+    """Return the ratios (n,) of the odds of shares of a free burn to their prior odds, 1 for what is not probable."""
+    odds = share / np.maximum(1.0 - share, 1e-6) * (1.0 - _FREE_PRIOR) / _FREE_PRIOR
+    return np.where(burning & (share > _FREE), odds, 1.0)
 
 
 def force_along(state: FloatArray) -> FloatArray:

@@ -11,13 +11,14 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.errors import ModelError, reason_of
+from opir_core.scene import file_bytes
 
 #: Largest number of stages, and the rows of a stage's law.
 STAGES, BURN, FORCE, RATIO, GAP = 4, 0, 1, 2, 3
@@ -135,12 +136,32 @@ def model_of(data: Mapping[str, Any]) -> VehicleModel:
 
 @cache
 def vehicle_model(path: str | None = None) -> VehicleModel:
-    """Return the tracker's model, or that of a file written by `opir prior fit`; raises `ValueError` if it is none."""
+    """Return the tracker's model, or that of a file written by `opir prior fit`.
+
+    Raises `ModelError`, with the setting `boost_prior`, if the file cannot be read or holds no law.
+    """
     if path is None:
         return model_of(json.loads(files("opir_trackers").joinpath("vehicles.json").read_text("utf-8")))
+    way_out = "write one with `opir prior fit FILES -o FILE`, or leave the setting out"
     try:
-        model = model_of(json.loads(Path(path).read_text("utf-8")))
-        model.data["marginal"]["density"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"boost_prior {path} is no file of `opir prior fit`: {error}") from error
+        model = model_of(json.loads(file_bytes(path)))
+        _require_law(model)
+    except OSError as error:
+        raise ModelError(f"tracker.boost_prior: {path} cannot be read: {reason_of(error)}; {way_out}") from error
+    except (ValueError, LookupError, TypeError) as error:
+        what = f"no {error.args[0]}" if isinstance(error, KeyError) else str(error)
+        raise ModelError(f"tracker.boost_prior: {path} holds no law of vehicles: {what}; {way_out}") from error
     return model
+
+
+def _require_law(model: VehicleModel) -> None:
+    """Raise `ValueError` for a model with data missing, or with other shapes than the tracker's own."""
+    own = vehicle_model()
+    missing = [key for key in own.data if key not in model.data]
+    missing += [key for key in own.data["marginal"] if not missing and key not in model.data["marginal"]]
+    if missing:
+        raise ValueError(f"no {', '.join(missing)}")
+    for name in ("median_log", "sigma", "coupling", "stages", "hot", "hot_again"):
+        column, like = getattr(model, name), getattr(own, name)
+        if column.shape != like.shape or not np.isfinite(column).all():
+            raise ValueError(f"the families' {name} is not {like[0].size} finite numbers each")

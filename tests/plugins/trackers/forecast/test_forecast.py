@@ -199,6 +199,28 @@ def test_a_boost_unlike_any_raises_none_of_these() -> None:
     assert found.given_launch[0, NAMES.index("none of these")] > 0.2
 
 
+def test_a_track_that_has_burnt_in_another_direction_may_be_none_of_these_and_comes_down_all_the_same() -> None:
+    seen = estimated(states(6e4, 2000.0, 0.7), 0.0, 0.0, 0.0, np.random.default_rng(11))
+    logs = no_stages(1)
+    logs[0, 0, :3] = np.log([60.0, 20.0, 2.0])
+    over = evolve(burning_since(90.0, logs), dark_since_s=np.array([-30.0]))
+    plain, turned = (forecast(seen, evolve(over, free_odds=np.array([odds])), 30.0) for odds in (1.0, 500.0))
+    column = NAMES.index("none of these")
+    assert plain.given_launch[0, column] < 0.05
+    assert turned.given_launch[0, column] > 5.0 * plain.given_launch[0, column]
+    region = turned.regions[0][2]
+    assert region.condition == "burn over"
+    assert region.probability > 0.9
+    assert region.area_km2 == pytest.approx(plain.regions[0][2].area_km2, rel=0.2)
+
+
+def test_a_burn_in_another_direction_leads_nowhere_that_a_region_could_say() -> None:
+    seen = estimated(states(6e4, 2000.0, 0.7), 0.0, 0.0, 1.0, np.random.default_rng(12))
+    free = evolve(seen, burn_share=np.array([[0.02, 0.0, 0.98]]))
+    found = forecast(free, burning_since(90.0, no_stages(1)))
+    assert not found.regions[0] or found.regions[0][0].probability < 0.2
+
+
 def test_reported_types_move_classes_and_regions() -> None:
     rng = np.random.default_rng(7)
     seen = estimated(states(3e4, 1500.0, 0.8), 35.0, 0.012, 1.0, rng)
@@ -219,3 +241,20 @@ def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach()
     assert found.given_launch[0, NAMES.index("HGV")] > 0.3
     # At L/D of 2.5 some 4 600 km: R/2 · 2.5 · ln((1 - (1.5/7.9)²) / (1 - (5.3/7.9)²)).
     assert found.regions[0][2].contains(0.0, 4.6e6 / RADIUS_M)
+
+
+def test_what_is_precisely_in_orbit_is_a_space_launch_whatever_its_stages_and_none_where_none_is_known() -> None:
+    logs = no_stages(1)
+    logs[0, 0, :3] = np.log([500.0, 12.0, 5.0])
+    state = states(2.0e5, 7400.0, 0.0)
+    over = evolve(burning_since(620.0, logs), dark_since_s=np.array([-120.0]))
+    found = forecast(estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9)), over, 120.0, away_m=2e6)
+    assert found.given_launch[0, NAMES.index("SLV")] > 0.95
+    assert found.given_launch[0, NAMES.index("none of these")] < 0.02
+    rest = tuple(one for one in HYPOTHESES if one.group != "orbit")
+    seen, launch = estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9)), np.array([[0.0, -2e6 / RADIUS_M, -620.0]])
+    without = Outcomes(vehicle_model(), rest)
+    left = forecasts(
+        without, seen, over, np.array([120.0]), launch, np.zeros((1, len(rest))), 0.0, POINT_MASS
+    ).given_launch
+    assert left[0, [one.name for one in rest].index("none of these")] > 0.95

@@ -4,21 +4,23 @@ import numpy as np
 import pytest
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO
+from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, NONE, RATIO, SPACE
 
 RADIUS_M = 6378137.0
 
 
-def estimates(burning: float, force: float, silent_s: float = 0.05, staging: float = 0.0) -> ModeEstimates:
+def estimates(
+    burning: float, force: float, silent_s: float = 0.05, staging: float = 0.0, free: float = 0.0
+) -> ModeEstimates:
     """Return the estimate of one track that flies upwards, with so many m/s² and 20 detections a second."""
     mean = np.array([[RADIUS_M + 5e4, 0.0, 0.0, 2000.0, 465.0, 0.0, force, 0.0, 0.0, 0.01]])
     root = np.eye(10)[None]
-    share = np.array([[1.0 - staging, staging]])
-    both = np.repeat(mean[:, None], 2, axis=1)
+    share = np.array([[1.0 - staging - free, staging, free]])
+    parts = np.repeat(mean[:, None], 3, axis=1)
     rate = np.array([[400.0, 20.0, silent_s]])
     weight = np.array([[burning, 1.0 - burning]])
     return ModeEstimates(
-        weight, mean, root, mean[:, :6], root[:, :6, :6], rate, both, np.tile(np.eye(10), (1, 2, 1, 1)), share
+        weight, mean, root, mean[:, :6], root[:, :6, :6], rate, parts, np.tile(np.eye(10), (1, 3, 1, 1)), share
     )
 
 
@@ -74,3 +76,13 @@ def test_tracks_keep_their_histories_whatever_comes_and_goes() -> None:
     assert among.number.tolist() == [3, 7, 9]
     assert among.done.tolist() == [0, 1, 0]
     assert among.of(np.array([7]), 81.0).logs[0, 0, BURN] == history.logs[0, 0, BURN]
+
+
+def test_a_burn_in_another_direction_is_remembered_as_evidence_for_none_of_these() -> None:
+    turned = [(61.0, estimates(1.0, 20.0, free=0.95)), (62.0, estimates(1.0, 20.0, free=0.3))]
+    known, doubtful, free = after(FIRST), after([*FIRST, (61.0, estimates(1.0, 20.0, free=0.3))]), after(FIRST + turned)
+    for history in (known, doubtful):
+        assert not history.log_free.any()
+    # Odds of 19 : 1 that were 1 : 9 count for half of what is none of these.
+    assert free.log_free[0, NONE] == pytest.approx(np.log(0.5 + 0.5 * 19.0 * 9.0))
+    assert not free.log_free[0, [MISSILE, SPACE]].any()
