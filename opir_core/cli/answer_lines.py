@@ -65,7 +65,8 @@ def says_text(seen: Row, track: Row | None) -> str:
         return f"tracker: {likeliest}"
     if seen["reported_type"] is None:
         return "-"
-    return f"detections: {seen['reported_type']}, confidence up to {probability_text(seen['highest_confidence'])}"
+    confidence = probability_text(seen["highest_confidence"])
+    return f"detections: {seen['reported_type']}, confidence {'' if confidence[0] in '<>' else 'up to '}{confidence}"
 
 
 def likeliest_text(track: Row) -> str | None:
