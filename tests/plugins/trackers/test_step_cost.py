@@ -1,7 +1,8 @@
 """What a tick costs, in counts: calls of Python and of C functions, whatever the machine.
 
-A budget of a lone target is the count of the tracker's present steps, plus at most 3 % for other versions of NumPy: it holds
-still what a change may only lower. That steps are columns over tracks is a law: more targets take few more calls.
+A budget of a lone target is the count of the tracker's present steps for this flight, plus at most 3 % for other
+versions of NumPy: it holds still what a change may only lower. Other draws take other steps: up to 3 000 with two
+slices, while a stage may have begun. That steps are columns over tracks is a law: more targets take few more calls.
 """
 
 import sys
@@ -73,7 +74,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
     lat_deg, lon_deg = {"ICBM": (9.0, 167.7), "SRBM": (37.0, -122.5)}[kind]
     launched = [
         {
-            "id": f"T{number}",
+            "id": f"T{number or ''}",
             "type": kind,
             "launch": {**LAUNCH, "lat_deg": LAUNCH["lat_deg"] + 2.0 * number},
             "aim": {"lat_deg": lat_deg + 2.0 * number, "lon_deg": lon_deg},
