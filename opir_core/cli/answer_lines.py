@@ -14,7 +14,7 @@ _ANSWERED = 6
 _WHOLE_KM2 = 10.0
 #: What is probably a launch has a launch point and an impact.
 _PROBABLE = 0.5
-#: Below it the probability that a target stays in orbit, or comes down, is not printed.
+#: Below it the probability that a target reaches orbit, or comes down, is not printed.
 _MINOR = 0.05
 #: Effective samples below which a region is called thin.
 _THIN = 100.0
@@ -65,7 +65,8 @@ def says_text(seen: Row, track: Row | None) -> str:
         return f"tracker: {likeliest}"
     if seen["reported_type"] is None:
         return "-"
-    return f"detections: {seen['reported_type']}, confidence up to {probability_text(seen['highest_confidence'])}"
+    confidence = probability_text(seen["highest_confidence"])
+    return f"detections: {seen['reported_type']}, confidence {'' if confidence[0] in '<>' else 'up to '}{confidence}"
 
 
 def likeliest_text(track: Row) -> str | None:
@@ -82,11 +83,14 @@ def _is_probable(track: Row) -> bool:
 
 
 def _flight(track: Row | None) -> Iterator[str]:
-    """Yield whether a probable launch comes down or stays in orbit, the likelier first, and from where to where."""
+    """Yield whether a probable launch comes down or reaches orbit, the likelier first, and from where to where."""
     if track is None or not _is_probable(track):
         return
-    both = ((track["probability_comes_down"] or 0.0, "comes down"), (track["probability_orbit"] or 0.0, "in orbit"))
-    yield from (f"{words}: {probability_text(chance)}" for chance, words in sorted(both)[::-1] if chance >= _MINOR)
+    falls, orbit = track["probability_comes_down"], track["probability_orbit"] or 0.0
+    both = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
+    # A tracker without regions does not say what comes down; of its two answers one alone would mislead.
+    least = _PROBABLE if falls is None else _MINOR
+    yield from (f"{words}: {probability_text(chance)}" for chance, words in sorted(both)[::-1] if chance >= least)
     law = ", the paper's law, without containment"
     points = (("from", track["launch"]), ("to", track["impact"]))
     places = [f"{words} {place_text(point)}{spread_text(point, law)}" for words, point in points if point is not None]

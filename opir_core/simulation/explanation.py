@@ -194,24 +194,33 @@ def _tracking(plan: Plan) -> Mapping[str, Any]:
     return {"order": order, "lag_s": tracking_lag_ns(plan) * 1e-9 if order == BY_REPORT else None}
 
 
-#: What distinguishes the groups of hypotheses: growth and persistence, motion, bands.
+#: What distinguishes the groups of hypotheses: by their motion, to a tracker, and by their light, to a classifier.
 _EVIDENCE = {
-    "noise": "later looks do not see it",
-    "ground": "stands still; lasts for hours, or while the Sun glints; bands of a warm or burning surface",
-    "bolide": "over in seconds; falls, faster than any boost",
-    "missile": "grows in seconds, over in minutes; climbs and speeds up; bands of a plume; falls freely after burnout",
-    "orbit": "as a missile, but burns on or again until it is as fast as an orbit",
-    "glide": "as a missile until burnout; then air bends its path",
-    "none": "unlike all of them in motion or duration",
+    "noise": ("lines of sight that have nothing in common", "as weak as the sensor's noise; seen once"),
+    "ground": ("stands still", "bands of a warm or burning surface; seen for hours, or while the Sun glints"),
+    "bolide": ("falls, faster than any boost; over in seconds", "bands of a hot body; seen for seconds"),
+    "missile": (
+        "climbs and speeds up for minutes; then falls freely",
+        "bands and brightness of its plume; seen for minutes",
+    ),
+    "orbit": ("as a missile, but burns on or again until it is as fast as an orbit", "as a missile, by its own plume"),
+    "glide": ("as a missile, but burns out low and level", "as a missile, by its own plume"),
+    "none": ("unlike all of them", "unlike all of them in bands, brightness or duration"),
 }
 
 
 def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return what a hot object may be and what distinguishes it, by group; nothing if no part of the plan weighs it."""
-    if plan.make_tracker().cadence_s is None and not has_own(Classifier, plan.classifier, "log_posterior"):
+    """Return what a hot object may be, by group, and what distinguishes it to each part of the plan that weighs it."""
+    weighs = (plan.make_tracker().cadence_s is not None, has_own(Classifier, plan.classifier, "log_posterior"))
+    if not any(weighs):
         return []
     return [
-        {"hypotheses": [each.name for each in own], "group": group, "distinguished_by": _EVIDENCE[group]}
+        {
+            "hypotheses": [each.name for each in own],
+            "group": group,
+            "by_motion": _EVIDENCE[group][0] if weighs[0] else None,
+            "by_light": _EVIDENCE[group][1] if weighs[1] else None,
+        }
         for group, own in groupby(plan.hypotheses, lambda each: each.group)
     ]
 

@@ -23,7 +23,8 @@ def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind)
 class ReportedRegions(NamedTuple):
     """Reported impact regions by tick (t,) and flight (n,): areas and whether the impact is inside, (t, n, 3).
 
-    The regions are of 50 %, 90 % and 95 %, in this order. And the probability of burning (t, n), nan without a track.
+    The regions are of 50 %, 90 % and 95 %, in this order; nan where there are none. And the probability of burning
+    (t, n), nan without a track that is probably a launch.
     """
 
     tick_s: np.ndarray
@@ -47,17 +48,19 @@ def told(request):
     for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0):
         area, held, burning = np.full((FLIGHTS, 3), np.nan), np.zeros((FLIGHTS, 3)), np.full(FLIGHTS, np.nan)
         for flight, row in enumerate(rows_of(tick.told, tick.shared).tolist()):
-            if row >= 0 and len(tick.told.impact_regions[row]):
-                # The first three are those of the most probable condition.
-                regions = tick.told.impact_regions[row][:3]
-                area[flight] = [region.area_km2 for region in regions]
-                held[flight] = [region.contains(*impact[flight, :2]) for region in regions]
-                burning[flight] = tick.told.probability_burning[row]
+            if row < 0 or tick.told.probability_launch[row] < 0.5:
+                continue
+            burning[flight] = tick.told.probability_burning[row]
+            # The first three are those of the most probable condition.
+            for place, region in enumerate(tick.told.impact_regions[row][:3]):
+                area[flight, place] = region.area_km2
+                held[flight, place] = region.contains(*impact[flight, :2])
         ticks.append((tick.time_s, area, held, burning))
     return truth, ReportedRegions(*map(np.array, zip(*ticks, strict=True)))
 
 
-def test_regions_are_reported_from_the_first_track_on_and_are_nested(told):
+def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(told):
+    """These flights come down: each launch that is recognised has regions at every tick."""
     _, seen = told
     tracked = np.isfinite(seen.burning)
     assert tracked[15:].mean() > 0.9

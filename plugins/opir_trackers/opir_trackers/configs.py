@@ -188,6 +188,16 @@ class HypothesesConfig:
     )
 
 
+def _least_launch_probability() -> float:
+    least: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        help="a track that is a launch with a lower probability has no launch point and no predicted impact",
+    )
+    return least
+
+
 @frozen(kw_only=True)
 class ImmConfig:
     """Settings of the tracker `imm`."""
@@ -232,12 +242,7 @@ class ImmConfig:
     hypotheses: HypothesesConfig = nested(
         default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
     )
-    least_launch_probability: float = number(
-        default=0.5,
-        minimum=0.0,
-        maximum=1.0,
-        help="a track that is a launch with a lower probability has no launch point and no predicted impact",
-    )
+    least_launch_probability: float = _least_launch_probability()
     late_s: float = number(
         default=0.0,
         unit="s",
@@ -312,6 +317,10 @@ class KeplerArcConfig:
         source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
         help="k in σ = σ₀ exp(-k n/N), after n of N expected detections of the boost",
     )
+    hypotheses: HypothesesConfig = nested(
+        default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
+    )
+    least_launch_probability: float = _least_launch_probability()
 
     def __attrs_post_init__(self) -> None:
         _check_scans(self.needed_scans, self.recent_scans)
@@ -322,4 +331,5 @@ class KeplerArcConfig:
             cadence_s=self.cadence_s,
             needed_scans=self.needed_scans,
             recent_scans=self.recent_scans,
+            hypotheses=self.hypotheses,
         )

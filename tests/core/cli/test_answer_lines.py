@@ -54,9 +54,11 @@ def test_a_probable_launch_has_one_type_and_regions_with_their_conditions() -> N
 def test_both_fates_are_printed_while_both_are_possible() -> None:
     far = stub_regions(9.0, 167.7, 900.0, probability=0.375)
     (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), far))
-    assert "; tracker: SLV 0.62; in orbit: 0.62; comes down: 0.38; from" in line
+    assert "; tracker: SLV 0.62; reaches orbit: 0.62; comes down: 0.38; from" in line
     (line,) = sentences(tracks_of(stub_hypotheses(SLV=0.96), impact=np.nan, end=2))
-    assert line.endswith("; tracker: SLV 0.96; in orbit: 0.96; from 34.73 N 120.57 W (0.1 km)")
+    assert line.endswith("; tracker: SLV 0.96; reaches orbit: 0.96; from 34.73 N 120.57 W (0.1 km)")
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.75, SLV=0.25)))
+    assert "; tracker: ICBM 0.75; from 34.73 N" in line
 
 
 def test_before_a_tracker_has_an_answer_the_detections_give_it() -> None:

@@ -72,7 +72,7 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
 @pytest.mark.slow
 def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys):
     path, told = tmp_path / "scene.yaml", []
-    path.write_text(json.dumps({**SCENE, "duration_s": 20.0}))
+    path.write_text(json.dumps({**SCENE, "duration_s": 35.0}))
     for workers in ("1", "2"):
         words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]
         assert main([*words, "--workers", workers]) == 0

@@ -1,4 +1,9 @@
-"""What a tick of one lone target costs, in counts: calls of Python and of C functions, whatever the machine."""
+"""What a tick costs, in counts: calls of Python and of C functions, whatever the machine.
+
+A budget of a lone target is the count of the tracker's present steps for this flight, plus at most 3 % for other
+versions of NumPy: it holds still what a change may only lower. Other draws take other steps: up to 3 000 with two
+slices, while a stage may have begun. That steps are columns over tracks is a law: more targets take few more calls.
+"""
 
 import sys
 from collections.abc import Callable
@@ -64,10 +69,19 @@ class Counting:
         return told
 
 
-def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
-    aim = {"ICBM": (9.0, 167.7), "SRBM": (37.0, -122.5)}[kind]
-    target = {"id": "T", "type": kind, "launch": LAUNCH, "aim": {"lat_deg": aim[0], "lon_deg": aim[1]}}
-    scene = {**SCENE, "duration_s": duration_s, "targets": [target], "tracker": tracker}
+def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int = 1) -> Counting:
+    """Return the counts of a scene whose targets stand 2 degrees apart, so that none is near another's gate."""
+    lat_deg, lon_deg = {"ICBM": (9.0, 167.7), "SRBM": (37.0, -122.5)}[kind]
+    launched = [
+        {
+            "id": f"T{number or ''}",
+            "type": kind,
+            "launch": {**LAUNCH, "lat_deg": LAUNCH["lat_deg"] + 2.0 * number},
+            "aim": {"lat_deg": lat_deg + 2.0 * number, "lon_deg": lon_deg},
+        }
+        for number in range(targets)
+    ]
+    scene = {**SCENE, "duration_s": duration_s, "targets": launched, "tracker": tracker}
     plan = opir.compile_plan(opir.scene_from_mapping(scene))
     counting = Counting(plan.make_tracker())
     run_of_plan(evolve(plan, make_tracker=lambda: counting))
@@ -90,17 +104,27 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
 
 
 @pytest.mark.slow
+def test_more_targets_take_few_more_calls_a_tick() -> None:
+    """A loop over tracks would take four times as many for eight as for two, in ticks without new regions."""
+    few, many = (min(counted({"model": "imm"}, "ICBM", 30.0, each).calls[20:]) for each in (2, 8))
+    assert many < 1.5 * few
+
+
+@pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions.
     assert sorted(calls[3:12])[-2] <= 2800
-    assert np.median(calls[75:]) <= 715
+    assert np.median(calls[75:]) <= 650
 
 
 @pytest.mark.slow
 def test_new_impact_regions_take_few_calls() -> None:
-    """They are due every five seconds. Particles are columns, not rows of a loop: 256 of them would take more."""
+    """They are due every five seconds. Particles are columns, not rows of a loop: 256 of them would take more.
+
+    The budget is a tenth above the count, as the numbers of burns and families vary with the flight.
+    """
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
     renewed = calls[calls > 3000]
     assert len(renewed) == 5

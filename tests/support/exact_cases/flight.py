@@ -374,6 +374,7 @@ LEFT_OUT = {
         "Ephemeris": "through boost_ephemeris, coast_ephemeris and flight_ephemeris",
         "Forces": "a record",
         "KeplerStatus": "names of reasons",
+        **dict.fromkeys(("ascent", "boost_path", "launch_site"), "through aim, whose bound flies the path"),
         "boost_profile": "looks a name up",
         "boost_profiles": "looks names up",
     },

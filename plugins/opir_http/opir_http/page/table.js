@@ -162,7 +162,7 @@ function weighed(report) {
   const others = Object.entries(report.hypotheses).filter(([name, chance]) => chance >= 0.01 && name !== likeliest(report)).sort((one, other) => other[1] - one[1]);
   return [
     ["Or", others.map(([name, chance]) => `${name} ${share(chance)}`).join(", ") || "–"], ["P(launch)", share(report.probability_launch)],
-    ["P(comes down)", share(report.probability_comes_down)], ["P(in orbit)", share(report.probability_orbit)], ["Ended", report.end || "–"],
+    ["P(comes down)", share(report.probability_comes_down)], ["P(reaches orbit)", share(report.probability_orbit)], ["Ended", report.end || "–"],
   ];
 }
 

@@ -13,6 +13,7 @@ from opir_core.plugin import TARGET_TYPES, Detections, Sensor, Tracker, TrackerC
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
+from opir_trackers.arc.launch_hypotheses import LaunchHypotheses
 from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
@@ -20,6 +21,8 @@ from opir_trackers.gating import candidates, gated
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
+from opir_trackers.onset.composition import Composition
+from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 
 #: Least number of detections of an arc.
@@ -46,6 +49,8 @@ class ArcTracker(Tracker):
         self._rays = LineOfSightCache(LinesOfSight.of)
         self._pool = no_lines_of_sight()
         self._arcs = ArcFits.none(len(context.sensors))
+        self._composition = Composition.of(context.hypotheses)
+        self._launches = LaunchHypotheses.of(context.hypotheses)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
@@ -155,7 +160,20 @@ class ArcTracker(Tracker):
         begun = np.flatnonzero(arcs.is_fitted)
         if len(begun):
             self._fill(tracks, begun, tick_s)
-        return tracks
+        return self._with_hypotheses(tracks)
+
+    def _with_hypotheses(self, tracks: Tracks) -> Tracks:
+        """Return tracks with the probabilities of hypotheses; what is probably no launch has no launch and no impact.
+
+        Whether it is a launch follows from its motion, as in `imm`; what was launched, from its arc.
+        """
+        groups = self._now.motion.probability[np.searchsorted(self._now.table.number, tracks.track)]
+        others = groups[:, LAUNCH] < self._config.least_launch_probability
+        in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
+        given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
+        for column in (tracks.launch, tracks.launch_covariance, tracks.impact, tracks.impact_covariance):
+            column[others] = np.nan
+        return self._composition.composed(tracks, groups, given_launch)
 
     def _fill(self, tracks: Tracks, rows: IntArray, tick_s: float) -> None:
         """Write the estimates of the arcs of rows."""

@@ -7,7 +7,6 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.plugin import REPORTED_TYPES, Hypothesis, Tracks
-from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE
 
 #: Columns of group probabilities by the groups of hypotheses other than launches.
@@ -21,13 +20,11 @@ _SUMMED = ("missile", "orbit")
 class Composition:
     """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch) for target classes.
 
-    `of_groups` (5, H) takes group probabilities to hypotheses, `of_types` (types, H) those of reported types to target
-    classes, which share a type equally (all of them what is unknown); `sums` (H, types + 3) are the sums that tracks
-    have: reported types, launches, missiles, orbits.
+    `of_groups` (5, H) takes group probabilities to hypotheses; `sums` (H, types + 3) are the sums that tracks have:
+    reported types, launches, missiles, orbits.
     """
 
     of_groups: FloatArray
-    of_types: FloatArray
     sums: FloatArray
 
     @classmethod
@@ -39,18 +36,9 @@ class Composition:
         for place, one in enumerate(hypotheses):
             if not one.is_launch:
                 of_groups[_COLUMNS[one.group], place] = 1.0
-        # A type without a class of its own is unknown.
-        own = [launched & (kind == code) if code != UNKNOWN_TYPE else launched for code in range(len(REPORTED_TYPES))]
-        of_types = np.array([mine if mine.any() else launched for mine in own], dtype=np.float64)
         sums = [kind == code for code in range(len(REPORTED_TYPES))] + [launched]
         sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
-        return cls(
-            of_groups, of_types / np.maximum(of_types.sum(axis=1), 1.0)[:, None], np.array(sums, dtype=np.float64).T
-        )
-
-    def given_types(self, types: FloatArray) -> FloatArray:
-        """Return probabilities (n, H) given a launch from those of `REPORTED_TYPES` (n, types)."""
-        return _products(types, self.of_types)
+        return cls(of_groups, np.array(sums, dtype=np.float64).T)
 
     def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
         """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given a launch (n, H).

@@ -38,11 +38,15 @@ def scene(**settings):
 
 
 def sigmas_and_looks(kind, **settings):
-    """Return ticks, stated sigmas, m, and numbers of detections before the ticks of a boost seen by two sensors."""
+    """Return ticks, stated sigmas, m, and numbers of detections before the ticks of a boost seen by two sensors.
+
+    Of the ticks at which it is probably a launch: before, no impact is predicted.
+    """
     plan = compile_plan(scene(tracker={"model": "kepler-arc", **settings}, **LONGER[kind]))
     run = run_of_plan(plan)
     tracks = run.tracks
     assert len(np.unique(tracks.track)) == 1
+    tracks = tracks.take(np.flatnonzero(tracks.probability_launch > 0.5))
     sigma = np.sqrt(tracks.impact_covariance[:, 0, 0])
     assert sigma == pytest.approx(np.sqrt(tracks.impact_covariance[:, 1, 1]))
     looks = np.array([np.count_nonzero(run.detections.time_s < tick) for tick in tracks.tick_s])

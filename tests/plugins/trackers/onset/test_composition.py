@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from opir_trackers.onset.composition import Composition
 
-from opir_core.plugin import REPORTED_TYPES
 from opir_core.scene import core_hypotheses
 
 HYPOTHESES = core_hypotheses()
@@ -23,16 +22,3 @@ def test_a_launch_shares_its_probability_and_none_has_two_sources():
     expected = {"noise": 0.1, "ground source": 0.2, "bolide": 0.05, "SRBM": 0.42, "SLV": 0.12, "none of these": 0.11}
     for name, chance in expected.items():
         assert found[NAMES.index(name)] == pytest.approx(chance)
-
-
-@pytest.mark.parametrize("code", range(len(REPORTED_TYPES)))
-def test_reported_types_are_shared_by_their_classes(code):
-    types = np.eye(len(REPORTED_TYPES))[[code]]
-    share = COMPOSITION.given_types(types)[0]
-    assert share.sum() == pytest.approx(1.0)
-    used = [one for one, chance in zip(HYPOTHESES, share, strict=True) if chance > 0.0]
-    assert all(one.is_launch for one in used)
-    if REPORTED_TYPES[code] == "UNKNOWN":
-        assert len(used) == sum(one.is_launch for one in HYPOTHESES)
-    else:
-        assert {one.reported_type for one in used} == {REPORTED_TYPES[code]}
