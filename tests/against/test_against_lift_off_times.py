@@ -70,8 +70,8 @@ def probabilities(seed, copies, lift_m_s2, sensors, until_s):
     for second in range(until_s):
         copy, lines = looks(rng, copies, float(second), lift_m_s2, sensors)
         statistics = statistics.with_lines(copy, lines, posterior.log_clutter)
-        age_s = np.full(copies, second + 1.0)
-        statistics = posterior.assessed(statistics, second + 1.0, age_s, np.full(copies, 1.0 / LOOKS_PER_S))
+        seen_s, pause_s = np.full(copies, second + 1.0), np.full(copies, 1.0 / LOOKS_PER_S)
+        statistics = posterior.assessed(statistics, second + 1.0, np.zeros(copies), seen_s, pause_s)
         yield statistics.probability
 
 

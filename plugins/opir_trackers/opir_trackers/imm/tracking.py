@@ -139,7 +139,7 @@ class ImmTracking:
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self._longest_of_sensors(self.period_s, table)
-        motion = self.groups.assessed(motion, now.time_s, table.seen_s - table.first_s, pause_s)
+        motion = self.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s)
         return now.after(now.time_s, now.estimates, table, now.histories, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:

@@ -59,8 +59,11 @@ _TILTED_M_S2, _UNSTEADY_M_S3 = 10.0, 0.5
 #: direction; the rest is notional.
 _BOLIDE = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
 
-#: Objects that are none of these, those that fly like aircraft and balloons, and fast ones, as bolides; notional.
+#: Objects that are none of these, as bolides; notional. Most go straight on: what creeps over the ground, such as
+#: vehicles, ships, glints and edges of clouds, and what flies, such as aircraft and balloons. Others turn, or are fast.
 _OTHERS = (
+    ((0.0, GROUND_SIGMA_M), (20.0, 2.0), (0.05, 0.05), (0.003, 0.003)),
+    ((8e3, 6e3), (250.0, 15.0), (0.2, 0.1), (0.01, 0.01)),
     ((8e3, 6e3), (250.0, 60.0), (6.0, 3.0), (0.5, 0.5)),
     ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0)),
 )
@@ -92,7 +95,7 @@ class MotionPriors:
     def of(cls, config: HypothesesConfig) -> "MotionPriors":
         """Return the priors of a tracker's settings."""
         parts = [*_standing(config), *_from_rest(1.0 - config.in_flight_share), *_in_flight(config.in_flight_share)]
-        parts += [_drawn(BOLIDE, 1.0, *_BOLIDE), *(_drawn(NONE, 0.5, *other) for other in _OTHERS)]
+        parts += [_drawn(BOLIDE, 1.0, *_BOLIDE), *(_drawn(NONE, 1.0 / len(_OTHERS), *other) for other in _OTHERS)]
         parts = [part for part in parts if part.weight > 0.0]
         return cls(
             group=np.array([part.group for part in parts]),

@@ -9,7 +9,7 @@ Systems", 1999, 6.2).
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, MotionStatistics
@@ -18,7 +18,10 @@ _DAY_S = 86400.0
 
 #: A track is decided once ground and noise together are less probable than the first and a launch more than the second,
 #: or when its horizon is over.
-RARE, _SURE = 1e-4, 0.99
+RARE, _SURE = 1e-4, 0.999
+
+#: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has gone out.
+_BURN_S, _GONE_SCANS = 100.0, 5.0
 
 
 @frozen(eq=False)
@@ -60,19 +63,21 @@ class GroupPosterior:
         return np.append(0.0, share / share.sum())
 
     def assessed(
-        self, statistics: MotionStatistics, time_s: float, age_s: FloatArray, pause_s: FloatArray
+        self, statistics: MotionStatistics, time_s: float, first_s: FloatArray, seen_s: FloatArray, pause_s: FloatArray
     ) -> MotionStatistics:
         """Return the statistics with new probabilities of the undecided tracks at a time.
 
-        `age_s` (n,) is the time from the first to the last detection, `pause_s` (n,) the longest scan period of the
-        sensors that see the track. Lines that are not of one motion say nothing of it: these statistics begin anew.
+        `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s` (n,) the longest scan
+        period of the sensors that see the track. Lines that are not of one motion say nothing of it: these statistics
+        begin anew.
         """
         open_ = (~statistics.is_decided).nonzero()[0]
         if not len(open_):
             return statistics
-        mine, age_s, pause_s = statistics.part(open_), age_s[open_], pause_s[open_]
+        mine, pause_s = statistics.part(open_), pause_s[open_]
+        age_s, gone = (seen_s - first_s)[open_], time_s - seen_s[open_] > _GONE_SCANS * pause_s
         probability, decided = statistics.probability.copy(), statistics.is_decided.copy()
-        found = probability[open_] = self.probabilities(mine, age_s, pause_s)
+        found = probability[open_] = self.probabilities(mine, age_s, pause_s, gone)
         still = found[:, GROUND] + found[:, NOISE]
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
         decided[open_] = launched | (time_s - mine.epoch_s > mine.horizon_s())
@@ -81,8 +86,14 @@ class GroupPosterior:
         statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(mixed, time_s) if len(mixed) else statistics
 
-    def probabilities(self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray) -> FloatArray:
-        """Return the probabilities (n, 5) of the groups."""
+    def probabilities(
+        self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
+    ) -> FloatArray:
+        """Return the probabilities (n, 5) of the groups; `gone` (n,) tracks are no longer seen.
+
+        Light that lasts for a mean time T goes out at an age t with the density exp(-t / T) / T. So a launch that goes
+        out as soon as it is seen is as much less probable than a bolide as its burn is longer.
+        """
         evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s)
         log = np.empty((len(evidence), 1 + len(self.log_rate)))
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
@@ -90,6 +101,7 @@ class GroupPosterior:
             own = evidence[:, self.priors.group == group]
             log[:, group] = np.logaddexp.reduce(own, axis=1) + self.log_rate[group - GROUND]
         log[:, BOLIDE] -= age_s / self.bolide_s
+        log[gone, LAUNCH] += min(np.log(self.bolide_s / _BURN_S), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 

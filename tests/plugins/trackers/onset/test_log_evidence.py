@@ -81,12 +81,12 @@ def test_lines_add_up_in_any_portions():
     assert at_once.lines.tolist() == [np.count_nonzero(owner == row) for row in range(3)]
 
 
-def groups_of(points, time_s, sensor, rng, *, clutter=-np.inf, age_s=None, pause_s=0.1):
+def groups_of(points, time_s, sensor, rng, *, clutter=-np.inf, gone=False, pause_s=0.1):
     posterior = GroupPosterior.of(HypothesesConfig(), np.exp(np.full(2, clutter)), np.ones(2))
     lines = lines_to(points, time_s, sensor, rng)
     statistics = statistics_of(lines, points[0], clutter)
-    age = np.array([np.ptp(time_s) if age_s is None else age_s])
-    return posterior.probabilities(statistics, age, np.array([pause_s]))[0]
+    age = np.array([np.ptp(time_s)])
+    return posterior.probabilities(statistics, age, np.array([pause_s]), np.array([gone]))[0]
 
 
 TIME_S = np.arange(0.0, 20.0, 0.1)
@@ -117,6 +117,26 @@ def test_two_sensors_tell_what_moves_how(name):
     assert probability.sum() == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("speed_m_s", [8.0, 20.0, 100.0])
+def test_what_goes_straight_on_over_the_ground_is_no_launch_to_one_sensor(speed_m_s):
+    """A glint, a ship or a train: it does not gain speed as all that is powered does."""
+    time_s = np.arange(0.0, 40.0, 0.1)
+    path = PLACE + np.outer(time_s, speed_m_s * (0.6 * EAST + 0.8 * NORTH))
+    sensor = np.zeros(len(time_s), dtype=np.int64)
+    probability = groups_of(path, time_s, sensor, np.random.default_rng(8))
+    assert probability[LAUNCH] < 0.2
+
+
+def test_light_that_goes_out_at_once_is_less_probably_a_launch():
+    time_s = np.arange(0.0, 1.5, 0.1)
+    path = PLACE + 45e3 * UP + np.outer(time_s, 2e3 * NORTH - 3e3 * UP)
+    sensor = np.zeros(len(time_s), dtype=np.int64)
+    lit, out = (groups_of(path, time_s, sensor, np.random.default_rng(9), gone=gone) for gone in (False, True))
+    # Mean times of 5 and 100 s.
+    assert out[LAUNCH] / out[BOLIDE] == pytest.approx(lit[LAUNCH] / lit[BOLIDE] / 20.0)
+    assert out[LAUNCH] < lit[LAUNCH]
+
+
 def test_false_alarms_scattered_over_a_gate_are_noise():
     rng = np.random.default_rng(6)
     time_s, clutter = 10.0 * np.arange(6), np.log(100.0)
@@ -136,7 +156,7 @@ def test_lines_of_two_sources_say_nothing_of_a_motion():
     posterior = GroupPosterior.of(HypothesesConfig(), np.full(2, 1.0), np.ones(2))
     mixed = statistics_of(lines, PLACE, 0.0)
     assert mixed.are_unlike_any_motion().all()
-    anew = posterior.assessed(mixed, 6.0, np.array([6.0]), np.array([0.1]))
+    anew = posterior.assessed(mixed, 6.0, np.array([0.0]), np.array([6.0]), np.array([0.1]))
     assert anew.lines.tolist() == [0.0]
     assert anew.epoch_s.tolist() == [6.0]
     assert not statistics_of(lines.take(slice(1, None)), PLACE, 0.0).are_unlike_any_motion().any()
