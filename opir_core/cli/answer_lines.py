@@ -94,7 +94,10 @@ def _flight(track: Row | None) -> Iterator[str]:
     law = ", the paper's law, without containment"
     points = (("from", track["launch"]), ("to", track["impact"]))
     places = [f"{words} {place_text(point)}{spread_text(point, law)}" for words, point in points if point is not None]
-    yield from [" ".join(places)] if places else []
+    if falls is not None and falls < _PROBABLE:
+        yield from (f"should it come down, {place}" if place.startswith("to ") else place for place in places)
+    elif places:
+        yield " ".join(places)
 
 
 def point_text(point: Row | None) -> str:

@@ -55,6 +55,7 @@ def test_both_fates_are_printed_while_both_are_possible() -> None:
     far = stub_regions(9.0, 167.7, 900.0, probability=0.375)
     (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), far))
     assert "; tracker: SLV 0.62; reaches orbit: 0.62; comes down: 0.38; from" in line
+    assert "120.57 W (0.1 km); should it come down, to 9.00 N 167.70 E (95 % in" in line
     (line,) = sentences(tracks_of(stub_hypotheses(SLV=0.96), impact=np.nan, end=2))
     assert line.endswith("; tracker: SLV 0.96; reaches orbit: 0.96; from 34.73 N 120.57 W (0.1 km)")
     (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.75, SLV=0.25)))
