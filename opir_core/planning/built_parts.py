@@ -1,12 +1,14 @@
-"""Checks of what sensor and target models build: types, shapes, units, ranges."""
+"""Checks of what sensor and target models build: types, shapes, units, ranges; their problems, collected."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from attrs import define, evolve, field
 
-from opir_core.errors import kind_of
+from opir_core.errors import Problem, SceneError, kind_of
 from opir_core.interfaces.protocols import Sensor, Trajectories
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
 
@@ -126,3 +128,29 @@ def positions_fault(position_m: Any, count: int) -> str:
         where = f"{radius_m[wrong[0]]:g} m from the Earth's centre"
         return f"a position {where} during a burn; positions are in ECEF, in metres"
     return ""
+
+
+@define
+class BuildProblems:
+    """The problems of several components, each once, with their paths in the scene."""
+
+    found: dict[Problem, None] = field(factory=dict)
+
+    @contextmanager
+    def of(self, path: str) -> Iterator[None]:
+        """Collect the problems of the component at a path; it may name its settings relative to its own block."""
+        try:
+            yield
+        except SceneError as error:
+            self.found |= dict.fromkeys(_under(path, problem) for problem in error.problems)
+
+    def require_none(self) -> None:
+        """Raise `SceneError` with all problems, if any."""
+        if self.found:
+            raise SceneError(self.found)
+
+
+def _under(path: str, problem: Problem) -> Problem:
+    if problem.path.startswith(path):
+        return problem
+    return evolve(problem, path=f"{path}.{problem.path}" if problem.path else path)

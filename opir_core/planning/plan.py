@@ -16,8 +16,7 @@ from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner
 from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext, Surroundings, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
-from opir_core.planning.build_problems import BuildProblems
-from opir_core.planning.built_parts import motion_fault, sensor_fault, trajectories_fault
+from opir_core.planning.built_parts import BuildProblems, motion_fault, sensor_fault, trajectories_fault
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import offered_hypotheses, paper_codes, reported_types, with_paper_types

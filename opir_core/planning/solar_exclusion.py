@@ -15,7 +15,6 @@ from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.sun import is_sunlit, sun_ecef_m
 from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.protocols import Sensor
-from opir_core.orbits.sun_events import outage_times_s
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
 _ALLOWANCE_S, _TOLERANCE_S = 1.0, 0.1
@@ -36,6 +35,8 @@ class SolarExclusion:
     @classmethod
     def of(cls, sensor: Sensor, epoch_us: int, end_s: float) -> "SolarExclusion | None":
         """Return the solar exclusion of a sensor from scene time 0 to an end, or None if it prevents no look."""
+        from opir_core.orbits.sun_events import outage_times_s  # of sensors that may meet the Sun
+
         ends_s = -_ALLOWANCE_S, end_s + _ALLOWANCE_S
         start_s, stop_s = outage_times_s(sensor, epoch_us, *ends_s, tolerance_s=_TOLERANCE_S).T
         if not len(start_s):

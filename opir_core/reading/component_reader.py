@@ -153,15 +153,14 @@ class ComponentReader:
 
     def home_elsewhere(self, key: str, is_near: bool) -> str:
         """Return where in a scene a key belongs; not looked up if a known key is similar."""
-        from opir_core.reading.misplaced_keys import home_elsewhere
+        return self._home(None, None, key, is_near)
 
-        return "" if is_near else home_elsewhere(key, self._host)
+    def _home(self, component: Any, settings: Settings | None, key: str, is_near: bool) -> str:
+        from opir_core.reading.misplaced_keys import home_elsewhere, home_of  # of wrong scenes
 
-    def _home(self, component: Any, settings: Settings, key: str, is_near: bool) -> str:
-        from opir_core.reading.misplaced_keys import home_of
-
-        of_kind = home_of(key, self._host, component, is_chosen="model" in settings.other_keys)
-        return of_kind or self.home_elsewhere(key, is_near)
+        is_chosen = settings is not None and "model" in settings.other_keys
+        of_kind = home_of(key, self._host, component, is_chosen=is_chosen) if settings is not None else ""
+        return of_kind or ("" if is_near else home_elsewhere(key, self._host))
 
     def _own_complaints(
         self, complaints: list[Complaint], givers: Mapping[str, Any], component: Any, path: str
