@@ -29,6 +29,7 @@ LONG = {
         "docs/how-to/serve.md",
         "docs/tutorials/fusion-pipeline.md",
         "docs/how-to/stone-soup.md",
+        "docs/how-to/fit-a-prior.md",
         "docs/reference/event-extensions.md",
         "plugins/opir_stonesoup/README.md",
     ),

@@ -51,13 +51,22 @@ def prior_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def fit(arguments: argparse.Namespace) -> int:
-    """Write the law of the flights in files, and print how many there are of each kind."""
+    """Write the law of the flights in files, and print what each is taken for."""
     flights = [recorded_flight(path) for path in arguments.files]
     data = fitted(flights)
     arguments.out.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    orbits = sum(flight.orbits for flight in flights)
-    sys.stdout.write(f"{arguments.out}: {len(flights) - orbits} missiles, {orbits} space launches\n")
+    sys.stdout.write("\n".join([f"{arguments.out}:", *map(_shown, arguments.files, flights)]) + "\n")
     return 0
+
+
+def _shown(path: Path, flight: RecordedFlight) -> str:
+    """Return what a file is taken for, and its stages with units."""
+    stages = [
+        f"{burn:.0f} s from {first:.1f} m/s2 to {1.0 / ratio:.2f} of the mass"
+        f"{f', {gap:.0f} s dark' if gap > 0.0 else ''}"
+        for burn, first, ratio, gap in flight.stages.tolist()
+    ]
+    return f"{path}: {'space launch' if flight.orbits else 'missile'}; burns of {'; '.join(stages)}"
 
 
 def recorded_flight(path: Path) -> RecordedFlight:
@@ -68,7 +77,9 @@ def recorded_flight(path: Path) -> RecordedFlight:
         table = np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
     except KeyError as missing:
         raise OpirError(f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}") from None
-    except (OSError, ValueError, TypeError) as error:
+    except OSError as error:
+        raise OpirError(f"{path}: {error.strerror}") from error
+    except (ValueError, TypeError) as error:
         raise OpirError(f"{path}: {error}") from error
     spans = [span for span in _burns(table) if span.stop - span.start >= LEAST_ROWS] if len(table) else []
     if not spans:
@@ -76,9 +87,14 @@ def recorded_flight(path: Path) -> RecordedFlight:
     time_s = table[:, 0]
     ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
     gaps = [float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)]
-    stages = [_stage(table[span], end) for span, end in zip(spans, ends, strict=True)]
-    columns = np.column_stack([np.array(stages), np.array([*gaps, np.nan])])
-    return RecordedFlight(columns, _perigee_m(table[-1]) > _ORBIT_M)
+    stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
+    columns = np.column_stack([stages, np.array([*gaps, np.nan])])
+    # A burn against the motion is a return or a landing, not a stage on the way up; nor is what follows.
+    ahead = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
+    if not ahead[0]:
+        raise OpirError(f"{path}: the first burn is against the motion")
+    columns[np.count_nonzero(ahead) - 1, 3] = np.nan
+    return RecordedFlight(columns[ahead], _perigee_m(table[-1]) > _ORBIT_M)
 
 
 def _burns(table: FloatArray) -> list[slice]:
@@ -89,7 +105,10 @@ def _burns(table: FloatArray) -> list[slice]:
 
 
 def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
-    """Return burn time, first acceleration and ratio of masses of the rows of a burn that ends at a time."""
+    """Return burn time, first acceleration and ratio of masses of the rows of a burn that ends at a time.
+
+    They are nan for a burn against the motion.
+    """
     time_s, place, velocity = rows[:, 0], rows[:, 1:4], rows[:, 4:7]
     distinct = np.concatenate([[True], np.diff(time_s) > 1e-9])
     time_s, place, velocity = time_s[distinct], place[distinct], velocity[distinct]
@@ -102,7 +121,11 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
         speed > 1.0, np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0), np.linalg.norm(force, axis=1)
     )
     since = time_s - time_s[0]
-    slope, start = np.polyfit(since, 1.0 / np.maximum(along, 0.5), 1)
+    if np.median(along) <= 0.0:
+        return np.nan, np.nan, np.nan
+    along = np.maximum(along, 0.5)
+    # An error of the force f is one of its inverse that is larger by 1/f²: rows of little force say little.
+    slope, start = np.polyfit(since, 1.0 / along, 1, w=along**2)
     burn = end_s - float(time_s[0])
     return burn, 1.0 / max(start, 1e-3), float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0))
 

@@ -57,6 +57,15 @@ def test_stages_of_a_table_are_those_that_were_flown(tmp_path: Path) -> None:
     assert np.isnan(flight.stages[1, 3])
 
 
+def test_a_burn_against_the_motion_is_no_stage(tmp_path: Path) -> None:
+    """A stage that flies back brakes with thrust against its velocity: it and what follows are left out."""
+    path = written(tmp_path / "back.csv", [STAGES[0], (20.0, -30.0, 1.2, 5.0), STAGES[1]])
+    flight = recorded_flight(path)
+    assert flight.stages.shape == (1, 4)
+    assert flight.stages[0, 0] == pytest.approx(60.0, abs=0.6)
+    assert np.isnan(flight.stages[0, 3])
+
+
 def test_spreads_are_widened_and_what_no_flight_shows_stays() -> None:
     own = vehicle_model().data["families"]
     burns = np.array([50.0, 60.0, 72.0, 90.0])
@@ -77,7 +86,10 @@ def test_the_command_writes_a_law_that_the_tracker_takes(tmp_path: Path, capsys:
     files = [str(written(tmp_path / f"{k}.csv", STAGES[: 1 + k % 2])) for k in range(2)]
     out = tmp_path / "prior.json"
     assert main(["prior", "fit", *files, "-o", str(out)]) == 0
-    assert "2 missiles, 0 space launches" in capsys.readouterr().out
+    one, two = capsys.readouterr().out.splitlines()[1:]
+    assert one.endswith("0.csv: missile; burns of 60 s from 22.0 m/s2 to 0.40 of the mass")
+    assert "; burns of 60 s from " in two
+    assert ", 8 s dark; 50 s from " in two
     assert json.loads(out.read_text())["families"]["missile"]["upper"]["median"][0] == pytest.approx(50.0, abs=1.0)
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=10.0)
     assert imm_tracker(ImmConfig(boost_prior=str(out)), context) is not None
