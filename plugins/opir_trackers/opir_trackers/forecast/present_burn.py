@@ -67,14 +67,13 @@ def present_burns(
     longest = np.maximum(np.minimum(np.exp(most[:, BURN]), used_up), since_s + 1.0)
     burn = since_s[:, None] + (longest - since_s)[:, None] * _MIDDLES
     shrink = np.maximum(1.0 - rate[:, None] * burn, _LEAST_MASS)
-    left = np.log(shrink)
     one = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
-    other = (-left - mean[:, RATIO, None]) / sigma[:, RATIO, None]
+    other = (-np.log(shrink) - mean[:, RATIO, None]) / sigma[:, RATIO, None]
     # Few structures bear more at the end of a burn: odds by the eighth power of the last acceleration.
     most_8 = np.square(np.square(np.square((first / highest_m_s2)[:, None] / shrink)))
-    log = -0.5 * (one * one + other * other) - left - np.log1p(most_8)
+    log = -0.5 * (one * one + other * other)
     top = log.max(axis=1)
-    density = np.exp(log - top[:, None])
+    density = np.exp(log - top[:, None]) / (shrink * (1.0 + most_8))
     total = density.sum(axis=1)
     early = (np.log(first) - mean[:, FORCE]) / sigma[:, FORCE]
     scale = np.log(sigma[:, :GAP].prod(axis=1) * force * grown * grown)

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from contourpy import FillType, contour_generator
+from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
@@ -122,19 +122,20 @@ def regions(
     plane = chart.points(place)
     frame = Plane() if origin is None else coordinates(plane, weight)
     contours = _Contours(frame, frame.curved(plane), weight)
-    found = []
-    for share in TRACK_CONTAINMENTS:
-        points, cuts = contours.around(share)
-        points = _on_earth(points)
-        places = chart.places(points)
+    outlines = [contours.around(share) for share in TRACK_CONTAINMENTS]
+    points = _on_earth(np.concatenate([ring for ring, _ in outlines]))
+    places, centre, start, found = chart.places(points), chart.centre, 0, []
+    for share, (ring, cuts) in zip(TRACK_CONTAINMENTS, outlines, strict=True):
+        polygons = [[slice(start + one, start + two) for one, two in pairwise(rings)] for rings in cuts]
         # The first ring of a polygon is the outer one, others are holes.
         area_m2 = sum(
-            map_area_m2(points[one:two]) * (-1.0 if number else 1.0)
-            for rings in cuts
-            for number, (one, two) in enumerate(pairwise(rings))
+            map_area_m2(points[part]) * (-1.0 if number else 1.0)
+            for parts in polygons
+            for number, part in enumerate(parts)
         )
-        polygons = tuple(tuple(places[one:two] for one, two in pairwise(rings)) for rings in cuts)
-        found.append(ImpactRegion(share, 1e-6 * area_m2, polygons, chart.centre, condition, probability, samples))
+        rings = tuple(tuple(places[part] for part in parts) for parts in polygons)
+        found.append(ImpactRegion(share, 1e-6 * area_m2, rings, centre, condition, probability, samples))
+        start += len(ring)
     return tuple(found)
 
 
@@ -142,7 +143,7 @@ class _Contours:
     """Lines of equal density on the ground of points (n, 2) in the coordinates of a frame, with weights (n,)."""
 
     def __init__(self, frame: Plane, curved: FloatArray, weight: FloatArray) -> None:
-        self._frame, self._weight, self._mean = frame, weight, weight @ curved
+        self._frame, self._mean = frame, weight @ curved
         away = curved - self._mean
         least = LEAST_M**2 / frame.stretch(self._mean)
         spread = (weight[:, None] * away).T @ away
@@ -162,20 +163,38 @@ class _Contours:
         along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
         nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
         density = (along * weight) @ across.T / frame.stretch(nodes)
-        self._at = _density_without_own(squares, widths, weight) / frame.stretch(curved)
-        self._generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
+        at = _density_without_own(squares, widths, weight) / frame.stretch(curved)
+        order = np.argsort(-at, kind="stable")
+        self._levels, self._held = at[order], np.cumsum(weight[order])
+        self._generator = _contour_lines(x, y, density.T)
 
     def around(self, share: float) -> tuple[FloatArray, list[list[int]]]:
         """Return points of the map (k, 2), m, and where the rings of each polygon begin and end: a share is inside."""
-        order = np.argsort(-self._at, kind="stable")
-        held = np.searchsorted(np.cumsum(self._weight[order]), share)
-        level = float(self._at[order[min(int(held), len(order) - 1)]])
+        held = int(np.searchsorted(self._held, share))
+        level = float(self._levels[min(held, len(self._levels) - 1)])
         filled: Any = self._generator.filled(level, np.inf)
         points, cuts = filled
         starts = np.cumsum([0, *map(len, points)]).tolist()
         rings = np.concatenate([*points, np.empty((0, 2))])
         edges = [(offsets.astype(np.int64) + start).tolist() for offsets, start in zip(cuts, starts, strict=False)]
         return _outlines(self._frame, self._mean + (rings * self._scale) @ self._axes.T, edges)
+
+
+def _contour_lines(x: FloatArray, y: FloatArray, density: FloatArray) -> SerialContourGenerator:
+    """Return what makes contours of finite densities (y, x); `contour_generator` takes as long to look for masks."""
+    ahead, aside = np.meshgrid(x, y)
+    no_mask: Any = np.False_
+    return SerialContourGenerator(
+        ahead,
+        aside,
+        density,
+        no_mask,
+        corner_mask=False,
+        line_type=LineType.Separate,
+        fill_type=FillType.OuterOffset,
+        quad_as_tri=False,
+        z_interp=ZInterp.Linear,
+    )
 
 
 def _robust_sigmas(away: FloatArray, weight: FloatArray, sigma: FloatArray) -> FloatArray:
