@@ -216,8 +216,9 @@ class Tracks(Columns):
     are codes into `IMPACT_METHODS`.
 
     `hypothesis_probability` (n, H) is over the scene's hypotheses, (n, 0) if the tracker weighs none. Sums over some of
-    them are `probability_launch` (n,), of anything that was launched, `probability_missile`, of what comes down
-    ballistically, and `probability_orbit`, of what stays in orbit. `end` (n,) are codes into `TRACK_ENDS`.
+    them are `probability_missile` (n,), of what comes down ballistically, and `probability_orbit`, of what stays in
+    orbit. `probability_launch` is that of anything that was launched: of the target classes, and of what none of these
+    is but was launched. `end` (n,) are codes into `TRACK_ENDS`.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {

@@ -77,7 +77,8 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
     chances = tracks.hypothesis_probability
     if chances.shape != (len(tracks), len(hypotheses)) or not hypotheses:
         return {}
-    known = chances[~np.isnan(chances).any(axis=1)]
+    rows = ~np.isnan(chances).any(axis=1)
+    known, none = chances[rows], chances[:, [each.group == "none" for each in hypotheses]].sum(axis=1)
     sums = hypothesis_sums(chances, hypotheses)
     return {
         "hypothesis_probability: not negative, summing to 1, or nan": bool(
@@ -86,7 +87,12 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
         **{
             f"{name}: the sum of its hypotheses": np.allclose(getattr(tracks, name), total, atol=1e-6, equal_nan=True)
             for name, total in sums.items()
+            if name != "probability_launch"
         },
+        "probability_launch: at least that of the target classes, at most with none of these": bool(
+            np.all(tracks.probability_launch[rows] >= sums["probability_launch"][rows] - 1e-6)
+            and np.all(tracks.probability_launch[rows] <= (sums["probability_launch"] + none)[rows] + 1e-6)
+        ),
     }
 
 

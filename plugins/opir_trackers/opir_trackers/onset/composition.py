@@ -12,7 +12,7 @@ from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE,
 #: Columns of group probabilities by the groups of hypotheses other than launches.
 _COLUMNS = {"noise": NOISE, "ground": GROUND, "bolide": BOLIDE, "none": NONE}
 
-#: Groups of launches whose sums tracks have, after those of reported types and of launches.
+#: Groups of launches whose sums tracks have, after those of reported types.
 _SUMMED = ("missile", "orbit")
 
 
@@ -20,8 +20,8 @@ _SUMMED = ("missile", "orbit")
 class Composition:
     """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch) for target classes.
 
-    `of_groups` (5, H) takes group probabilities to hypotheses; `sums` (H, types + 3) are the sums that tracks have:
-    reported types, launches, missiles, orbits.
+    `of_groups` (5, H) takes group probabilities to hypotheses; `sums` (H, types + 2) are the sums that tracks have:
+    reported types, missiles, orbits.
     """
 
     of_groups: FloatArray
@@ -31,12 +31,11 @@ class Composition:
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "Composition":
         """Return the composition of a scene's hypotheses."""
         kind = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
-        launched = np.array([one.is_launch for one in hypotheses])
         of_groups = np.zeros((len(_COLUMNS) + 1, len(hypotheses)))
         for place, one in enumerate(hypotheses):
             if not one.is_launch:
                 of_groups[_COLUMNS[one.group], place] = 1.0
-        sums = [kind == code for code in range(len(REPORTED_TYPES))] + [launched]
+        sums = [kind == code for code in range(len(REPORTED_TYPES))]
         sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
         return cls(of_groups, np.array(sums, dtype=np.float64).T)
 
@@ -49,16 +48,19 @@ class Composition:
         return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
 
     def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
-        """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as."""
+        """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as.
+
+        That of a launch includes what was launched and is none of the known classes.
+        """
         probability = self.probabilities(groups, given_launch)
         sums = _products(probability, self.sums)
         types = len(REPORTED_TYPES)
         return evolve(
             tracks,
             hypothesis_probability=probability,
-            probability_launch=sums[:, types],
-            probability_missile=sums[:, types + 1],
-            probability_orbit=sums[:, types + 2],
+            probability_launch=groups[:, LAUNCH],
+            probability_missile=sums[:, types],
+            probability_orbit=sums[:, types + 1],
             type_probability=sums[:, :types],
         )
 
