@@ -12,6 +12,9 @@ import opir_core as opir
 #: A track claims a launch above this, and has recognised one above that.
 LAUNCHED, KNOWN = 0.5, 0.95
 
+#: Types of the launches.
+LAUNCHES = 3 * ("SRBM", "IRBM", "ICBM", "SLV")
+
 #: Ground sources for a launch, by the default prior rates.
 GROUND_SOURCES = 1000.0
 
@@ -21,9 +24,9 @@ def hour_scene(duration_s: float, seed: int) -> opir.Scene:
     region = {"south_deg": 30, "north_deg": 45, "west_deg": 40, "east_deg": 80}
     rng = np.random.default_rng([17, seed])
     targets = []
-    for number, kind in enumerate(("SRBM", "IRBM", "ICBM", "SLV")):
+    for number, kind in enumerate(LAUNCHES):
         launch = {"lat_deg": rng.uniform(31, 44), "lon_deg": rng.uniform(42, 78)}
-        launch["time_s"] = duration_s * (number + 0.5) / 5.0
+        launch["time_s"] = duration_s * (number + 0.5) / (len(LAUNCHES) + 1.0)
         target: dict[str, Any] = {"id": f"{kind}-{number}", "type": kind, "launch": launch}
         reach = {"SRBM": 4.0, "IRBM": 25.0, "ICBM": 70.0}.get(kind)
         if reach is None:
