@@ -12,6 +12,8 @@ from foreign_flights import MU, RADIUS_M, directions, ecef, geodetic
 from scipy.optimize import brentq
 
 SCALE_M, LONGEST_S = 7000.0, 4000.0
+#: Thrust is no farther than this from the velocity, but for the first seconds.
+FARTHEST_RAD, SLOW_S = np.radians(20.0), 15.0
 
 
 def drawn_glide(rng: np.random.Generator) -> Ascent:
@@ -32,7 +34,7 @@ def drawn_glide(rng: np.random.Generator) -> Ascent:
         except ValueError:
             continue
         rows = course.rows(bend)
-        if 2300.0 < rows[-1][2] < 6800.0:
+        if 2300.0 < rows[-1][2] < 6800.0 and course.lead_rad(np.array(rows)) < FARTHEST_RAD:
             glide = _glided(rows[-1], ratio, last_m_s)
             return _on_the_earth(np.array(rows), np.array(glide), edges, place, azimuth, curve)
 
@@ -49,6 +51,15 @@ class _Course:
     def miss_m(self, bend: float) -> float:
         """Return by how much the boost ends too high, m."""
         return self.rows(bend)[-1][1] - self.height_m
+
+    def lead_rad(self, rows: np.ndarray) -> float:
+        """Return the largest angle between thrust and velocity, from `SLOW_S` on, that bends the path as it does."""
+        time_s, height, speed, angle = rows[rows[:, 0] > SLOW_S].T
+        pull = MU / (RADIUS_M + height) ** 2 - speed**2 / (RADIUS_M + height)
+        side = speed * np.gradient(angle, time_s) + pull * np.cos(angle)
+        along = np.gradient(speed, time_s) + pull * np.sin(angle)
+        lit = along > 5.0
+        return float(np.max(np.abs(np.arctan2(side, along))[lit]))
 
     def rows(self, bend: float) -> list[list[float]]:
         """Return rows of time, height, speed and flight-path angle."""
