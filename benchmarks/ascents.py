@@ -2,7 +2,8 @@
 
 Notional kinematics: thrust and mass flow of a stage are constant, so its acceleration grows; the flight-path angle is a
 smooth curve from vertical to level whose shape is sought until the second stage ends at the wanted height. A round,
-rotating Earth, no drag. First burns, gaps and second stages are about what six webcast ascents show.
+rotating Earth, no drag. First burns, gaps and second stages are about what six webcast ascents show. After the last
+burn the table goes on for `DARK_S`, in free flight.
 """
 
 from pathlib import Path
@@ -10,21 +11,22 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from foreign_flights import MU, RADIUS_M, SPIN, ecef
+from foreign_flights import MU, RADIUS_M, SPIN, ecef, geodetic
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-STEP_S = 0.25
+STEP_S, DARK_S = 0.25, 45.0
 
 
 @frozen(eq=False)
 class Ascent:
-    """Rows (n, 8) of time since ignition, ECEF state and burning; burns (k, 2), s; whether it stays in orbit."""
+    """Rows (n, 8) of time since ignition, ECEF state and burning; burns (k, 2), s; impact, rad, None if unknown."""
 
     rows: np.ndarray
     burns_s: tuple[tuple[float, float], ...]
-    in_orbit: bool
     longitude_deg: float
+    impact: tuple[float, float] | None = None
 
     def state(self, time_s: float) -> np.ndarray:
         """Return the ECEF state (6,) at a time since ignition, by the cubic through two rows and their velocities."""
@@ -47,8 +49,22 @@ def _cubic(begin_s: float, end_s: float, place: np.ndarray, velocity: np.ndarray
     return spline, spline.derivative()
 
 
-def drawn_ascent(rng: np.random.Generator, share: float = 1.0) -> Ascent:
-    """Return an ascent; `share` of the orbital speed is reached at the last cut-off, below 1 it comes down."""
+def drawn_near_orbit(rng: np.random.Generator) -> Ascent:
+    """Return an ascent like that of 14 March 2024 (Starship IFT-3), which came down after half of an orbit.
+
+    It was cut off at 7.36 km/s over ground and 150 km, climbing: its perigee was below the ground.
+    """
+    while True:
+        found = drawn_ascent(rng, rng.uniform(0.99, 0.996), (150e3, np.radians(1.3)))
+        if found.impact:
+            return found
+
+
+def drawn_ascent(rng: np.random.Generator, share: float = 1.0, cut_off: tuple[float, float] | None = None) -> Ascent:
+    """Return an ascent; `share` of the orbital speed is reached at the last cut-off, below 1 it comes down.
+
+    `cut_off` are its height and flight-path angle, m and rad; without it, it is level at a random height.
+    """
     while True:
         latitude, longitude = np.radians(rng.uniform(-35.0, 45.0)), np.radians(rng.uniform(-180.0, 180.0))
         azimuth = np.radians(rng.uniform(40.0, 120.0))
@@ -56,10 +72,9 @@ def drawn_ascent(rng: np.random.Generator, share: float = 1.0) -> Ascent:
         lift, growth = rng.uniform(11.5, 15.0), rng.uniform(2.6, 3.6)
         upper, most = rng.uniform(6.5, 9.5), rng.uniform(3.5, 5.5)
         dip = rng.uniform(0.0, 0.35)
-        height_m, bend = rng.uniform(150e3, 280e3), rng.uniform(0.55, 0.85)
-        found = _flown(
-            (latitude, longitude, azimuth), (first_s, gap_s, lift, growth, dip, upper, most), height_m, bend, share
-        )
+        end, bend = (rng.uniform(150e3, 280e3), 0.0), rng.uniform(0.55, 0.85)
+        site, stages = (latitude, longitude, azimuth), (first_s, gap_s, lift, growth, dip, upper, most)
+        found = _flown(site, stages, cut_off or end, bend, share)
         if found is not None:
             return found
 
@@ -73,48 +88,71 @@ def drawn_return(rng: np.random.Generator) -> Ascent:
         end_s = begin_s + rng.uniform(30.0, 50.0)
         size = rng.uniform(14.0, 22.0)
         rows = ascent.rows[ascent.rows[:, 0] <= cut_s]
-        state, now, out = rows[-1, 1:7].copy(), cut_s, [rows]
-        level = state[3:] - state[:3] * (state[:3] @ state[3:]) / (state[:3] @ state[:3])
-        back = -level / np.linalg.norm(level)
-        for until, force in ((begin_s, 0.0), (end_s, size), (end_s + 20.0, 0.0)):
-            part = []
-            while now < until - 1e-9:
-                step = min(STEP_S, until - now)
-                state, now = _rk4(state, step, force * back), now + step
-                part.append([now, *state, 0.0])
-            part[-1][7] = 0.0
-            leg = np.array([[out[-1][-1, 0], *out[-1][-1, 1:7], float(force > 0.0)], *part])
-            leg[:-1, 7] = float(force > 0.0)
-            out.append(leg[1:] if np.array_equal(leg[0, 7:], out[-1][-1, 7:]) else leg)
-        out[0] = out[0].copy()
-        table = np.concatenate(out)
-        return Ascent(table, ((0.0, cut_s), (begin_s, end_s)), False, ascent.longitude_deg)
+        rows = rows[: np.argmax(rows[:, 0] == cut_s) + 1].copy()
+        rows[-1, 7] = 0.0
+        place, velocity = rows[-1, 1:4], rows[-1, 4:7]
+        level = velocity - place * (place @ velocity) / (place @ place)
+        rows = _flown_on(rows, begin_s, np.zeros(3))
+        rows = _flown_on(rows, end_s, -size * level / np.linalg.norm(level))
+        rows = _flown_on(rows, end_s + DARK_S, np.zeros(3))
+        return Ascent(rows, ((0.0, cut_s), (begin_s, end_s)), ascent.longitude_deg, fallen(rows[-1, 1:7]))
+
+
+def _flown_on(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray:
+    """Return rows (n, 8), the last of which begins a leg, with those of the leg under a force, m/s²."""
+    state, now, leg = rows[-1, 1:7], float(rows[-1, 0]), []
+    while now < until_s - 1e-9:
+        step = min(STEP_S, until_s - now)
+        state, now = _rk4(state, step, force), now + step
+        leg.append([now, *state, 0.0])
+    leg = [[*rows[-1, :7], 0.0], *leg]
+    burns = float(np.any(force != 0.0))
+    every = np.array(leg)
+    every[:-1, 7] = burns
+    return np.concatenate([rows[:-1], every])
+
+
+def fallen(state: np.ndarray) -> tuple[float, float] | None:
+    """Return latitude and longitude, rad, of the impact of a free flight, None if it has none in two hours."""
+
+    def height(_time_s: float, at: np.ndarray) -> float:
+        return geodetic(at[:3])[2]
+
+    height.terminal, height.direction = True, -1.0  # type: ignore[attr-defined]
+    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "max_step": 60.0}
+    fall = solve_ivp(lambda _, at: _rates(at, np.zeros(3)), (0.0, 7200.0), state, events=height, **exact)
+    return geodetic(fall.y_events[0][0][:3])[:2] if len(fall.t_events[0]) else None
+
+
+def turned(time_s: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the angles (n,), rad, by which something turns at rates (n,), rad/s, from the first time on."""
+    steps = 0.5 * np.diff(time_s) * (rate[1:] + rate[:-1])
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _rates(at: np.ndarray, force: np.ndarray) -> np.ndarray:
+    place, velocity, axis = at[:3], at[3:], np.array([0.0, 0.0, SPIN])
+    pull = -MU * place / np.linalg.norm(place) ** 3
+    turn = -2.0 * np.cross(axis, velocity) - np.cross(axis, np.cross(axis, place))
+    return np.concatenate([velocity, pull + turn + force])
 
 
 def _rk4(state: np.ndarray, step: float, force: np.ndarray) -> np.ndarray:
-    axis = np.array([0.0, 0.0, SPIN])
-
-    def rates(at: np.ndarray) -> np.ndarray:
-        place, velocity = at[:3], at[3:]
-        pull = -MU * place / np.linalg.norm(place) ** 3
-        turn = -2.0 * np.cross(axis, velocity) - np.cross(axis, np.cross(axis, place))
-        return np.concatenate([velocity, pull + turn + force])
-
-    one = rates(state)
-    two = rates(state + 0.5 * step * one)
-    three = rates(state + 0.5 * step * two)
-    four = rates(state + step * three)
+    one = _rates(state, force)
+    two = _rates(state + 0.5 * step * one, force)
+    three = _rates(state + 0.5 * step * two, force)
+    four = _rates(state + step * three, force)
     return np.asarray(state + step / 6.0 * (one + 2.0 * two + 2.0 * three + four))
 
 
-def _flown(site: Any, stages: Any, height_m: float, bend: float, share: float) -> Ascent | None:
+def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, share: float) -> Ascent | None:
     first_s, gap_s, lift, growth, dip, upper, most = stages
-    latitude, longitude, azimuth = site
+    (latitude, longitude, azimuth), height_m = site, cut_off[0]
     # What the rotation gives along the azimuth at this latitude.
     east = SPIN * RADIUS_M * np.cos(latitude) * np.sin(azimuth)
 
     def course(late_rad: float) -> tuple[np.ndarray, float]:
-        return _course(first_s, gap_s, lift, growth, dip, upper, most, bend, late_rad, height_m, east, share)
+        return _course(first_s, gap_s, lift, growth, dip, upper, most, bend, late_rad, *cut_off, east, share)
 
     def miss(late_rad: float) -> float:
         return course(late_rad)[0][-1, 1] - height_m
@@ -127,7 +165,7 @@ def _flown(site: Any, stages: Any, height_m: float, bend: float, share: float) -
     burn_s = end_s - first_s - gap_s
     if not 200.0 < burn_s < 520.0:
         return None
-    time_s, height, speed, angle, along = rows.T
+    time_s, height, speed, angle = rows.T
     origin = ecef(latitude, longitude)
     radius = np.linalg.norm(origin)
     up0 = origin / radius
@@ -135,7 +173,7 @@ def _flown(site: Any, stages: Any, height_m: float, bend: float, share: float) -
     north0 = np.cross(up0, east0)
     ahead0 = np.sin(azimuth) * east0 + np.cos(azimuth) * north0
     ahead0 /= np.linalg.norm(ahead0)
-    turn = along / RADIUS_M
+    turn = turned(time_s, speed * np.cos(angle) / (radius + height))
     up = np.cos(turn)[:, None] * up0 + np.sin(turn)[:, None] * ahead0
     ahead = np.cos(turn)[:, None] * ahead0 - np.sin(turn)[:, None] * up0
     place = (radius + height)[:, None] * up
@@ -150,20 +188,23 @@ def _flown(site: Any, stages: Any, height_m: float, bend: float, share: float) -
         before = table[row].copy()
         before[0], before[7] = table[row, 0], table[row - 1, 7]
         table = np.insert(table, row, before, axis=0)
-    return Ascent(table, ((0.0, first_s), (first_s + gap_s, end_s)), share >= 1.0, float(np.degrees(longitude)))
+    table[-1, 7] = 0.0
+    table = _flown_on(table, end_s + DARK_S, np.zeros(3))
+    impact = fallen(table[-1, 1:7]) if share < 1.0 else None
+    return Ascent(table, ((0.0, first_s), (first_s + gap_s, end_s)), float(np.degrees(longitude)), impact)
 
 
 def _course(
     first_s: float, gap_s: float, lift: float, growth: float, dip: float, upper: float, most: float,
-    bend: float, late_rad: float, height_m: float, east: float, share: float,
+    bend: float, late_rad: float, height_m: float, last_rad: float, east: float, share: float,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Return rows (n, 5) of time, height, speed over ground, flight-path angle and way over ground, and the cut-off."""
+    """Return rows (n, 4) of time, height, speed over ground and flight-path angle, and the cut-off."""
     rise_s, rows = 12.0, []
-    height, along, speed, now, end_s = 0.0, 0.0, 0.1, 0.0, np.inf
+    height, speed, now, end_s = 0.0, 0.1, 0.0, np.inf
     goal = share * np.sqrt(MU / (RADIUS_M + height_m)) - east
     angle, cut_angle = 0.5 * np.pi, late_rad
     while now < end_s - 1e-9 and now < 800.0:
-        rows.append([now, height, speed, angle, along])
+        rows.append([now, height, speed, angle])
         step = min(
             STEP_S, first_s - now if now < first_s else first_s + gap_s - now if now < first_s + gap_s else STEP_S
         )
@@ -187,17 +228,10 @@ def _course(
             start_speed, start_angle = speed, kept
         else:
             part = np.clip((speed - start_speed) / (goal - start_speed), 0.0, 1.0)
-            angle = start_angle * (1.0 - part) ** 1.2
+            angle = last_rad + (start_angle - last_rad) * (1.0 - part) ** 1.2
         up = 0.5 * (was_speed * np.sin(was_angle) + speed * np.sin(angle))
-        ahead = 0.5 * (was_speed * np.cos(was_angle) + speed * np.cos(angle))
-        along += step * ahead * RADIUS_M / (RADIUS_M + height + 0.5 * step * up)
         height += step * up
         if speed >= goal:
             end_s = now
-    rows.append([now, height, speed, angle, along])
-    for _ in range(40):
-        pull = MU / (RADIUS_M + height) ** 2
-        along += STEP_S * speed * np.cos(angle) * RADIUS_M / (RADIUS_M + height)
-        now += STEP_S
-        rows.append([now, height, speed, angle, along])
-    return np.array(rows), now - 40 * STEP_S
+    rows.append([now, height, speed, angle])
+    return np.array(rows), now

@@ -73,13 +73,15 @@ def geodetic(place: np.ndarray) -> tuple[float, float, float]:
     return float(latitude), float(np.arctan2(place[1], place[0])), float(height)
 
 
-def drawn_flight(stages: int, gaps: bool, rng: np.random.Generator) -> ForeignFlight:
-    """Return a random flight with a number of stages, dark for 2 to 12 s between them if `gaps`."""
+def drawn_flight(
+    stages: int, gaps: bool, rng: np.random.Generator, gap_s: tuple[float, float] = (2.0, 12.0)
+) -> ForeignFlight:
+    """Return a random flight with a number of stages, dark for some time of `gap_s` between them if `gaps`."""
     while True:
         burn = rng.uniform(*{1: (45.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}[stages], stages)
         first = np.concatenate([rng.uniform(14.0, 28.0, 1), rng.uniform(12.0, 30.0, stages - 1)])
         growth = rng.uniform(1.8, 4.5, stages)
-        gap = np.append(rng.uniform(2.0, 12.0, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
+        gap = np.append(rng.uniform(*gap_s, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
         rise, kick = rng.uniform(4.0, 10.0), np.radians(rng.uniform(4.0, 24.0))
         place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
         flight = _flown(Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi)))

@@ -13,6 +13,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.gliding import glided
 from opir_trackers.forecast.forecaster import LaunchForecasts
 from opir_trackers.imm.track_management import TrackTable
 
@@ -50,6 +51,33 @@ def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolAr
         probability_relights=found.probability_relights,
         end=np.where(told.end > 0, told.end, found.end).astype(np.uint8),
     )
+
+
+def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> Tracks:
+    """Return tracks whose states are mixtures with those of gliders, as far as they coast; `share` (n,) is P(glide)."""
+    share = share * estimates.weight[:, 1]
+    rows = (share > _LEAST_GLIDE).nonzero()[0]
+    if not len(rows):
+        return tracks
+    other = glided(tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2])
+    state, covariance = mixed_with(tracks.state, tracks.state_covariance, rows, other, share[rows])
+    return evolve(tracks, state=state, state_covariance=covariance)
+
+
+#: Least probability of a glide that counts.
+_LEAST_GLIDE = 0.01
+
+
+def mixed_with(
+    state: FloatArray, covariance: FloatArray, rows: IntArray, other: tuple[FloatArray, FloatArray], share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with others in shares (m,)."""
+    apart, both = other[0] - state[rows], share[:, None, None]
+    state, covariance = state.copy(), covariance.copy()
+    state[rows] += share[:, None] * apart
+    spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
+    covariance[rows] = both * other[1] + (1.0 - both) * covariance[rows] + spread
+    return state, covariance
 
 
 def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float) -> Tracks:

@@ -10,7 +10,7 @@ from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.forecast.vehicles import vehicle_model
-from opir_trackers.imm.report import with_launches
+from opir_trackers.imm.report import with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
@@ -30,6 +30,7 @@ class ImmTracker(Tracker):
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
         self._composition = Composition.of(context.hypotheses)
+        self._glides = np.array([one.group == "glide" for one in context.hypotheses], dtype=np.bool_)
         model, every_s = vehicle_model(tracking.config.boost_prior), tracking.config.regions_every_s
         self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
 
@@ -52,7 +53,8 @@ class ImmTracker(Tracker):
         told = self._tracking.reported_tracks(self._now)
         launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
         found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
-        tracks = with_launches(told, found, launched)
+        glides = told.groups[:, LAUNCH] * found.given_launch[:, self._glides].sum(axis=1)
+        tracks = with_glides(with_launches(told, found, launched), told.estimates, glides)
         if np.count_nonzero(found.end):
             # Nothing new can come of them.
             self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))

@@ -37,7 +37,7 @@ from opir_trackers.imm.histories import (
 )
 from opir_trackers.imm.history_assignment import assigned_histories
 from opir_trackers.imm.neighbours import with_neighbours
-from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchDelayPrior, LaunchPoints, delays_at_once, launches, updated_points
@@ -391,13 +391,7 @@ class ImmTracking:
         still[:, :3], around[:, :3, :3] = position, spread
         still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
         around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
-        share = motion.probability[rows, GROUND, None]
-        apart, both = still - state[rows], share[:, :, None]
-        state, covariance = state.copy(), covariance.copy()
-        state[rows] += share * apart
-        spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
-        covariance[rows] = both * around + (1.0 - both) * covariance[rows] + spread
-        return state, covariance
+        return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
 
     def _with_neighbours(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable
