@@ -21,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from ascents import Ascent, drawn_ascent, drawn_return
 from figures import keep
+from opir_scoring import energy_scores
 
 import opir_core as opir
 
@@ -28,8 +29,9 @@ PAGE = """# Is what is hot a missile?
 
 Fires burn for hours, launchers climb to orbit, stages fly back. What does `imm` say of them, with default settings?
 
-A state is held if it lies in its 95 % ellipsoid. Probabilities are medians over the flights at a mark. *Regions* are
-those of 95 % that a track has; a small one while a target burns on, or in orbit, would be wrong.
+A state is held if it lies in its 95 % ellipsoid; *energy* is the mean energy score of position. Probabilities are
+medians over the flights at a mark. *Regions* are those of 95 % that a track has; a small one while a target burns on,
+or in orbit, would be wrong.
 {lines}
 
 Ascents are notional and share no code with opir (`benchmarks/ascents.py`): to orbit, cut off at 97 % of the orbital
@@ -53,6 +55,7 @@ class Mark(NamedTuple):
 
     name: str
     nees: float
+    energy_m: float
     burning: float
     missile: float
     orbit: float
@@ -114,7 +117,7 @@ def mark_of(ascent: Ascent, run: opir.Run, name: str, when_s: float) -> Mark:
     number, count = np.unique(tracks.track, return_counts=True)
     here = np.flatnonzero(tracks.tick_s == tick_s)
     if not len(here):
-        return Mark(name, *[np.nan] * 7, "")
+        return Mark(name, *[np.nan] * 8, "")
     row = here[np.argmax(count[np.searchsorted(number, tracks.track[here])])]
     error = tracks.state[row] - ascent.state(tick_s - START_S)
     nees = float(error @ np.linalg.solve(tracks.state_covariance[row], error))
@@ -124,6 +127,7 @@ def mark_of(ascent: Ascent, run: opir.Run, name: str, when_s: float) -> Mark:
     return Mark(
         name,
         nees,
+        float(energy_scores(error[None], tracks.state_covariance[[row]], tracks.state_sigmas[[row]], slice(0, 3))[0]),
         float(tracks.probability_burning[row]),
         float(tracks.probability_missile[row]),
         float(tracks.probability_orbit[row]),
@@ -145,23 +149,25 @@ def table_of(title: str, flights: Sequence[tuple[str, Ascent]], seeds: int = 1) 
                 marks += marks_of(ascent, path, 100 * seed + place)
     lines = [f"\n{title}: {len(flights)} flights, {seeds} seed(s) each\n"]
     lines.append(
-        "| mark | tracks | state in 95 % | P(burning) | P(orbit) | P(missile) | regions | least, 10³ km² | < 10⁴ km² |"
+        "| mark | tracks | state in 95 % | energy, m | P(burning) | P(orbit) | P(missile) | regions"
+        " | least, 10³ km² | < 10⁴ km² |"
     )
-    lines.append("|---|---|---|---|---|---|---|---|---|")
+    lines.append("|---|---|---|---|---|---|---|---|---|---|")
     for name in dict.fromkeys(mark.name for mark in marks):
         mine = [mark for mark in marks if mark.name == name]
         told = [mark for mark in mine if np.isfinite(mark.nees)]
         held = sum(mark.nees <= 12.592 for mark in told)
         areas = np.array([mark.area_km2 for mark in told])
         known = areas[np.isfinite(areas)]
+        energy_m = np.mean([mark.energy_m for mark in told]) if told else np.nan
         burns, orbit, missile = (
             np.median([getattr(mark, key) for mark in told]) if told else np.nan
             for key in ("burning", "orbit", "missile")
         )
         least = f"{1e-3 * known.min():.3g}" if len(known) else "-"
         lines.append(
-            f"| {name} | {len(told)} of {len(mine)} | {held} | {burns:.2f} | {orbit:.2f} | {missile:.2f}"
-            f" | {len(known)} | {least} | {int(np.sum(known < 1e4))} |"
+            f"| {name} | {len(told)} of {len(mine)} | {held} | {energy_m:.0f} | {burns:.2f} | {orbit:.2f}"
+            f" | {missile:.2f} | {len(known)} | {least} | {int(np.sum(known < 1e4))} |"
         )
         keep(f"{title}: {name}: state held", held / max(len(told), 1))
     return lines

@@ -176,7 +176,7 @@ def _table(values: Mapping[str, _Values], key: IntArray, measure: Measure, sever
     count = np.bincount(cluster).astype(np.float64)
     columns = {name: own.at(key) for name, own in values.items()}
     sums: dict[str, FloatArray] = {
-        name: np.bincount(cluster, np.square(column) if measure.is_squared else column)
+        name: np.bincount(cluster, np.square(column) if measure.is_squared else column).astype(np.float64)
         for name, column in columns.items()
     }
     average: Callable[[FloatArray], FloatArray] = np.sqrt if measure.is_squared else np.positive
