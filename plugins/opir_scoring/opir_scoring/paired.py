@@ -71,10 +71,11 @@ def paired_figures(runs: Mapping[str, Sequence[ScoredRun]], settings: ScoreSetti
     """Return the paired figures of trackers, by name, of the same runs in the same order.
 
     `common_ticks` counts the ticks at which all `compared` trackers estimate the state of a launch; those of
-    `without_estimates` never do. `states`, `launch` and `impact_by_phase` are tables (see `_table`) of what all
-    compared trackers estimate, `by_time` the same of states in bins of time since ignition. `best` is the tracker with
-    the least energy score of position, None where nothing is common; `certain` are the others that are worse for
-    certain, to 95 %.
+    `without_estimates` never do. `states`, `launch` and `impact_by_phase` are tables of what all compared trackers
+    estimate, `by_time` the same of states in bins of time since ignition: the `count`, the `errors` of trackers, the
+    `best` one, and the `differences` of the others to it with their intervals. `best` is the tracker with the least
+    energy score of position, None where nothing is common; `certain` are the others that are worse for certain, to
+    95 %.
     """
     energies = {name: _states(own, DECIDING.name) for name, own in runs.items()}
     compared = {name: runs[name] for name, own in energies.items() if len(own.key)}
