@@ -32,7 +32,8 @@ CASES: dict[str, tuple[Mapping[str, Any], float]] = {
 }
 
 HEAD = (
-    "| case | tracked | state NEES | position, m | velocity, m/s | launch in ellipse | NEES | median error, m"
+    "| case | tracked | state NEES | position, m | energy, m | velocity, m/s | energy, m/s"
+    " | launch in ellipse | NEES | median error, m"
     " | impact in ellipse | NEES | median error, km | launch time, s |"
 )
 
@@ -45,9 +46,9 @@ and the 95 % ellipses contain at least 95 % of the truths.
 
 *NEES* is over its degrees of freedom, with the 99 % interval of the mean over targets: 1 is consistent, above 1 is
 overconfident. *In ellipse*: share of truths inside the 95 % ellipse, with its 95 % interval. *Position*, *velocity*:
-RMSE. *Launch time*: median error. {runs} runs a case of ten distant SRBMs and IRBMs, two SBIRS-GEO (10 looks a second
-each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after the first detection to burnout,
-launches and impacts by each track's last estimate.
+RMSE; *energy*: their mean energy scores. *Launch time*: median error. {runs} runs a case of ten distant SRBMs and
+IRBMs, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from
+20 s after the first detection to burnout, launches and impacts by each track's last estimate.
 
 It is conservative because the boost model allows other boosts. With biases, each line of sight counts with noise and
 bias together, although a constant bias shifts the position, not the velocity.
@@ -121,7 +122,8 @@ def lines_of(name: str, case: Case) -> Iterator[str]:
     each = np.array([ratio[case.whose == target].mean() for target in np.unique(case.whose)])
     points = case.points
     cells = [name, f"{len(each)} of {case.launches}", _mean(each), _rms(case.states.position_m)]
-    cells.append(_rms(case.states.velocity_m_s, 1))
+    cells += [f"{case.states.position_energy_m.mean():.0f}", _rms(case.states.velocity_m_s, 1)]
+    cells.append(f"{case.states.velocity_energy_m_s.mean():.1f}")
     for square, error, unit in (
         (points.launch_nees, points.launch_m, 1.0),
         (points.impact_nees, points.impact_m, 1e-3),

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from calibration import ENOUGH, SHINING_S, SOURCES, WITHIN, sourced
+from calibration import ENOUGH, SENSORS as OBSERVERS, SHINING_S, SOURCES, WITHIN, bin_numbers, seen_scene, sourced
 from discrimination_objects import BRIGHTNESS, COLOUR, moved, place, seen_from
 from discrimination_statistics import area
 from numpy.typing import NDArray
@@ -32,11 +32,7 @@ NOISE, GROUND, NONE = NAMES.index("noise"), NAMES.index("ground source"), NAMES.
 EVERY, SOURCES_LEFT = "nothing", "ground source"
 LEFT_OUT = (EVERY, *(kind.name for kind in CLASSES), SOURCES_LEFT)
 PERIOD_S, DURATION_S = 4.0, 512.0
-SENSORS: dict[str, dict[str, Any]] = {
-    "DSP": {"model": "DSP"},
-    "SBIRS-GEO": {"model": "SBIRS-GEO"},
-    "NEXTGEN-GEO": {"model": "NEXTGEN-GEO"},
-}
+SENSORS = {name: settings for name, settings in OBSERVERS.items() if name != "DSP-unconfirmed"}
 #: Edges of the bins: near 0 and 1 finer.
 EDGES = np.array([0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98, 1.0])
 #: Share of false alarms at which the share of correct answers is printed.
@@ -140,32 +136,17 @@ def scene(launches: int, sources: int, seed: int, left_out: str) -> dict[str, An
     targets = [launched(rng, kind, number) for kind in CLASSES for number in range(launches)]
     known = [kind.name for kind in CLASSES if kind.name != left_out]
     per_day = 86_400.0 / DURATION_S
-    return {
-        "scene": "left out",
-        "epoch": "2026-04-01T12:00:00Z",
-        "duration_s": DURATION_S,
-        "seed": seed,
-        "sensors": [
-            {"id": name, "orbital_slot_deg": 0.0, "scan_period_ms": 1e3 * PERIOD_S, **settings}
-            for name, settings in SENSORS.items()
-        ],
-        "targets": targets,
-        "sources": [sourced(rng, kind, sources) for kind in SOURCES],
-        "detection": "snr",
-        "classification": {
-            "model": "spectral",
-            "launches_per_day": per_day * launches * len(known),
-            "prior": dict.fromkeys(known, 1.0 / len(known)),
-            "sources_in_view": {}
-            if left_out == SOURCES_LEFT
-            else {kind: float(sources * SHINING_S[kind] / DURATION_S) for kind in SOURCES},
-            "bolides_per_day": 0.0,
-            "unknown_per_day": per_day * {EVERY: 1e-3, SOURCES_LEFT: 2.0 * sources}.get(left_out, float(launches)),
-        },
-        "atmosphere": {"model": "lowtran", "climate": "midlat_summer"},
-        "background": "earth",
-        "outputs": [],
+    in_view = {} if left_out == SOURCES_LEFT else {kind: sources * SHINING_S[kind] / DURATION_S for kind in SOURCES}
+    classification = {
+        "model": "spectral",
+        "launches_per_day": per_day * launches * len(known),
+        "prior": dict.fromkeys(known, 1.0 / len(known)),
+        "sources_in_view": in_view,
+        "bolides_per_day": 0.0,
+        "unknown_per_day": per_day * {EVERY: 1e-3, SOURCES_LEFT: 2.0 * sources}.get(left_out, float(launches)),
     }
+    found = seen_scene(SENSORS, PERIOD_S, DURATION_S, seed, targets, [sourced(rng, kind, sources) for kind in SOURCES])
+    return {**found, "classification": classification}
 
 
 def truths(mapping: Mapping[str, Any], sources: int, left_out: str) -> IntArray:
@@ -178,7 +159,7 @@ def truths(mapping: Mapping[str, Any], sources: int, left_out: str) -> IntArray:
 def bins(sensor: str, left_out: str, probability: FloatArray, true: IntArray) -> list[Bin]:
     """Return the bins of events (n, hypotheses)."""
     is_true = np.arange(probability.shape[1]) == true[:, None]
-    number = np.clip(np.searchsorted(EDGES, probability, side="right") - 1, 0, len(EDGES) - 2)
+    number = bin_numbers(probability, EDGES)
     rows = []
     for place_ in range(len(EDGES) - 1):
         here = number == place_

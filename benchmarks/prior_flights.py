@@ -19,6 +19,7 @@ from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel, vehicle_model
 from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITE_M
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 #: Free flight is followed for so long, s: what has not come down then is in orbit.
 LONGEST_S = 7200.0
@@ -69,6 +70,15 @@ class PriorFlight(NamedTuple):
         """Return the time since ignition from which the flight is seen, s; inf for one that is never."""
         seen = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
         return float(np.min(self.table[seen, 0], initial=np.inf))
+
+    def state(self, time_s: float) -> np.ndarray:
+        """Return the ECEF state (6,) at a time since ignition, nan outside the table."""
+        time, first = np.unique(self.table[:, 0], return_index=True)
+        rows = self.table[first]
+        if not time[0] <= time_s <= time[-1]:
+            return np.full(6, np.nan)
+        place = CubicHermiteSpline(time, rows[:, 1:4], rows[:, 4:7])
+        return np.concatenate([place(time_s), place.derivative()(time_s)])
 
     def write(self, path: Path) -> None:
         """Write the table as the target model `table` reads it, dark where the flight is hidden."""

@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import yaml
 from attrs import evolve
+from opir_scoring import energy_scores
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.tracker import imm_tracker
 from work_precision.results_csv import write_csv
@@ -43,7 +44,7 @@ PAGE = """# Tracking a raid
 Does `imm` track a raid, and how fast? It tracks at least {least} of 100 targets, with {false_tracks} false
 tracks in {runs} runs, {slow:.0f} to {fast:.0f} times faster than real time. At least {purity:.4f} of the associated
 detections belong to their track's target, and at least {labelled:.3f} of the targets' detections have a track. The
-median error of position at the end is at most {error:.0f} m.
+median error of position at the end is at most {error:.0f} m, its mean energy score {energy:.0f} m.
 
 A hundred launches in ten seconds (`examples/raid_100.yaml`), five SBIRS-GEO (10 looks/s), {false} false alarms a scan
 and sensor, {duration} s, default settings, {detections:.0f} detections a run, one core. By run:
@@ -61,6 +62,7 @@ class Outcome(NamedTuple):
     labelled: float
     times_real: float
     median_m: float
+    energy_m: float
     detections: int
 
 
@@ -130,17 +132,20 @@ def outcome(seed: int, duration_s: int, mean: float, settings: dict[str, Any]) -
         sum(count for _, count in owner.values()) / labelled,
         float(np.mean(label[target >= 0] >= 0)),
         duration_s / taken,
-        median_error_m(plan, last, {track: whose for track, (whose, _) in owner.items()}),
+        *errors_m(plan, last, {track: whose for track, (whose, _) in owner.items()}),
         len(detections),
     )
 
 
-def median_error_m(plan: Plan, tracks: Any, owner: dict[int, int]) -> float:
-    """Return the median distance to the truth at the last tick, of tracks whose target still burns."""
+def errors_m(plan: Plan, tracks: Any, owner: dict[int, int]) -> tuple[float, float]:
+    """Return the median distance to the truth, and the mean energy score of position, at the last tick, of tracks whose
+    target still burns.
+    """
     rows = [row for row, track in enumerate(tracks.track.tolist()) if owner.get(track, -1) >= 0]
     whose = np.array([owner[int(tracks.track[row])] for row in rows], dtype=np.int32)
     truth = plan.targets.position_ecef_m(whose, np.full(len(rows), tracks.tick_s[0]))
-    return float(np.nanmedian(np.linalg.norm(tracks.state[rows, :3] - truth, axis=1)))
+    error, covariance = tracks.state[rows, :3] - truth, tracks.state_covariance[rows, :3, :3]
+    return float(np.nanmedian(np.linalg.norm(error, axis=1))), float(np.nanmean(energy_scores(error, covariance)))
 
 
 def main() -> None:
@@ -166,6 +171,7 @@ def main() -> None:
             purity=min(one.purity for one in outcomes),
             labelled=min(one.labelled for one in outcomes),
             error=max(one.median_m for one in outcomes),
+            energy=max(one.energy_m for one in outcomes),
             false=chosen.false_alarms,
             duration=chosen.duration,
             detections=detections,

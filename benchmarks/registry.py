@@ -202,6 +202,13 @@ BENCHMARKS = (
         words("--launches 3 --sources 8"),
     ),
     Benchmark(
+        "left_out_hypotheses",
+        "Does `none of these` rise in imm for a class that it does not know?",
+        "left_out_hypotheses.py",
+        words("--launches 1 --only HGV"),
+        needs=("opir_trackers", "opir_sbirs"),
+    ),
+    Benchmark(
         "kepler",
         "Two-body arcs: run time against error",
         "work_precision/kepler.py",

@@ -6,7 +6,8 @@ Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth i
 its rank in the reported distribution is uniform if the tracker computes with that prior. Each flight of `prior_flights`
 is a scene of its own with two SBIRS-GEO. Ranks are taken at times since the first detection, for a time that depends on
 the truth, as burnout does, would say more than the tracker knows. They are the reported distribution's share below the
-truth; those of impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
+truth; those of states are the containment of the ellipsoid on which the truth lies, with the reported radii; those of
+impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
 missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
 are true. A launch point is a mixture over launch times, of which the moments are reported: ranks are those in the
 mixture, and the moments of the time have a figure of their own, error² / variance.
@@ -25,7 +26,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from foreign_flights import directions, ecef
-from opir_scoring import regions_given
+from opir_scoring import nees, regions_given
+from opir_scoring.containments import on_normal_scale
 from opir_trackers import launch_points
 from prior_flights import PriorFlight, drawn_flights_of_prior
 from result_files import write_csv
@@ -43,7 +45,7 @@ LATEST_S, REGIONS_EVERY_S = 2.0, 10.0
 #: Quantities whose ranks are uniform numbers, taken at one mark, for they are kept; what their moments say of the time;
 #: one whose ranks are cells, and probabilities.
 LAUNCH, LAUNCH_MARK, SQUARE = ("launch east", "launch north", "launch time"), 1, "launch time, error² / variance"
-IMPACT, ORBIT, OVER = "impact region", "P(orbit)", "P(burn over)"
+STATE, IMPACT, ORBIT, OVER = "state", "impact region", "P(orbit)", "P(burn over)"
 #: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and outside.
 CELLS = np.diff([0.0, *TRACK_CONTAINMENTS, 1.0])
 BINS, EDGES = 10, (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
@@ -115,7 +117,8 @@ def scene_of(flight: PriorFlight, path: Path, seed: int) -> opir.Scene:
 def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
     """Return the ranks of a flight's truth at the marks."""
     flight, seed = task
-    if flight.seen_s > flight.burnout_s:
+    # A plume that is first seen in the instant of burnout is never seen.
+    if flight.seen_s >= flight.burnout_s:
         return []
     MIXTURES.clear()
     launch_points.moment_matched = recorded_moments
@@ -140,6 +143,13 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
         mixture = MIXTURES[min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))]
         yield from (Rank(mark, *one) for one in zip(LAUNCH, mixture.ranks(flight.launch), strict=True))
         yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / float(track.launch_covariance[0, 2, 2]))
+    square = on_normal_scale(
+        nees(track.state - flight.state(float(track.tick_s[0]) - START_S), track.state_covariance),
+        track.state_sigmas,
+        6,
+    )
+    if np.isfinite(square[0]):
+        yield Rank(mark, STATE, float(chi2.cdf(square[0], 6)))
     regions, is_over = track.impact_regions[0], float(track.tick_s[0]) >= START_S + flight.burnout_s
     given = regions_given(regions, is_over) if regions else []
     if given and flight.impact:
@@ -200,7 +210,7 @@ def _test(count: np.ndarray, expected: np.ndarray, freedom: int) -> tuple[float,
 def rows_of(ranks: list[Rank]) -> Iterator[dict[str, str]]:
     """Yield the rows of the table: each quantity at each mark."""
     tests: dict[str, Any] = {SQUARE: of_squares, IMPACT: of_cells, ORBIT: of_probabilities, OVER: of_probabilities}
-    for quantity in (*LAUNCH, SQUARE, IMPACT, ORBIT, OVER):
+    for quantity in (*LAUNCH, SQUARE, STATE, IMPACT, ORBIT, OVER):
         for mark, since_s in enumerate(MARKS_S):
             own = [rank for rank in ranks if rank.mark == mark and rank.quantity == quantity]
             if own:

@@ -38,6 +38,8 @@ there are [regions on foreign flights](tracker_honesty.md).
   tracker's prior, from sites at 0 ± 100 m; half are hidden by clouds for up to 80 s. SciPy flies them. Each is a scene
   of its own, before two SBIRS-GEO.
 - **Launch**: ranks of place and time in the tracker's mixture over launch times, which is kept after 10 s.
+- **State**: the containment of the ellipsoid of position and velocity on which the truth lies, up to 40 s after
+  burnout. Where it is wrong the filter is, and regions with it; where it is right and regions are wrong, the forecast.
 - **Impact region**: the smallest of the 50, 90 and 95 % regions that holds the impact, or none; of regions whose
   condition ("the burn is over" or not) is true.
 - **P(orbit), P(burn over)**: how often what is stated is true, in bins (Hosmer and Lemeshow). P(orbit) is given that it
@@ -52,8 +54,8 @@ reports mean and variance of all of it: a standard deviation of one to three sec
 These moments hold on average, not as an interval: the mean of error² / variance is {square} (1 is consistent, above 1
 is overconfident).
 
-By `--flights N --write docs/benchmarks`, 500 by default. Flights that clouds hide throughout, and those without an
-estimate at a mark, are left out.
+By `--flights N --write docs/benchmarks`, 500 by default, eight minutes of processor time. Flights that clouds hide
+throughout, and those without an estimate at a mark, are left out.
 """
 
 
@@ -84,7 +86,7 @@ def write_page(folder: Path) -> None:
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Draw the counts of ranks over those expected, and two standard deviations about 1."""
     shares = [0.0, *TRACK_CONTAINMENTS, 1.0]
-    with svg_plot(path, 2, 3, figsize=(10.0, 5.0), sharey=True) as (_, axes):
+    with svg_plot(path, 3, 3, figsize=(10.0, 7.5), sharey=True) as (_, axes):
         for axis, row in zip(axes.ravel(), rows, strict=False):
             count = [float(each) for each in row["counts"].split()]
             total, cells = sum(count), row["quantity"] == "impact region"

@@ -62,7 +62,7 @@ def compared(runs: int, duration_s: float) -> Any:
         words += ["--tracker", tracker]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         opir(words)
-    return json.loads(printed.getvalue())
+    return json.loads(printed.getvalue())["trackers"]
 
 
 def cell(value: float | None, scale: float, digits: int) -> str:

@@ -39,6 +39,12 @@ from opir_scoring.impacts import (
     phase_scores as phase_scores,
     regions_given as regions_given,
 )
+from opir_scoring.paired import (
+    paired_figures as paired_figures,
+)
+from opir_scoring.paired_tables import (
+    comparison_text as comparison_text,
+)
 from opir_scoring.proper_scores import (
     brier_scores as brier_scores,
     energy_scores as energy_scores,

@@ -33,14 +33,18 @@ median areas; without impact: predictions for targets in orbit. True condition: 
 goes on, as it was; Brier: of their probabilities; samples: median of the effective ones."""
 
 
-def _heading(figures: Mapping[str, Any]) -> str:
-    runs, seeds, gospa = figures["runs"], figures["seeds"], figures["gospa"]
+def runs_text(figures: Mapping[str, Any]) -> str:
+    """Return the number of runs, their seeds, and whether sensors have a pointing bias."""
+    runs, seeds = figures["runs"], figures["seeds"]
     seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     bias = "with pointing bias" if figures["sensors_biased"] else "without pointing bias"
-    return (
-        f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals];"
-        f" GOSPA: c = {gospa['cutoff_m']:g} m, p = {gospa['order']:g}, alpha = {gospa['alpha']:g}"
-    )
+    return f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals]"
+
+
+def _heading(figures: Mapping[str, Any]) -> str:
+    gospa = figures["gospa"]
+    parameters = f"c = {gospa['cutoff_m']:g} m, p = {gospa['order']:g}, alpha = {gospa['alpha']:g}"
+    return f"{runs_text(figures)}; GOSPA: {parameters}"
 
 
 def _overall(cards: Cards) -> str:

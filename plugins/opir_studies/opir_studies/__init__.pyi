@@ -1,3 +1,7 @@
+from opir_studies.comparison import (
+    Comparison as Comparison,
+    compared as compared,
+)
 from opir_studies.executors import (
     LostTasksError as LostTasksError,
 )

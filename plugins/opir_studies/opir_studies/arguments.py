@@ -70,6 +70,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="number of worker processes (default 1; timings inflate with more than one)",
     )
+    parser.add_argument("--details", action="store_true", help="print all scores of each tracker too")
     add_overrides(parser)
     add_score_settings(parser)
 

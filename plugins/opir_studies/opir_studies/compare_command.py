@@ -4,11 +4,11 @@ import argparse
 import json
 import sys
 
-from opir_scoring import score_settings, scorecard_text
+from opir_scoring import comparison_text, score_settings, scorecard_text
 
 from opir_core.cli import progress
 from opir_core.errors import Problem, SceneError
-from opir_studies.comparison import compared
+from opir_studies.comparison import Comparison, compared
 
 _HERE = "command line"
 
@@ -21,7 +21,7 @@ def compare(arguments: argparse.Namespace) -> int:
         problem = f"{arguments.workers} is not a number of processes; give 1 or more"
         raise SceneError([Problem("--workers", problem)], source=_HERE)
     with progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
-        cards = compared(
+        found = compared(
             arguments.scene,
             trackers=arguments.trackers,
             runs=arguments.runs,
@@ -30,9 +30,17 @@ def compare(arguments: argparse.Namespace) -> int:
             workers=arguments.workers,
             on_run=on_run,
         )
-    plain = {name: card.as_plain() for name, card in cards.items()}
-    is_paper = [name for name, card in cards.items() if card.figures["impact_method"] == "paper"]
-    notes = [f"\n{name}: impacts by the paper's law, without containment" for name in is_paper]
-    text = json.dumps(plain, indent=2) if arguments.json else "\n".join([scorecard_text(cards), *notes])
+    text = json.dumps(found.as_plain(), indent=2) if arguments.json else _text(found, arguments.details)
     sys.stdout.write(text + "\n")
     return 0
+
+
+def _text(found: Comparison, has_details: bool) -> str:
+    parts = [comparison_text(found.paired, found.cards)]
+    parts += [scorecard_text(found.cards)] if has_details else []
+    notes = [
+        f"{name}: impacts by the paper's law, without containment"
+        for name, card in found.cards.items()
+        if card.figures["impact_method"] == "paper"
+    ]
+    return "\n\n".join([*parts, *(["\n".join(notes)] if notes else [])])

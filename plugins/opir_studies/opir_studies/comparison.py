@@ -4,15 +4,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from attrs import evolve
+from attrs import evolve, frozen
 from opir_scoring import (
     USUAL_SETTINGS,
     Scorecard,
     ScoredRun,
     ScoreSettings,
     evidence_of_run,
+    paired_figures,
     scorecard_of,
     scored_run,
 )
@@ -56,6 +57,19 @@ class TimedTracker(Tracker):
             self.seconds += time.process_time() - start
 
 
+@frozen(eq=False)
+class Comparison:
+    """Trackers on the same runs: the scorecard of each by its name, and their paired figures (`paired_figures`)."""
+
+    cards: Mapping[str, Scorecard]
+    paired: Mapping[str, Any]
+
+    def as_plain(self) -> Any:
+        """Return the figures for JSON, with null for unknown values."""
+        cards = {name: card.as_plain() for name, card in self.cards.items()}
+        return {"paired": Scorecard(self.paired).as_plain(), "trackers": cards}
+
+
 class _Scored(NamedTuple):
     """A scored run, and whether it has impacts by the paper's law."""
 
@@ -72,8 +86,8 @@ def compared(
     settings: ScoreSettings = USUAL_SETTINGS,
     workers: int = 1,
     on_run: Callable[[str, int], None] = lambda _tracker, _number: None,
-) -> Mapping[str, Scorecard]:
-    """Return the scorecard of each tracker over `runs` runs of a scene file; run k has the scene's seed plus k.
+) -> Comparison:
+    """Return the scores of trackers over `runs` runs of a scene file; run k has the scene's seed plus k.
 
     `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a `SceneError` is
     raised. `workers` is the number of processes; a script with several needs `if __name__ == "__main__":`, because they
@@ -87,7 +101,8 @@ def compared(
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
     scored = _scored_runs(tasks, list(scenes), workers, on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
-    return {label: _card(own, settings) for label, own in rows.items()}
+    paired = paired_figures({label: [row.run for row in own] for label, own in rows.items()}, settings)
+    return Comparison({label: _card(own, settings) for label, own in rows.items()}, paired)
 
 
 def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:

@@ -240,7 +240,7 @@ def test_windows_change_nothing():
 @pytest.mark.slow
 def test_it_is_compared_with_other_trackers():
     overrides = ["outputs=[]", "duration_s=45", SENSORS]
-    cards = compared(SCENE, trackers=["imm", "stonesoup"], runs=2, overrides=overrides)
+    cards = compared(SCENE, trackers=["imm", "stonesoup"], runs=2, overrides=overrides).cards
     assert set(cards) == {"imm", "stonesoup"}
     for card in cards.values():
         assert card.figures["launches_tracked"]["value"] == 1.0

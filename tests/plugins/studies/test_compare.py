@@ -18,7 +18,7 @@ def test_compare_tells_every_tracker(tmp_path, capsys):
     scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
     words = ["compare", str(scene), "--runs", "2", "--json", "--tracker", "imm"]
     assert main([*words, "--tracker", "{model: imm, motion: boost}"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(capsys.readouterr().out)["trackers"]
     assert list(told) == ["imm", "{model: imm, motion: boost}"]
     assert told["imm"]["seeds"] == [7, 8]
     assert told["imm"]["tracking_us_a_detection"]["value"] > 0.0
@@ -39,7 +39,7 @@ def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_p
             compared(str(scene), trackers=["imm", wrong], runs=1, on_run=lambda *run: done.append(run))
     assert not done
     twice = compared(str(scene), trackers=["imm"] * 2, runs=1, on_run=lambda *run: done.append(run))
-    assert list(twice) == ["imm"]
+    assert list(twice.cards) == ["imm"]
     assert len(done) == 1
 
 
@@ -50,23 +50,25 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "imm"]
     assert main(words) == 0
     told = capsys.readouterr().out
-    assert told.startswith(
-        "2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]; GOSPA: c"
-    )
-    bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20")]
-    assert bins == [["0-20", "kepler-arc"], ["0-20", "imm"]] * 3
-    for figure in (
-        "/known",
-        "/unknown",
-        "NEES/6",
-        "NIS/2",
-        "impact km",
-        "reported SRBM",
-        "localisation, missed, false",
-        "tracks per launch",
-    ):
+    assert told.startswith("2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]\n")
+    assert "energy score of position: " in told.splitlines()[2]
+    assert len(told.splitlines()) <= 40
+    for figure in ("E launch point, m", "NEES/6", "coverage, %", "hypotheses: log score", "hypotheses: Brier score"):
         assert figure in told
     assert told.rstrip().splitlines()[-1] == "kepler-arc: impacts by the paper's law, without containment"
+
+
+@pytest.mark.slow
+def test_details_are_the_scores_of_each_tracker(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
+    words = ["compare", str(scene), "--runs", "1", "--tracker", "kepler-arc", "--tracker", "imm", "--details"]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20 ")]
+    assert bins[-6:] == [["0-20", "kepler-arc"], ["0-20", "imm"]] * 3
+    for figure in ("/known", "/unknown", "NIS/2", "reported SRBM", "localisation, missed, false", "tracks per launch"):
+        assert figure in told
 
 
 @pytest.mark.slow
@@ -76,15 +78,17 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
     for workers in ("1", "2"):
         words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]
         assert main([*words, "--workers", workers]) == 0
-        cards = json.loads(capsys.readouterr().out)
+        found = json.loads(capsys.readouterr().out)
+        cards = found["trackers"]
         for card in cards.values():
             assert card.pop("tracking_us_a_detection")["value"] > 0.0
             assert card.pop("tracking_us_a_track_update")["value"] > 0.0
-        told.append(cards)
+        told.append(found)
     assert told[0] == told[1]
-    assert list(told[0]) == ["imm", "kepler-arc"]
-    assert [card["impact_method"] for card in told[0].values()] == ["posterior", "paper"]
-    assert told[0]["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
+    cards = told[0]["trackers"]
+    assert list(cards) == ["imm", "kepler-arc"]
+    assert [card["impact_method"] for card in cards.values()] == ["posterior", "paper"]
+    assert cards["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
 
 
 @pytest.mark.slow

@@ -115,7 +115,7 @@ class SpectralConfig:
         help="the same of each band by itself",
     )
     launches: int = number(
-        default=60, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
+        default=120, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
     )
 
     def __attrs_post_init__(self) -> None:

@@ -36,7 +36,7 @@ from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
 from opir_photons.radiometry.plume import plume_signatures
 
-_RADIUS_M = 6.371e6
+EARTH_RADIUS_M = 6.371e6
 
 #: Looks per burn.
 MOMENTS = 40
@@ -45,7 +45,7 @@ MOMENTS = 40
 DRAWS = 4
 
 #: Least sine of the elevation, and longest range of a launch, m.
-_LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
+LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
 
 #: Least range where a profile has no limit of its own, m.
 _LEAST_M = 5e4
@@ -215,8 +215,10 @@ def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> 
 
 def _glide_speed_m_s(glide: EquilibriumGlide, range_m: float) -> float:
     """Return the speed at which a glide of this range begins, by the closed form in `opir_core.flight.glide`."""
-    circular = EARTH_MU_M3_S2 / _RADIUS_M
-    left = (1.0 - glide.final_speed_m_s**2 / circular) * math.exp(-2.0 * range_m / (glide.lift_to_drag * _RADIUS_M))
+    circular = EARTH_MU_M3_S2 / EARTH_RADIUS_M
+    left = (1.0 - glide.final_speed_m_s**2 / circular) * math.exp(
+        -2.0 * range_m / (glide.lift_to_drag * EARTH_RADIUS_M)
+    )
     return math.sqrt(circular * (1.0 - left))
 
 
@@ -277,18 +279,18 @@ def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
     turn = 2.0 * np.pi * drawn[:, 0]
     up = vector(np.cos(turn), np.sin(turn), np.zeros(len(turn)))
     east = vector(-np.sin(turn), np.cos(turn), np.zeros(len(turn)))
-    elevation = np.arcsin(_LOWEST_SINE + (1.0 - _LOWEST_SINE) * drawn[:, 1])
-    angle = np.arccos(np.clip(_RADIUS_M * np.cos(elevation) / radius_m, -1.0, 1.0)) - elevation
+    elevation = np.arcsin(LOWEST_SINE + (1.0 - LOWEST_SINE) * drawn[:, 1])
+    angle = np.arccos(np.clip(EARTH_RADIUS_M * np.cos(elevation) / radius_m, -1.0, 1.0)) - elevation
     bearing = 2.0 * np.pi * drawn[:, 2]
     level = np.sin(bearing)[:, None] * east + np.cos(bearing)[:, None] * np.array([0.0, 0.0, 1.0])
-    foot = _RADIUS_M * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * level)
+    foot = EARTH_RADIUS_M * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * level)
     place = ecef_to_geodetic(foot)
     return radius_m * up, Geodetic(place.latitude_rad, place.longitude_rad, np.zeros(len(turn)))
 
 
 def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
     """Return aim points: uniform in direction and in the logarithm of range, within the profile's limits."""
-    angle = _ranges_m(profiles, drawn[:, 0]) / _RADIUS_M
+    angle = _ranges_m(profiles, drawn[:, 0]) / EARTH_RADIUS_M
     heading = 2.0 * np.pi * drawn[:, 1]
     sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(angle) * np.cos(heading)
     latitude = np.arcsin(np.clip(sine, -1.0, 1.0))

@@ -15,7 +15,9 @@ from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
 from opir_photons.classification.priors import LaunchPrior
 from opir_photons.classification.synthetic_looks import (
+    EARTH_RADIUS_M,
     KINDS,
+    LOWEST_SINE,
     MOMENTS,
     SourceKind,
     SyntheticLooks,
@@ -70,14 +72,14 @@ LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
 class TypeDensities:
     """Densities of apparent intensities (irradiance times range²), W/sr, for each elevation bin.
 
-    Weights of `plumes` are seconds of a launch of their flight; `log_seen_s` (bins, flights) are logarithms of the sums
-    of these times P_d: a density over its sum is one given a detection. Densities of `others` (kinds of sources, then
-    noise) are given a detection.
+    Weights of `plumes` are seconds of a launch of their flight; with `log_scale` (bins, flights) added, densities are
+    those given a detection, times the share of a flight's detections in the bin over the bin's share of the ground. So
+    are densities of `others` (kinds of sources, then noise).
     """
 
     width: int
     plumes: Mixture
-    log_seen_s: FloatArray
+    log_scale: FloatArray
     others: Mixture
     most_looks: float
     rates: "EventRates"
@@ -89,7 +91,7 @@ class TypeDensities:
         """
         density, counted = self.plumes.log_densities(place, signal, variance, count, _LEAST_COUNT)
         counted = np.maximum(counted, np.log(_UNINFORMATIVE / self.most_looks))
-        flown = self.plumes.by_class(density + counted) - self.log_seen_s[place]
+        flown = self.plumes.by_class(density + counted) + self.log_scale[place]
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
         events = np.concatenate([flown, self._log_others(place, signal, variance, count), unknown[:, None]], axis=1)
         return log_sum(events[:, None] + self.rates.log_rates)
@@ -218,26 +220,26 @@ def type_densities(
     sources = _measured(detection, number, sensor, shining, np.ones((1, len(shining.targets.type_code), 1)))
     shining_s = np.array([kind.shining_s for kind in KINDS])[sources.number]
     sources = evolve(sources, count=sources.chance * shining_s * _NS_PER_S / sensor.scan.period_ns)
-    log_false = noise_chance(detection.receivers[number])
+    log_false = noise_chance(detection.receivers[number]) - log_noise_shares(canonical_radius_m(sensor))
+    flights = [_by_place(launches.take(launches.number == row)) for row in range(len(prior.flights))]
+    kinds = [_by_place(sources.take(sources.number == kind)) for kind in range(len(KINDS))]
+    seen_s, chances = (np.exp([_log_chance(part.whole) for part in parts]) for parts in (flights, kinds))
     places = range(len(_EDGES) + 1)
-    flights = [launches.take(launches.number == row) for row in range(len(prior.flights))]
-    kinds = [sources.take(sources.number == kind) for kind in range(len(KINDS))]
-    seen_s, chances = (np.exp([_log_chance(part) for part in parts]) for parts in (flights, kinds))
     return TypeDensities(
         width=len(sensor.bands),
-        plumes=Mixture.of([[_components(_of_place(part, place), spread, 0.0) for part in flights] for place in places]),
-        log_seen_s=np.array([[_log_chance(_of_place(part, place)) for part in flights] for place in places]),
-        others=Mixture.of([_others([_of_place(part, place) for part in kinds], spread, log_false) for place in places]),
+        plumes=Mixture.of([[_components(part.of[place], spread, 0.0) for part in flights] for place in places]),
+        log_scale=np.array([[part.log_scale[place] for part in flights] for place in places]),
+        others=Mixture.of([_others(kinds, place, spread, log_false[place]) for place in places]),
         most_looks=float(launches.count.max(initial=1.0)),
         rates=EventRates.of(config, detection, number, sensor.scan.period_ns, prior, seen_s, chances),
     )
 
 
-def _others(kinds: list[_Samples], spread: tuple[float, float], log_false: float) -> list[Components]:
-    """Return the components of each kind of source and of noise, given a detection."""
-    size = kinds[0].signal.shape[1] + 1
+def _others(kinds: "list[_ByPlace]", place: int, spread: tuple[float, float], log_false: float) -> list[Components]:
+    """Return the components of each kind of source and of noise in a bin, given a detection."""
+    size = kinds[0].whole.signal.shape[1] + 1
     noise = Components(np.array([-log_false]), np.zeros((1, size)), np.zeros((1, size, size)))
-    return [*(_components(part, spread, -_log_chance(part)) for part in kinds), noise]
+    return [*(_components(part.of[place], spread, float(part.log_scale[place])) for part in kinds), noise]
 
 
 def _log_chance(samples: _Samples) -> float:
@@ -308,9 +310,42 @@ def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[Fl
     return (1.0 + before[0] - 0.5 * hit).ravel(), (before[1] + blur).ravel()
 
 
-def _of_place(samples: _Samples, place: int) -> _Samples:
-    here: BoolArray = samples.place == place
-    return samples.take(here) if np.count_nonzero(here) >= _FEW else samples
+@frozen(eq=False)
+class _ByPlace:
+    """Samples of a flight or kind: as a whole, and those `of` each elevation bin, or of all where these are few.
+
+    `log_scale` (bins,) turns sums of the weights in a bin into densities as `TypeDensities` has them.
+    """
+
+    whole: _Samples
+    of: list[_Samples]
+    log_scale: FloatArray
+
+
+def _by_place(samples: _Samples) -> _ByPlace:
+    bins = range(len(_EDGES) + 1)
+    within = [samples.take(samples.place == place) for place in bins]
+    of = [part if len(part.place) >= _FEW else samples for part in within]
+    log_share = np.array([_log_chance(part) for part in within]) - _log_chance(samples)
+    return _ByPlace(samples, of, log_share - _log_ground_shares() - np.array([_log_chance(part) for part in of]))
+
+
+def _log_ground_shares() -> FloatArray:
+    """Return ln (bins,) of the shares of the ground: the places of launches and sources are uniform in the sine of the
+    elevation.
+    """
+    return np.log(np.diff([LOWEST_SINE, *_EDGES, 1.0]) / (1.0 - LOWEST_SINE))
+
+
+def log_noise_shares(radius_m: float) -> FloatArray:
+    """Return ln (bins,) of the shares of false alarms over those of the ground, for a satellite's distance from the
+    Earth's centre.
+
+    Directions of false alarms are uniform over the solid angle, that is in 1 - cos of the angle from nadir.
+    """
+    sines = np.array([0.0, *_EDGES, 1.0])
+    fall = 1.0 - np.sqrt(1.0 - np.square(EARTH_RADIUS_M / radius_m) * (1.0 - np.square(sines)))
+    return np.log(-np.diff(fall) / fall[0]) - _log_ground_shares()
 
 
 def _components(samples: _Samples, spread: tuple[float, float], log_scale: float) -> Components:
