@@ -18,6 +18,7 @@ from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContex
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
+from opir_trackers.filter.climb import uncertain_climbs
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
@@ -317,6 +318,10 @@ class ImmTracking:
             track_management.are_uncertain(covariance, config.lost_sigma_m),
             track_management.are_below_ground(place),
         )
+        rows = uncertain_climbs(state, covariance)
+        if rows.size:
+            rows = rows[now.estimates.weight[rows, 0] > 0.5]
+            now = evolve(now, estimates=self.filter.with_climb_prior(now.estimates, rows))
         fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
         if table.hits.min() < needed or np.count_nonzero(uncertain | below_ground | fast_uncertain):
             rows = fast_uncertain.nonzero()[0]
