@@ -240,6 +240,14 @@ class ImmConfig:
         maximum=1.0,
         help="a track that is a launch with a lower probability has no launch point and no predicted impact",
     )
+    clock_sigma_s: float = number(
+        default=0.0,
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
+        help="standard deviation of the constant offset of each sensor's clock: widens positions along the motion; by"
+        " default clocks are assumed to be right",
+    )
     late_s: float = number(
         default=0.0,
         unit="s",
