@@ -1,5 +1,7 @@
 """Clocks of sensors that are off: innovations do not show it, so positions are widened along the motion."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from attrs import evolve
@@ -21,7 +23,7 @@ TARGET = {
 SIGMA_S = 0.25
 
 
-def plan(**tracker):
+def plan(**tracker: Any) -> opir.Plan:
     scene = {"scene": "clocks", "epoch": "2026-04-01T12:00:00Z", "duration_s": 240.0, "seed": 4, "sensors": SENSORS}
     return opir.compile_plan(opir.scene_from_mapping({**scene, "targets": [TARGET], "tracker": tracker}))
 
