@@ -35,12 +35,14 @@ class ThrustConfig:
     """Priors and process noise of a boost."""
 
     tilt_deg: float = number(
-        default=3.0,
+        default=2.0,
         unit="deg",
         above=0.0,
         maximum=45.0,
-        source="steering of the tracker's prior: 0.3 to 8, half of it below 1.5; notional",
-        help="standard deviation of the angle between thrust and velocity, in each of two directions",
+        source="steering of the tracker's law of boosts beyond 1 km/s: 2.4 (docs/design/pitch_over.py), with shorter"
+        " correlation; with 3, held as often, covariances were wider by a tenth on each axis; notional",
+        help="standard deviation of the angle between thrust and velocity, in each of two directions, once a boost has"
+        " pitched over",
     )
     tilt_s: float = number(
         default=30.0, unit="s", above=0.0, maximum=1e4, help="Gauss–Markov correlation time of that angle"
@@ -243,6 +245,14 @@ class ImmConfig:
         default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
     )
     least_launch_probability: float = _least_launch_probability()
+    clock_sigma_s: float = number(
+        default=0.0,
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
+        help="standard deviation of the constant offset of each sensor's clock: widens positions along the motion; by"
+        " default clocks are assumed to be right",
+    )
     late_s: float = number(
         default=0.0,
         unit="s",

@@ -7,15 +7,18 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.estimation import FEW_ROWS, matvec
 from opir_core.interfaces import Columns
 from opir_core.plugin import Detections
 
-#: Lower bound on the standard deviation of a line of sight, rad: 1 m at geostationary range. At 0.01 µrad and below,
-#: the model error of the path within a slice exceeds the noise and tracks are lost; at 0.03 µrad none is (measured on
-#: an ICBM seen by one or two scanners).
-LEAST_SIGMA_RAD = 3e-8
+#: Lower bound on the standard deviation of a line of sight at its target, m: with less, the model error of the path
+#: within a slice exceeds the noise and tracks are lost (at 0.4 m, of an ICBM seen by one or two geostationary scanners;
+#: at 1 m none is). A sensor in a low orbit has the same bound in metres, so a larger angle.
+LEAST_SIGMA_M = 1.0
+
+#: Least height of a sensor for this, m.
+_LOWEST_M = 100e3
 
 
 @frozen(eq=False, repr=False)
@@ -23,7 +26,8 @@ class LinesOfSight(Columns):
     """Lines of sight, one row each: scene time of the look, sensor, scan, origin and direction in ECEF, error.
 
     `direction_ecef` (n, 3) are unit vectors; `sigma_rad` is the standard deviation of each of the two angles across the
-    line, at least `LEAST_SIGMA_RAD`.
+    line, at least `LEAST_SIGMA_M` as far away as the ground below
+    the sensor.
     """
 
     time_s: FloatArray
@@ -42,13 +46,20 @@ class LinesOfSight(Columns):
             detections.scan,
             detections.sensor_ecef_m,
             detections.line_of_sight_ecef,
-            np.maximum(detections.line_of_sight_sigma_rad, LEAST_SIGMA_RAD),
+            np.maximum(detections.line_of_sight_sigma_rad, _least_sigma_rad(detections.sensor_ecef_m)),
         )
 
     def of_instants(self) -> "LinesOfSight":
         """Return the lines of sight with each instant of a sensor as a scan of its own."""
         scan = np.rint(self.time_s * 1e9).astype(np.int64)
         return LinesOfSight(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
+
+
+def _least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
+    """Return lower bounds (n,), rad, of sensors at positions (n, 3)."""
+    height = np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M
+    least: FloatArray = LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
+    return least
 
 
 @frozen(eq=False, repr=False)

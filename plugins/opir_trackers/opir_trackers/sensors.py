@@ -62,16 +62,21 @@ _PRIOR_SIGMA_M = 30e3
 
 @frozen(eq=False)
 class Biases:
-    """The sensors of a scene, the standard deviation of each bias (sensors,), rad, and whether there is any."""
+    """The sensors of a scene, the standard deviation of each bias (sensors,), rad, and whether there is any.
+
+    `clock_sigma_s` is the standard deviation of the constant offset of each sensor's clock.
+    """
 
     sensors: tuple[Sensor, ...]
     sigma_rad: FloatArray
+    clock_sigma_s: float = 0.0
     any: bool = field(default=Factory(lambda self: bool(self.sigma_rad.any()), takes_self=True), init=False)
 
     @classmethod
-    def of(cls, sensors: Sequence[Sensor]) -> "Biases":
+    def of(cls, sensors: Sequence[Sensor], clock_sigma_s: float = 0.0) -> "Biases":
         """Return the biases of sensors."""
-        return cls(tuple(sensors), np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]))
+        sigma_rad = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
+        return cls(tuple(sensors), sigma_rad, clock_sigma_s)
 
     def with_bias_sigma(self, lines: LinesOfSight) -> LinesOfSight:
         """Return lines of sight with the standard deviation of noise and bias together."""
@@ -93,6 +98,20 @@ class Biases:
         if not self.any or not len(position_m):
             return np.zeros((len(position_m), 3, 3))
         return position_covariance(position_m, *self.geometry(time_s, seen), self.sigma_rad)
+
+    def of_clocks(self, position_m: FloatArray, velocity_m_s: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
+        """Return the covariance (n, 3, 3), m², of inertial positions (n, 3) due to the offsets of clocks.
+
+        A sensor whose clock is off by a time sees a target where it is then. `velocity_m_s` (n, 3) are relative to the
+        Earth, along inertial axes.
+        """
+        when = np.array([time_s - 0.5, time_s + 0.5])
+        now = np.full(1, time_s)
+        moved = [np.diff(sensor.orbit.position_ecef_m(when), axis=0) for sensor in self.sensors]
+        own = np.concatenate([earth_rotated(each, now) for each in moved])
+        turn = shifts_of_positions(position_m, *self.geometry(time_s, seen))
+        shift = self.clock_sigma_s * (turn @ (velocity_m_s[:, None] - own)[..., None])[..., 0]
+        return np.asarray(shift.transpose(0, 2, 1) @ shift)
 
     def from_other_sensors(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
         """Return `covariance`, (n, sensors, 3, 3), of the biases of all sensors but each in turn."""

@@ -71,7 +71,8 @@ def _follows_bodies(context: TrackerContext) -> bool:
 def stage_of(thrust: ThrustConfig) -> NewStage:
     """Return what a new stage begins with: what a new track begins with."""
     force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
-    return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s)
+    tilt = float(np.tan(np.radians(thrust.tilt_deg)))
+    return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s, tilt)
 
 
 def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:

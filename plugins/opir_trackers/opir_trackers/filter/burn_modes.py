@@ -30,14 +30,15 @@ Burns = tuple[FloatArray, FloatArray, FloatArray]
 #: Means (n, d) and information roots (n, d, d).
 Gaussian = tuple[FloatArray, FloatArray]
 
-_FORCE = np.arange(6, 9)
+_FORCE, _UNIT = np.arange(6, 9), np.eye(3)
 
 
 @frozen(eq=False)
 class NewStage:
     """The start of a stage: mean and standard deviations of specific force, m/s², and growth, 1/s.
 
-    `every_s` is the mean time from one stage to the next.
+    `every_s` is the mean time from one stage to the next, `tilt` the tangent of the standard deviation of the angle
+    between force and velocity.
     """
 
     force_m_s2: float
@@ -45,17 +46,32 @@ class NewStage:
     growth_per_s: float
     growth_sigma_per_s: float
     every_s: float
+    tilt: float
 
     def begun(self, mean: FloatArray, root: FloatArray) -> Gaussian:
         """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force along the velocity."""
-        return self.lit(mean[:, :COAST], _of_path(root))
+        after, begun = self.lit(mean[:, :COAST], _of_path(root))
+        unit, speed = self._direction(mean)
+        # The force turns with the velocity, whatever that is: rows on their difference. At rest it has no direction.
+        along = unit[:, :, None] * unit[:, None, :]
+        across = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
+        begun[:, 6:9, 3:6] = (across * self.force_m_s2 / speed)[:, None, None] * (along - _UNIT)
+        begun[:, 6:9, 6:9] = across[:, None, None] * (_UNIT - along) + along / self.force_sigma_m_s2
+        return after, square_root.triangular(begun)
 
     def lit(self, mean: FloatArray, root: FloatArray) -> Gaussian:
-        """Return burns (n, 10) of a stage that begins at positions and velocities (n, 6) with roots (n, 6, 6)."""
+        """Return burns (n, 10) of a stage that begins at positions and velocities (n, 6) with roots (n, 6, 6).
+
+        After the dark, in which it may have turned.
+        """
+        force = self.force_m_s2 * self._direction(mean)[0]
+        return _ignited(mean, root, force, self.force_sigma_m_s2, (self.growth_per_s, self.growth_sigma_per_s))
+
+    def _direction(self, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the directions (n, 3) of velocities, shorter for slow ones, and speeds (n,), m/s, at least 100."""
         velocity = air_velocity(mean)
         speed = np.sqrt(dot(velocity, velocity) + SLOW_M_S**2)
-        force = self.force_m_s2 * velocity / speed[:, None]
-        return _ignited(mean, root, force, self.force_sigma_m_s2, (self.growth_per_s, self.growth_sigma_per_s))
+        return velocity / speed[:, None], speed
 
 
 @frozen(eq=False)

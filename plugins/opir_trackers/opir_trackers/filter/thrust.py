@@ -2,9 +2,9 @@
 
 A state (10) is position, velocity, specific force f (all but gravity) and its relative growth rate κ, 1/s. The force
 turns with the velocity relative to the rotating air (drag acts along it too). Across the velocity f is an
-Ornstein–Uhlenbeck process of time constant τ and standard deviation tan(tilt) |f|; along it, a random walk about its
-growth (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m,
-s.
+Ornstein–Uhlenbeck process of time constant τ and standard deviation tan(tilt) |f|, more while it pitches over; along
+it, a random walk about its growth (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and
+Navigation", 2001, 8.2). Units m, s.
 
 The `_of_one` functions compute a single state with plain numbers, as in `opir_core.estimation.motion`: the same
 operations in the same order give the same bits.
@@ -39,6 +39,12 @@ from opir_core.flight import Forces
 #: Below this speed, m/s, the direction of the velocity says little about that of the thrust; at rest, nothing: 1 m²/s²
 #: is added to squared speeds.
 SLOW_M_S = 100.0
+
+#: Process-noise density across the velocity, as a share of the force, 1/√s, that a pitch-over adds below about this
+#: speed, m/s. Under the tracker's law of boosts the thrust is off the velocity by 7 to 8.5° (root mean square) at 100
+#: to 400 m/s with a correlation time of 14 s, by 3.6° at 700 m/s, and by 2.5° beyond 1 km/s for longer: with the usual
+#: tilt its noise is within a third of this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
+PITCH_OVER_SHARE, PITCH_OVER_M_S = 0.045, 600.0
 
 #: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose acceleration triples ends
 #: with it; beyond, κ stays: carried on in the dark, a stage would burn up all its mass.
@@ -118,6 +124,15 @@ def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float
     return rows
 
 
+def across_share_at(late: float, square_speed: Any) -> Any:
+    """Return the process-noise density of the force across the velocity, as a share of the force, 1/√s.
+
+    It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`. `square_speed` is the squared
+    speed, m²/s².
+    """
+    return late + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
+
+
 def side_of_one(state: Sequence[float], across_share: float, along_noise: float) -> list[float]:
     """Return a root of the force's process noise per second, 9 numbers by row.
 
@@ -125,8 +140,9 @@ def side_of_one(state: Sequence[float], across_share: float, along_noise: float)
     """
     x, y, _, wx, wy, vz, fx, fy, fz, _ = state
     velocity = wx + _SPIN * y, wy - _SPIN * x, vz
-    across = across_share * sqrt(fx * fx + fy * fy + fz * fz)
-    share = (along_noise - across) / (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2 + 1.0)
+    square = velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2
+    across = across_share_at(across_share, square) * sqrt(fx * fx + fy * fy + fz * fz)
+    share = (along_noise - across) / (square + 1.0)
     u, v, w = velocity
     xy, xz, yz = share * u * v, share * u * w, share * v * w
     return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]
@@ -275,8 +291,10 @@ class Thrust:
         if len(state) == 1:
             return self._noise_root_of_one(abs(float(step_s[0])), state)
         velocity, force = air_velocity(state), state[:, 6:9]
-        across = np.tan(self.tilt_rad) * np.sqrt(2.0 / self.tilt_s * dot(force, force))
-        along_it = (self.noise_m_s2 - across) / (dot(velocity, velocity) + 1.0)
+        square = dot(velocity, velocity)
+        share = across_share_at(tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s), square)
+        across = share * np.sqrt(dot(force, force))
+        along_it = (self.noise_m_s2 - across) / (square + 1.0)
         side = along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :] + across[:, None, None] * _UNIT
         step = np.abs(step_s)
         small = (step[:, None] ** _POWERS)[:, :, None] * _CHAIN

@@ -19,9 +19,11 @@ from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContex
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
+from opir_trackers.filter.climb import uncertain_climbs
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
@@ -86,7 +88,7 @@ class ImmTracking:
         model = AssociationModel(track_management.clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
         look_m = FAR_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
-        filter_, biases = filter_of(config, context), Biases.of(context.sensors)
+        filter_, biases = filter_of(config, context), Biases.of(context.sensors, config.clock_sigma_s)
         return cls(
             config=config,
             needed_scans=config.needed_scans or needed_scans(period_s),
@@ -260,6 +262,7 @@ class ImmTracking:
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
         prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
         points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
+        points.covariance[:, 2, 2] += self.config.clock_sigma_s**2
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
         return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)
@@ -323,6 +326,7 @@ class ImmTracking:
             track_management.are_uncertain(covariance, config.lost_sigma_m),
             track_management.are_below_ground(place),
         )
+        now = self._with_climb_prior(now, state, covariance)
         fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
         if table.hits.min() < needed or np.count_nonzero(uncertain | below_ground | fast_uncertain):
             rows = fast_uncertain.nonzero()[0]
@@ -349,6 +353,12 @@ class ImmTracking:
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
         return evolve(now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended)
 
+    def _with_climb_prior(self, now: TrackerState, state: FloatArray, covariance: FloatArray) -> TrackerState:
+        """Return the state with the climbs of burning tracks known as well as before any look."""
+        rows = uncertain_climbs(state, covariance)
+        rows = rows[now.estimates.weight[rows, 0] > 0.5]
+        return evolve(now, estimates=self.filter.with_climb_prior(now.estimates, rows)) if rows.size else now
+
     def _longest_of_sensors(self, time_s: FloatArray, table: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
         longest: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
@@ -372,7 +382,7 @@ class ImmTracking:
             last = EndedTracks(estimates, table, motion, last.end[order])
         estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
-        if self.biases.any:
+        if self.biases.any or self.config.clock_sigma_s:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
         tracks = tracks_of(state, covariance, table, now.time_s)
         types = type_evidence(table.reports, self.type_log_likelihood)
@@ -405,9 +415,14 @@ class ImmTracking:
     def _with_biases(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
     ) -> FloatArray:
-        """Return covariances (n, 6, 6) including the sensors' biases."""
-        wider = covariance.copy()
-        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, table.reports >= 0)
+        """Return covariances (n, 6, 6) including the sensors' biases and the offsets of their clocks."""
+        wider, seen = covariance.copy(), table.reports >= 0
+        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, seen)
+        if self.config.clock_sigma_s:
+            state = np.where(
+                estimates.weight[:, 1:] > estimates.weight[:, :1], estimates.coast_mean, estimates.boost_mean[:, :6]
+            )
+            wider[:, :3, :3] += self.biases.of_clocks(state[:, :3], air_velocity(state), time_s, seen)
         return wider
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:

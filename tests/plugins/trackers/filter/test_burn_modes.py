@@ -11,7 +11,8 @@ from opir_trackers.filter.thrust import Thrust
 from opir_core.estimation.square_root import covariance
 from opir_core.flight.forces import Forces
 
-STAGE = NewStage(force_m_s2=20.0, force_sigma_m_s2=10.0, growth_per_s=0.01, growth_sigma_per_s=0.01, every_s=40.0)
+TILT, ALONG = 0.05, np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+STAGE = NewStage(20.0, 10.0, 0.01, 0.01, every_s=40.0, tilt=TILT)
 MODES = BurnModes(Thrust(np.radians(3.0), 30.0, 0.5, 0.001, Forces(zonal=())), STAGE)
 #: A burn at 2 km/s with 60 m/s², known well.
 STATE = np.array([6.5e6, 0.0, 0.0, 1400.0, 1400.0 + 474.0, 0.0, 42.0, 42.0, 0.0, 0.015])
@@ -34,7 +35,19 @@ def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velo
     assert after[0, :6] == pytest.approx(STATE[:6])
     assert np.linalg.norm(after[0, 6:9]) == pytest.approx(20.0, rel=2e-3)
     assert after[0, 6:9] @ [1.0, 1.0, 0.0] == pytest.approx(20.0 * np.sqrt(2.0), rel=2e-3)
-    assert np.sqrt(np.diag(covariance(begun)[0])) == pytest.approx([*SIGMA[:6], 10.0, 10.0, 10.0, 0.01], rel=1e-9)
+    spread = covariance(begun)[0]
+    assert np.sqrt(np.diag(spread)[[0, 1, 2, 3, 4, 5, 9]]) == pytest.approx([*SIGMA[:6], 0.01], rel=1e-9)
+    assert np.sqrt(ALONG @ spread[6:9, 6:9] @ ALONG) == pytest.approx(10.0, rel=2e-2)
+
+
+def test_the_force_of_a_new_stage_turns_with_the_velocity_and_is_off_it_by_the_tilt():
+    mean, root, _ = burns()
+    root[:, 0, 5, 5] = 1.0 / 600.0
+    spread = covariance(STAGE.begun(mean[:, 0], root[:, 0])[1])[0]
+    turn = 20.0 / 1980.0
+    assert spread[8, 5] / spread[5, 5] == pytest.approx(turn, rel=1e-2)
+    left = spread[8, 8] - spread[8, 5] ** 2 / spread[5, 5]
+    assert np.sqrt(left) == pytest.approx(20.0 * (TILT + 100.0 / 1980.0), rel=1e-2)
 
 
 def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_is_dropped():
@@ -43,7 +56,7 @@ def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_i
     before = covariance(root[:, 0])[0]
     _, begun = STAGE.begun(mean[:, 0], root[:, 0])
     assert covariance(begun)[0, :6, :6] == pytest.approx(before[:6, :6], rel=1e-9)
-    assert covariance(begun)[0, :6, 6:] == pytest.approx(0.0, abs=1e-12)
+    assert covariance(begun)[0, :6, 6:9] @ ALONG / (20.0 * 10.0) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_the_probability_of_a_new_stage_grows_at_its_rate():

@@ -14,7 +14,7 @@ from opir_core.flight.forces import Forces, ZonalField
 
 #: A sphere of next to no mass: what is left is the force.
 NOWHERE = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=1.0))
-STAGE = NewStage(force_m_s2=20.0, force_sigma_m_s2=10.0, growth_per_s=0.01, growth_sigma_per_s=0.01, every_s=40.0)
+STAGE = NewStage(20.0, 10.0, 0.01, 0.01, every_s=40.0, tilt=0.05)
 FREE = FreeBurn(
     FreeThrust(2.5, 0.001, Forces(zonal=())), force_sigma_m_s2=22.0, relit=0.1, lasts_s=300.0, surprise=10.0
 )

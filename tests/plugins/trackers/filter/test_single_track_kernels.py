@@ -24,7 +24,7 @@ from opir_core.interfaces.columns import names_of
 FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
-STAGE = NewStage(20.0, 10.0, 0.01, 0.01, 40.0)
+STAGE = NewStage(20.0, 10.0, 0.01, 0.01, 40.0, 0.05)
 FILTERS = {
     "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0, stage=STAGE),
     "jerk": ImmFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),

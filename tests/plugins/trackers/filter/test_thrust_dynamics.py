@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.filter.thrust import THRUST, Thrust
+from opir_trackers.filter.thrust import THRUST, Thrust, across_share_at
 from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -97,7 +97,15 @@ def test_the_noise_is_the_tilts_across_and_its_own_along_the_velocity() -> None:
     assert np.einsum("ni,nij,nj->n", unit, covariance, unit) == pytest.approx(np.full(5, 1.5**2), rel=1e-3)
     square = np.sum(start[:, 6:9] ** 2, axis=1)
     across = np.trace(covariance, axis1=1, axis2=2) - 1.5**2
-    assert across == pytest.approx(2.0 * 2.0 / TILT_S * np.tan(0.07) ** 2 * square, rel=1e-3)
+    share = np.sqrt(2.0 / TILT_S) * np.tan(0.07) + 0.045 / (1.0 + (np.linalg.norm(air, axis=1) / 600.0) ** 4)
+    assert across == pytest.approx(2.0 * share**2 * square, rel=1e-3)
+
+
+def test_a_slow_boost_may_turn_five_times_as_fast_as_a_fast_one() -> None:
+    """Under the tracker's law the noise is 0.053 of the force at 250 m/s, 0.01 beyond 1.4 km/s (`pitch_over.py`)."""
+    late = np.sqrt(2.0 / 30.0) * np.tan(np.radians(2.0))
+    assert across_share_at(late, 250.0**2) == pytest.approx(0.053, rel=0.15)
+    assert across_share_at(late, 1400.0**2) == pytest.approx(late, rel=0.2)
 
 
 def test_left_alone_the_tilt_settles_at_its_standard_deviation() -> None:
