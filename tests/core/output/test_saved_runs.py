@@ -201,8 +201,5 @@ def test_regions_and_scores_are_those_of_the_run(saved: opir_core.Run, memory: o
             asked += len(places)
     assert asked > 100
     cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (memory, saved)]
-    texts = [scorecard_text({"imm": card}).split() for card in cards]
-    # Timestamps are to a microsecond: a detection at a tick may be counted to the next, in the bound alone.
-    differ = [(was, now) for was, now in zip(*texts, strict=True) if was != now]
-    assert len(differ) < 0.02 * len(texts[0])
-    assert [float(was) for was, _ in differ] == pytest.approx([float(now) for _, now in differ], rel=2e-3)
+    texts = [scorecard_text({"imm": card}).splitlines() for card in cards]
+    assert texts[0] == texts[1]
