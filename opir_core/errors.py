@@ -30,9 +30,15 @@ __all__ = [
 
 
 class OpirError(Exception):
-    """The base class of opir's own errors; `exit_code` is the exit code of the command line."""
+    """The base class of opir's own errors; `exit_code` is the exit code of the command line.
+
+    Characters that a terminal would obey, of names in files, are escaped in the message.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__("".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in message))
 
 
 @frozen

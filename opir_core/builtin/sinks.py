@@ -124,6 +124,10 @@ class LineFile(Sink):
             self._withheld += withheld
             self._write_lines(lines, events)
 
+    def delivery_so_far(self) -> Delivery:
+        """Return the events whose lines the system has accepted."""
+        return Delivery(self._delivered, withheld=self._withheld)
+
     def close(self) -> Delivery:
         """Close the file; events without a complete line count as dropped."""
         try:

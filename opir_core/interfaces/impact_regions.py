@@ -44,6 +44,13 @@ class ImpactRegion:
         presumed = self.condition, self.probability, repr(self.effective_samples)
         return self.containment, self.area_km2, polygons, self.centre, *presumed
 
+    def chart(self) -> AzimuthalEquidistant:
+        """Return the map in which the edges are straight; a region without polygons needs a `centre`."""
+        if self.centre is not None:
+            return AzimuthalEquidistant.about(unit_vectors(np.array([self.centre]))[0])
+        rings = [ring for polygon in self.polygons for ring in polygon]
+        return AzimuthalEquidistant.about(np.add.reduce([unit_vectors(ring).mean(axis=0) for ring in rings]))
+
     def contains(self, latitude_rad: float, longitude_rad: float) -> bool:
         """Return whether a point lies in the region.
 
@@ -53,11 +60,7 @@ class ImpactRegion:
         rings = [ring for polygon in self.polygons for ring in polygon]
         if not rings:
             return False
-        if self.centre is None:
-            middle = np.add.reduce([unit_vectors(ring).mean(axis=0) for ring in rings])
-        else:
-            middle = unit_vectors(np.array([self.centre]))[0]
-        chart = AzimuthalEquidistant.about(middle)
+        chart = self.chart()
         x, y = chart.points(np.array([[latitude_rad, longitude_rad]]))[0].tolist()
         inside = False
         for ring in rings:

@@ -5,7 +5,7 @@ another base class works too (`PluginPart.adopt`).
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
@@ -90,6 +90,14 @@ class Sink(PluginPart):
         return False
 
 
+class PartlySentError(Exception):
+    """In the future of a batch at closing: `rows`, in order, are not acknowledged, and the others are."""
+
+    def __init__(self, rows: Sequence[int]) -> None:
+        super().__init__(f"{len(rows)} events are not acknowledged")
+        self.rows = rows
+
+
 class Transport(PluginPart):
     """Sends encoded events and acknowledges them later: a sink's `build` may return one.
 
@@ -123,12 +131,20 @@ class Transport(PluginPart):
 
     @abstractmethod
     def close(self, wait_s: float) -> None:
-        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""
+        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled.
+
+        The future of a batch that is acknowledged in part may have a `PartlySentError`: only its rest is sent again.
+        """
 
     @optional
     def trouble(self) -> str | None:
         """The reason why nothing gets through at the moment; None while all is well."""
         return None
+
+    @optional
+    def acknowledged(self) -> int:
+        """The number of events that were acknowledged so far, in batches that are not whole too: the progress."""
+        return 0
 
     def retry(self) -> None:
         """Forget a final error: the batches that follow are sent as if there had been none."""

@@ -3,11 +3,11 @@
 Arrays are read-only in records that leave the engine.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, ObjectArray, WordArray
@@ -306,6 +306,11 @@ class Batch:
     def messages(self) -> list[bytes]:
         """Return the messages, without their newlines."""
         return self.body.split(b"\n")[:-1]
+
+    def take(self, rows: Sequence[int]) -> "Batch":
+        """Return some of the events."""
+        messages = self.messages()
+        return evolve(self, body=b"".join(messages[row] + b"\n" for row in rows), key_of=self.key_of[list(rows)])
 
 
 def _no_regions(tracks: Tracks) -> ObjectArray:

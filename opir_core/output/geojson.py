@@ -5,27 +5,30 @@ Positions are longitude and latitude in degrees, outer rings counter-clockwise, 
 """
 
 from collections.abc import Mapping, Sequence
-from math import isnan, nan
+from math import isnan, nan, radians
 from typing import Any
 
 import msgspec
 import numpy as np
-from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
+from opir_core.geometry.sphere import AzimuthalEquidistant
 from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
 #: Decimals of positions, degrees: 0.1 m on the ground.
 DECIMALS = 6
-#: Decimals of areas, km².
-_AREA_DECIMALS = 3
-#: Longest step in longitude along an edge, degrees: edges of regions are great circles, those of GeoJSON are straight
+#: Longest step in longitude along an edge, degrees: edges of regions are straight in their own map, those of GeoJSON
 #: in longitude and latitude.
 _STEP_DEG = 1.0
 _POLE_DEG = 90.0
 #: Rings with fewer distinct points enclose no area.
 _FEWEST = 3
+
+#: Longest step in longitude whose sense is beyond doubt, degrees.
+_WIDEST_DEG = 90.0
+#: Halvings that find a place on an edge: to 1e-12 of a part of it.
+_HALVINGS = 40
 
 _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
@@ -42,8 +45,9 @@ def region_texts(column: NDArray[np.object_]) -> list[bytes]:
 
 
 def region_document(region: ImpactRegion) -> dict[str, Any]:
-    """Return the figures and the geometry of a region."""
-    return {**region_figures(region), "geometry": geometry_of(region)}
+    """Return the figures of a region, the centre of its map, longitude and latitude in degrees, and its geometry."""
+    centre = np.degrees(region.chart().centre[::-1]).tolist() if region.polygons else None
+    return {**region_figures(region), "centre": centre, "geometry": geometry_of(region)}
 
 
 def region_figures(region: ImpactRegion) -> dict[str, Any]:
@@ -51,7 +55,7 @@ def region_figures(region: ImpactRegion) -> dict[str, Any]:
     samples = region.effective_samples
     return {
         "containment": region.containment,
-        "area_km2": round(region.area_km2, _AREA_DECIMALS),
+        "area_km2": region.area_km2,
         "condition": region.condition,
         "probability": region.probability,
         "effective_samples": None if isnan(samples) else samples,
@@ -61,8 +65,9 @@ def region_figures(region: ImpactRegion) -> dict[str, Any]:
 def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
     """Return the region of a document; raises KeyError, TypeError or ValueError if it is none.
 
-    It may lack condition, probability and effective samples.
+    It may lack condition, probability, effective samples and centre.
     """
+    centre = document.get("centre")
     condition, samples = document.get("condition", IMPACT_CONDITIONS[0]), document.get("effective_samples")
     if condition not in IMPACT_CONDITIONS:
         raise ValueError(f"{condition!r} is no condition of a region; give one of {', '.join(IMPACT_CONDITIONS)}")
@@ -74,10 +79,17 @@ def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
         containment=float(document["containment"]),
         area_km2=float(document["area_km2"]),
         polygons=tuple(tuple(_ring_from(ring) for ring in polygon) for polygon in polygons),
+        centre=None if centre is None else _centre_from(*centre),
         condition=condition,
         probability=float(document.get("probability", 1.0)),
         effective_samples=nan if samples is None else float(samples),
     )
+
+
+def _centre_from(longitude_deg: float, latitude_deg: float) -> tuple[float, float]:
+    if not abs(latitude_deg) <= _POLE_DEG or not np.isfinite(longitude_deg):
+        raise ValueError("a centre is longitude and latitude, degrees")
+    return radians(latitude_deg), radians(longitude_deg)
 
 
 def _ring_from(positions: Any) -> FloatArray:
@@ -92,7 +104,10 @@ def _ring_from(positions: Any) -> FloatArray:
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
-    polygons = [part for polygon in region.polygons for part in _parts(polygon, _poles_in(region, polygon))]
+    if not region.polygons:
+        return {"type": "MultiPolygon", "coordinates": []}
+    chart, is_wide = region.chart(), region.area_km2 >= _WIDE_KM2
+    polygons = [part for polygon in region.polygons for part in _parts(polygon, chart, is_wide=is_wide)]
     if len(polygons) == 1:
         return {"type": "Polygon", "coordinates": polygons[0]}
     return {"type": "MultiPolygon", "coordinates": polygons}
@@ -101,44 +116,39 @@ def geometry_of(region: ImpactRegion) -> dict[str, Any]:
 #: From this area on a ring alone does not tell which pole it holds, or whether it holds both, km²: a cap of 40 degrees.
 _WIDE_KM2 = 6e7
 
-#: Latitudes of the poles inside a polygon, degrees; None where the rings tell.
-Poles = tuple[float, ...] | None
 
-
-def _poles_in(region: ImpactRegion, polygon: tuple[FloatArray, ...]) -> Poles:
-    if region.area_km2 < _WIDE_KM2:
-        return None
-    alone = evolve(region, polygons=(polygon,))
+def _poles_in(ring: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...]:
+    """Return the latitudes of the poles inside a ring, degrees."""
+    alone = ImpactRegion(1.0, 0.0, ((ring,),), chart.centre)
     return tuple(pole for pole in (-_POLE_DEG, _POLE_DEG) if alone.contains(float(np.radians(pole)), 0.0))
 
 
-def _parts(polygon: Sequence[FloatArray], poles: Poles = None) -> list[list[list[list[float]]]]:
+def _parts(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> list[Any]:
     """Return a polygon as polygons of coordinates: one, unless the 180th meridian cuts it."""
-    if poles is not None:
-        return _cut(_planar(polygon, poles))
-    if len(polygon) == 1:
+    if len(polygon) == 1 and not is_wide:
         degrees: FloatArray = np.degrees(polygon[0][:, ::-1])
         longitude = degrees[:, 0]
         if np.abs(longitude[1:] - longitude[:-1]).max(initial=0.0) <= _STEP_DEG and np.abs(longitude).max() <= 180.0:
             points = _distinct(degrees)
             return [[_closed(points, is_outer=True)]] if len(points) >= _FEWEST else []
-    return _cut(_planar(polygon))
+    return _cut(_planar(polygon, chart, is_wide=is_wide))
 
 
-def _planar(polygon: Sequence[FloatArray], poles: Poles = None) -> Rings:
+def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> Rings:
     """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are continuous along them.
 
     A ring around a pole is closed along two meridians and the pole. Where a polygon holds both poles, its outer ring is
     a hole of the whole Earth. Holes are moved by whole turns into the outer ring.
     """
-    outer, *holes = [_unrolled(ring, poles) for ring in polygon]
-    if poles is not None and len(poles) == 2:
+    poles = [_poles_in(ring, chart) if is_wide else () for ring in polygon]
+    outer, *holes = [_unrolled(ring, chart, inside) for ring, inside in zip(polygon, poles, strict=True)]
+    if len(poles[0]) == 2:
         middle_deg = 0.5 * (outer[:, 0].min() + outer[:, 0].max())
         outer, holes = _WORLD + np.array([middle_deg, 0.0]), [outer, *holes]
     rings = [outer]
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
-        rings.append(next((shifted for shifted in shifts if _is_inside(shifted[0], outer)), hole))
+        rings.append(next((shifted for shifted in shifts if _is_inside(_middle(shifted), outer)), hole))
     return rings
 
 
@@ -151,8 +161,8 @@ def _moved(ring: FloatArray, turns: int) -> FloatArray:
 _WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0]])
 
 
-def _unrolled(ring: FloatArray, poles: Poles = None) -> FloatArray:
-    points = _refined(ring)
+def _unrolled(ring: FloatArray, chart: AzimuthalEquidistant, poles: Sequence[float]) -> FloatArray:
+    points = _refined(ring, chart)
     longitude = np.unwrap(points[:, 0], period=360.0)
     turns = round((longitude[-1] - longitude[0]) / 360.0)
     if not turns:
@@ -179,23 +189,41 @@ def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatA
     return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
 
 
-def _refined(ring: FloatArray) -> FloatArray:
-    """Return a closed ring as longitude and latitude, degrees, with points on edges that are long in longitude."""
+def _refined(ring: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
+    """Return a closed ring as longitude and latitude, degrees, with points on edges that are long in longitude.
+
+    An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
+    """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
     parts = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
-    degrees: FloatArray = np.degrees(ring[:, ::-1])
-    if (parts == 1).all():
-        return degrees
-    flat = np.cos(ring[:, 0])
-    unit = np.stack([flat * np.cos(ring[:, 1]), flat * np.sin(ring[:, 1]), np.sin(ring[:, 0])], axis=1)
-    edge = np.repeat(np.arange(len(parts)), parts)
-    corner = np.cumsum(parts) - parts
-    share = ((np.arange(len(edge)) - corner[edge]) / parts[edge])[:, np.newaxis]
-    chord = (1.0 - share) * unit[edge] + share * unit[edge + 1]
-    height = np.arctan2(chord[:, 2], np.hypot(chord[:, 0], chord[:, 1]))
-    points: FloatArray = np.degrees(np.stack([np.arctan2(chord[:, 1], chord[:, 0]), height], axis=1))
-    points[corner] = degrees[:-1]
-    return np.concatenate([points, degrees[-1:]])
+    edge, plane = np.repeat(np.arange(len(parts)), parts), chart.points(ring)
+    share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
+    for _ in range(_HALVINGS):  # an edge that passes close to a pole turns around it within one step
+        points = _along(plane, edge, share, chart)
+        points[share == 0.0] = np.degrees(ring[:-1, ::-1])
+        after = np.where(np.append(edge[1:], -1) == edge, np.append(share[1:], 1.0), 1.0)
+        turn = np.abs(np.diff(points[:, 0], append=points[0, 0]))
+        wide = np.flatnonzero(np.minimum(turn, 360.0 - turn) > _WIDEST_DEG)
+        if not len(wide):
+            break
+        edge = np.insert(edge, wide + 1, edge[wide])
+        share = np.insert(share, wide + 1, 0.5 * (share + after)[wide])
+    jumps = np.flatnonzero((turn > 180.0) & (np.abs(points[:, 0]) < 180.0))
+    low, high, side = share[jumps], after[jumps], np.sign(points[jumps, 0])
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        is_before = np.sign(_along(plane, edge[jumps], middle, chart)[:, 0]) == side
+        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+    crossing = _along(plane, edge[jumps], high, chart)
+    crossing[:, 0] = 180.0 * side
+    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossing, axis=0)
+
+
+def _along(plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
+    """Return points on edges of a ring, at shares of their length, as longitude and latitude, degrees."""
+    between = (1.0 - share)[:, np.newaxis] * plane[edge] + share[:, np.newaxis] * plane[edge + 1]
+    degrees: FloatArray = np.degrees(chart.places(between)[:, ::-1])
+    return degrees
 
 
 def _cut(rings: Rings) -> list[list[list[list[float]]]]:

@@ -132,7 +132,7 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
     """Return a run's manifest; `SceneError` if the file is none."""
     try:
         manifest = json.loads(content(path))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise invalid_file(path, "", f"not what opir writes: {error}") from error
     if not isinstance(manifest, dict) or "scene" not in manifest:
         raise invalid_file(path, "", "not what opir writes: a manifest has a block scene")

@@ -12,7 +12,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
@@ -39,6 +39,8 @@ _MANIFEST, _TRUTH, _TRACKS = ".manifest.json", ".truth.jsonl", ".tracks.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
 _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
 _NS_PER_US = 1_000
+#: What 64 bits hold in nanoseconds, µs: 292 years.
+_LONGEST_US = (1 << 63) // 1_000
 
 
 class _TruthLine(msgspec.Struct):
@@ -240,9 +242,19 @@ class _Columns:
             band_irradiance_w_m2=self._irradiances(sensor),
             type_log_probability=self._type_probabilities(),
         )
+        self._require(detections.time_ns >= 0, "before the scene")
+        self._require(detections.time_ns <= self.plan.end_ns + _NS_PER_US, "after the end of the scene")
         if all(row.reported_at in (None, row.timestamp) for row in rows):
             return detections
-        return evolve(detections, reported_ns=self._times_ns([row.reported_at or row.timestamp for row in rows]))
+        reported_ns = self._times_ns([row.reported_at or row.timestamp for row in rows])
+        self._require(reported_ns >= detections.time_ns, "reported before it was detected")
+        return evolve(detections, reported_ns=reported_ns)
+
+    def _require(self, is_due: BoolArray, words: str) -> None:
+        wrong = np.flatnonzero(~is_due)
+        if len(wrong):
+            row = self.rows[int(wrong[0])]
+            raise invalid_file(self.path, "timestamp", f"detection {row.detection_id} at {row.timestamp} is {words}")
 
     def _ids(self) -> WordArray:
         try:
@@ -270,7 +282,8 @@ class _Columns:
             stamps = np.array([text.removesuffix("Z") for text in texts], dtype="datetime64[us]")
         except ValueError as error:
             raise invalid_file(self.path, "timestamp", f"is not a timestamp of opir: {error}") from error
-        return (stamps.astype(np.int64) - self.plan.scene.epoch_us) * _NS_PER_US
+        since_us = stamps.astype(np.int64) - self.plan.scene.epoch_us
+        return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * _NS_PER_US
 
     def _irradiances(self, sensor: IndexArray) -> FloatArray:
         if not any(row.band_irradiance_w_m2 for row in self.rows):
@@ -330,7 +343,7 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
         for number, line in enumerate(lines, start=1):
             try:
                 yield decoder.decode(line)
-            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
                 raise invalid_file(path, f"line {number}", f"is not {due}: {error}") from error
 
 

@@ -136,7 +136,10 @@ class OpenSink:
         if self._final is not None:
             return self._final
         told = self._sink.delivery_so_far()
-        return Delivery(delivered=self._written) if told is None else self._checked(told, is_final=False)
+        if told is not None:
+            return self._checked(told, is_final=False)
+        # Taken is not delivered: what becomes of it a sink tells when it is closed, and this one fails to.
+        return Delivery(delivered=0 if self.error else self._written)
 
     def _checked(self, told: Delivery, *, is_final: bool) -> Delivery:
         """Return a sink's counts, made to add up; says so if they did not."""

@@ -65,7 +65,7 @@ def _row(decoder: "msgspec.json.Decoder[TrackRecord]", line: bytes, number: int,
         key = place.removeprefix(".").removesuffix("`")
         words = f"not what opir writes: {reason[:1].lower()}{reason[1:]}"
         raise invalid_file(path, f"line {number}{f': {key}' if key else ''}", words) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
 
 

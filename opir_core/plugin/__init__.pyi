@@ -52,6 +52,7 @@ from opir_core.interfaces.impact_regions import (
 from opir_core.interfaces.outputs import (
     Delivery as Delivery,
     Encoder as Encoder,
+    PartlySentError as PartlySentError,
     Sink as Sink,
     Transport as Transport,
 )

@@ -5,6 +5,7 @@ arrival, what is there twice is there unchanged. Scenarios that have to spoil th
 run against any broker that KAFKA_BOOTSTRAP names.
 """
 
+import json
 import random
 import signal
 import threading
@@ -40,6 +41,7 @@ from opir_core.interfaces.outputs import Delivery
 from opir_core.output.pump import SinkGroup
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.policy import Policy
 from opir_core.output.spool.transport_sink import TransportSink
 
 #: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
@@ -356,3 +358,43 @@ def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> Non
 
 def test_there_are_sensors_for_every_partition() -> None:
     assert len(SENSORS) > kafka_broker.PARTITIONS
+
+
+#: The timeouts of a sink by default, about.
+PATIENT = {"connect_timeout_s": 20.0, "request_timeout_s": 20.0, "acknowledgement_timeout_s": 25.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slow_ms", [200, 1_000, 1_500, 5_000])
+def test_a_broker_that_answers_slowly_gets_everything_once(mock: Any, spool: Path, slow_ms: int) -> None:
+    topic = mock.topic(1)
+    sink = kafka_sink(mock.address, topic, spool, Policy(stall_s=30.0, trouble_s=3.0), **PATIENT)
+    until(lambda: sink.delivery_so_far().complaint is None)
+    mock.tell("slow", slow_ms)
+    sink.write(window(750))
+    try:
+        assert sink.close() == Delivery(delivered=750)
+    finally:
+        mock.tell("slow", 0)
+    assert len(messages(mock.address, topic)) == 750
+
+
+@pytest.mark.slow
+def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock: Any, spool: Path) -> None:
+    topic, events = mock.topic(1), 750
+    sink = kafka_sink(mock.address, topic, spool, brief(stall_s=4.0), **PATIENT)
+    until(lambda: sink.delivery_so_far().complaint is None)
+    mock.tell("slow", 700)
+    sink.write(window(events))
+    sink.close_by(time.monotonic() + 2.0 + 2.5)
+    told = sink.close()
+    mock.tell("slow", 0)
+    assert 0 < told.delivered < events
+    assert told.delivered + told.spooled == events
+    time.sleep(1.0)
+    again = closed(kafka_sink(mock.address, topic, spool))
+    assert again == Delivery(delivered=told.spooled, recovered=told.spooled)
+    found = messages(mock.address, topic)
+    assert len({json.loads(each.value())["detection_id"] for each in found}) == events
+    # What was under way at the end may arrive twice: one batch of the broker's, not all.
+    assert len(found) <= events + events // 3

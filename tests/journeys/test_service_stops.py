@@ -143,12 +143,37 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
             time.sleep(0.3)
             told = running.terminated()
             asking.join(30.0)
-            assert running.process.returncode == 0, told
+            assert running.process.returncode == 5, told  # the window that waited for room is lost, and told
     finally:
         os.close(reading)
     assert answers[0][0] == 409
-    assert "spooled" in told
+    assert re.search(r"[1-9]\d* spooled, [1-9]\d* dropped.* is full", told), told
     assert waiting(spool) > 0
 
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX signals and pipes")
+
+
+@pytest.mark.slow
+def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_path: Path) -> None:
+    words = ("--set", 'outputs=["null"]', "--loop", "--supervise", "--dead-after", "4", "--unready-after", "2")
+    with serving(tmp_path, *words) as running:
+        until(lambda: running.sink()["given"] > 0)
+        running.process.send_signal(signal.SIGSTOP)
+        time.sleep(7.0)
+        running.process.send_signal(signal.SIGCONT)
+        time.sleep(6.0)
+        assert running.process.poll() is None
+        before = running.sink()["given"]
+        until(lambda: running.sink()["given"] > before)
+        running.terminated()
+        assert running.process.returncode == 0
+
+
+@pytest.mark.slow
+def test_a_service_that_dropped_events_ends_with_the_exit_code_of_a_run_that_did(tmp_path: Path) -> None:
+    with serving(tmp_path, "--set", "outputs=[{jsonl: {path: /dev/full}}]", "--loop") as running:
+        until(lambda: running.sink()["dropped"] > 0)
+        assert "no space left" in running.sink()["error"]
+        running.terminated()
+        assert running.process.returncode == 5

@@ -106,6 +106,9 @@ class Backlog(Protocol):
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers."""
 
+    def keep(self, number: int, rows: Sequence[int]) -> None:
+        """Remove the events of a batch but those in `rows`."""
+
     def drop_oldest(self, after: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
 
@@ -146,6 +149,13 @@ class MemoryBacklog:
             batch = self._batches.pop(number)
             self._bytes -= len(batch.body)
             self.waiting -= len(batch)
+
+    def keep(self, number: int, rows: Sequence[int]) -> None:
+        """Remove the events of a batch but those in `rows`."""
+        whole, rest = self._batches[number], self._batches[number].take(rows)
+        self._batches[number] = rest
+        self._bytes -= len(whole.body) - len(rest.body)
+        self.waiting -= len(whole) - len(rest)
 
     def drop_oldest(self, after: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there is none."""

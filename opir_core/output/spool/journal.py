@@ -6,7 +6,7 @@ or absent (https://www.sqlite.org/wal.html). The checksum of a row detects damag
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -37,6 +37,10 @@ _TABLE = """CREATE TABLE IF NOT EXISTS parcel (
 _INSERT = (
     "INSERT INTO parcel (events, bytes, crc, content_type, schema_version, keys, key_of, body)"
     " VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+)
+_REPLACE = (
+    "UPDATE parcel SET events = ?, bytes = ?, crc = ?, content_type = ?, schema_version = ?, keys = ?, key_of = ?,"
+    " body = ? WHERE number = ?"
 )
 _NEXT = (
     "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel"
@@ -96,16 +100,11 @@ class Journal:
     @_raises_ours
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it in the file or on the disk."""
-        key_of = batch.key_of.astype("<u2").tobytes()
-        # An upper bound of the bytes of a row: a small row may leave as much of its page empty as it fills.
-        content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
-        cost = content + min(content, 2 * _PAGE_BYTES)
-        if self.waiting and self._bytes + cost > self._max_bytes:
+        row = _row_of(batch)
+        if self.waiting and self._bytes + row[1] > self._max_bytes:
             raise FullError
-        kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
-        row = (len(batch), cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body)
         self._database.execute(_INSERT, row)
-        self._bytes += cost
+        self._bytes += row[1]
         self.waiting += len(batch)
 
     @_raises_ours
@@ -135,6 +134,16 @@ class Journal:
         self._database.execute("COMMIT")
         self.waiting -= events
         self._bytes -= cost
+
+    @_raises_ours
+    def keep(self, number: int, rows: Sequence[int]) -> None:
+        """Remove the events of a batch but those in `rows`."""
+        row = self._database.execute(_NEXT, (number - 1,)).fetchone()
+        if row[0] == number and (batch := batch_of(row)):
+            rest = _row_of(batch.take(rows))
+            self._database.execute(_REPLACE, (*rest, number))
+            self.waiting -= row[1] - rest[0]
+            self._bytes -= row[2] - rest[1]
 
     @_raises_ours
     def drop_oldest(self, after: int) -> int:
@@ -195,6 +204,16 @@ class Journal:
             raise SinkError(f"{self.path} is a database of something else, not a spool; give the spool another path")
         elif version != _VERSION:
             raise SinkError(f"the spool {self.path} has version {version}, and this opir reads {_VERSION}; {_MOVE}")
+
+
+def _row_of(batch: Batch) -> tuple[Any, ...]:
+    """Return the columns of a batch but its number; the second is an upper bound of the bytes that they take."""
+    key_of = batch.key_of.astype("<u2").tobytes()
+    # A small row may leave as much of its page empty as it fills.
+    content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
+    kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
+    cost = content + min(content, 2 * _PAGE_BYTES)
+    return len(batch), cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body
 
 
 def batch_of(row: tuple[Any, ...]) -> Batch | None:

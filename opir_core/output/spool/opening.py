@@ -20,8 +20,9 @@ from opir_core.output.spool.salvage import Salvage, salvaged_at_start
 from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.scene.scene import Choice
 
-#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool.
-SPOOLED_STALL_S = 3.0
+#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool: of a destination that
+#: is slow, and of one that tells why nothing gets through.
+SPOOLED_STALL_S, TROUBLE_S = 30.0, 3.0
 
 
 def transport_sink(
@@ -47,4 +48,5 @@ def _backlog(spool: Any) -> tuple[Backlog, Policy, Salvage | None]:
         return MemoryBacklog(MEMORY_BYTES), Policy(), None
     damage = salvaged_at_start(spool.path)
     journal = Journal(spool.path, spool.max_bytes, survives_power_cut=spool.survives_power_cut)
-    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, stall_s=SPOOLED_STALL_S), damage
+    limits = {"stall_s": SPOOLED_STALL_S, "trouble_s": TROUBLE_S}
+    return journal, Policy(when_full=spool.when_full, wait_s=spool.wait_s, **limits), damage

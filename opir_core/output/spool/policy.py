@@ -14,13 +14,15 @@ from opir_core.scene.scene import WAIT
 class Policy:
     """What is dropped when the backlog is full, how long `wait` waits, s, and when closing stops waiting.
 
-    Closing waits for acknowledgements until none has come for `stall_s`. A parked sink tries again after `retry_s`,
+    Closing waits for acknowledgements until none has come for `stall_s`, or for `trouble_s` where the transport tells
+    why nothing gets through. A parked sink tries again after `retry_s`,
     then after twice as long each time, up to `longest_retry_s`.
     """
 
     when_full: str = WAIT
     wait_s: float = 30.0
     stall_s: float = 10.0
+    trouble_s: float = 10.0
     retry_s: float = 5.0
     longest_retry_s: float = 300.0
 
@@ -82,8 +84,9 @@ class Closing:
     since: float | None = field(default=None, init=False)
     end_at: float = field(default=math.inf, init=False)
 
-    def is_stalled(self, now_s: float) -> bool:
+    def is_stalled(self, now_s: float, *, has_trouble: bool = False) -> bool:
         """Return whether no acknowledgement has come for too long, or the deadline is over; never before closing."""
         if self.since is None:
             return False
-        return now_s >= min(self.end_at, max(self.since, self.acknowledged_at) + self.policy.stall_s)
+        stall_s = min(self.policy.stall_s, self.policy.trouble_s) if has_trouble else self.policy.stall_s
+        return now_s >= min(self.end_at, max(self.since, self.acknowledged_at) + stall_s)

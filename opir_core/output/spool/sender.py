@@ -4,7 +4,7 @@ import threading
 import time
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.outputs import Transport
+from opir_core.interfaces.outputs import PartlySentError, Transport
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
 from opir_core.output.spool.policy import Closing, Parking, Policy
@@ -29,6 +29,7 @@ class Sender:
         self.store, self.transport = store, transport
         self.parking, self.closing = Parking(policy), Closing(policy, time.monotonic())
         self.sent = SentBatches()
+        self._progress = 0
         self.error: Exception | None = None
         self.wake = threading.Event()
         self._thread = threading.Thread(target=self._send_all, name=f"opir {store.name}", daemon=True)
@@ -86,6 +87,8 @@ class Sender:
     def _is_done(self) -> bool:
         """Remove acknowledged batches and send as many as there is room for; return whether sending is over."""
         self._remove_acknowledged()
+        if self.transport.acknowledged != self._progress:  # a part of a batch is progress too
+            self._progress, self.closing.acknowledged_at = self.transport.acknowledged, time.monotonic()
         self._resume()
         remove_at = time.monotonic() + _REMOVAL_S
         while self._may_send() and (batch := self.store.next()):
@@ -102,7 +105,7 @@ class Sender:
         """Return whether the sink is being closed and no longer waits for acknowledgements."""
         if self.closing.since is not None and self.parking.has_given_up and not self.sent:
             return True
-        return self.closing.is_stalled(time.monotonic())
+        return self.closing.is_stalled(time.monotonic(), has_trouble=self.transport.trouble is not None)
 
     def _send(self, number: int, batch: Batch) -> None:
         future = self.transport.send(batch)
@@ -139,6 +142,9 @@ class Sender:
             error: BaseException | None = SinkError("the transport gave up without a reason")
         else:
             error = sent.future.exception()
+        if isinstance(error, PartlySentError):
+            self.store.keep(sent.number, error.rows)
+            return
         if not isinstance(error, SinkError):
             raise error or AssertionError
         reason = f"{self.store.name}: {error}"

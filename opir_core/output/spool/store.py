@@ -1,6 +1,7 @@
 """The events of a sink that wait: the backlog with its lock, the event counts, and the faults of its disk."""
 
 import threading
+from collections.abc import Sequence
 
 from attrs import define
 
@@ -108,6 +109,13 @@ class Store:
             self.books.delivered += before - self.backlog.waiting
             self._unread = self._unread if self.backlog.waiting else ""
             self.room.notify_all()
+
+    def keep(self, number: int, rows: Sequence[int]) -> None:
+        """Remove the events of a batch that are delivered, all but `rows`."""
+        with self.room:
+            before = self.backlog.waiting
+            self.backlog.keep(number, rows)
+            self.books.delivered += before - self.backlog.waiting
 
     @property
     def _place(self) -> str:

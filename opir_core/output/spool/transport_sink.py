@@ -8,6 +8,7 @@ A final error of the transport ends a sink without a spool. One with a spool is 
 sends them again after a pause, which grows, or on request.
 """
 
+import logging
 import time
 
 from attrs import evolve
@@ -21,6 +22,8 @@ from opir_core.output.spool.salvage import Salvage
 from opir_core.output.spool.sender import SLEEP_S, Sender
 from opir_core.output.spool.store import Store
 from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT
+
+_log = logging.getLogger(__name__)
 
 
 class TransportSink(Sink):
@@ -87,6 +90,9 @@ class TransportSink(Sink):
         """Wait for acknowledgements, as long as the policy allows, and return the counts."""
         trouble = self._sender.finish()
         delivery = self._final(trouble)
+        if delivery.spooled and not delivery.complaint:
+            why = trouble or "no acknowledgement came in time"
+            _log.warning("%s: %d events wait in its spool: %s", self._store.name, delivery.spooled, why)
         self._store.backlog.close()
         error = self._sender.error
         if error is not None and not isinstance(error, SinkError):

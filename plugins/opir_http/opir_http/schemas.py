@@ -223,7 +223,8 @@ def _region() -> Schema:
     geometry = {"anyOf": [closed({"type": {"const": kind}, "coordinates": each}) for kind, each in kinds.items()]}
     condition = {"type": "string", "enum": list(IMPACT_CONDITIONS), "description": "what the region presumes"}
     figures = {"containment": NUMBER, "area_km2": NUMBER, "condition": condition, "probability": NUMBER}
-    return closed({**figures, "effective_samples": or_null(NUMBER), "geometry": geometry})
+    centre = or_null(listed(NUMBER) | {"minItems": 2, "maxItems": 2})
+    return closed({**figures, "effective_samples": or_null(NUMBER), "centre": centre, "geometry": geometry})
 
 
 def _sensor() -> Schema:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.cli import scene_of
-from opir_core.errors import ModelError, OpirError, SceneError
+from opir_core.errors import ModelError, OpirError, SceneError, SinkError
 from opir_core.host import warn
 from opir_core.live import LiveRun, LiveSettings, LiveStatus, limit_pauses
 from opir_core.plugin import Host
@@ -57,7 +57,7 @@ def serve(arguments: argparse.Namespace) -> int:
     log = RequestLog(sys.stderr.write, token_name(arguments), is_json=is_json)
     service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
-    watchdog = Watchdog(service.run, on_stuck, Notifier.of())
+    watchdog = Watchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     with bound_socket(arguments) as listening:
         limit_pauses()
         service.run.start()
@@ -72,6 +72,8 @@ def serve(arguments: argparse.Namespace) -> int:
     sys.stdout.write(final_report(status))
     if service.run.status().error:
         raise ModelError(f"the run failed: {service.run.status().error}")
+    if failures := [f"{sink.path} ({sink.name}): {sink.error}" for sink in status.sinks if sink.error]:
+        raise SinkError("\n".join(failures))
     return 0
 
 

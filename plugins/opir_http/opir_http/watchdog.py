@@ -13,6 +13,8 @@ from opir_core.live import Progress
 
 #: Longest interval, s, between two checks of a run.
 CHECK_S = 0.5
+#: A check that comes so much too late, s, shows that the process was paused: stopped, or its machine suspended.
+PAUSED_S = 2.0
 
 
 @frozen
@@ -60,12 +62,14 @@ class WatchedRun(Protocol):
 class Watchdog:
     """A thread that checks a run: it notifies systemd while cycles end, and reports a stuck or failed run once.
 
-    `on_stuck` is called with the reason in the watchdog's thread; None only stops the notifications.
+    `on_stuck` is called with the reason in the watchdog's thread; None only stops the notifications. It watches its own
+    beat first: after a pause of the process, a run is not called stuck before it had `dead_after_s` again.
     """
 
     run: WatchedRun
     on_stuck: Callable[[str], None] | None = None
     notifier: Notifier = field(factory=Notifier)
+    dead_after_s: float = 30.0
     _stopping: threading.Event = field(factory=threading.Event, init=False)
 
     def start(self) -> None:
@@ -82,8 +86,13 @@ class Watchdog:
         within_s = self.notifier.within_s
         interval_s = CHECK_S if within_s is None else min(CHECK_S, within_s / 4.0)
         notified_s = -float("inf")
+        beat_s, judged_from_s = time.monotonic(), -float("inf")
         while not self._stopping.wait(interval_s):
-            reason = self._reason()
+            now_s = time.monotonic()
+            if now_s - beat_s > interval_s + PAUSED_S:
+                judged_from_s = now_s + self.dead_after_s
+            beat_s = now_s
+            reason = self._reason(is_judged=now_s >= judged_from_s)
             if reason is None:
                 if within_s is not None and time.monotonic() - notified_s >= within_s / 3.0:
                     notified_s = time.monotonic()
@@ -93,7 +102,7 @@ class Watchdog:
                 self.on_stuck(reason)
                 return
 
-    def _reason(self) -> str | None:
+    def _reason(self, *, is_judged: bool) -> str | None:
         """Return why the run is stuck; None if it is not. A check that fails itself counts as stuck."""
         try:
             if self.run.state == "failed":
@@ -101,4 +110,4 @@ class Watchdog:
             stuck = self.run.progress().stuck
         except BaseException as error:
             return f"the watchdog has failed: {type(error).__name__}: {error}"
-        return "; ".join(stuck) if stuck else None
+        return "; ".join(stuck) if stuck and is_judged else None

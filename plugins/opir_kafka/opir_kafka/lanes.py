@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.plugin import Batch
+from opir_core.plugin import Batch, PartlySentError
 
 Rows = list[int]
 
@@ -63,6 +63,13 @@ class Shipment:
         if not self.future.done():
             self.future.set_result(None)
         return True
+
+    def give_up(self) -> None:
+        """End the future: cancelled, or with the rows that are not acknowledged if others are."""
+        if len(self._open_rows) == len(self._messages) or self.future.done():
+            self.future.cancel()
+        else:
+            self.future.set_exception(PartlySentError(sorted(self._open_rows)))
 
 
 class Lane:

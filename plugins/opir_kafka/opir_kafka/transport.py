@@ -33,6 +33,7 @@ class KafkaTransport(Transport):
         self._config = config
         self._connect = connect
         self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
+        self.acknowledged = 0
         self._shipments: dict[Shipment, None] = {}
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None
@@ -75,7 +76,7 @@ class KafkaTransport(Transport):
             self._loop.run_until_complete(self._loop.create_task(_finish_tasks(), name=OURS))
         finally:
             for shipment in self._shipments:
-                shipment.future.cancel()
+                shipment.give_up()
             self._loop.close()
 
     def _stop(self) -> None:
@@ -174,6 +175,7 @@ class KafkaTransport(Transport):
                 await (await producer.send_batch(batch, self._config.topic, partition=partition))
             self._pauses_s = self._pauses()
             for shipment, rows in sent:
+                self.acknowledged += len(rows)
                 if shipment.acknowledge(rows):
                     del self._shipments[shipment]
 

@@ -13,7 +13,7 @@ from attrs import frozen
 from opir_core import Plan, Run
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import Problem, SceneError
-from opir_core.output import read_run
+from opir_core.output import read_run, unix_microseconds
 from opir_core.plugin import Tracks
 
 #: Step of the finite difference for the true velocity, s: positions are interpolated to a centimetre and the jerk is
@@ -56,7 +56,7 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
     return RunEvidence(
         plan=plan,
         tracks=run.tracks,
-        time_s=detections.time_s,
+        time_s=unix_microseconds(detections.time_ns, 0) * 1e-6,  # as in files, so that both score alike
         sensor=detections.sensor,
         sigma_rad=sigma_rad,
         track=owner,

@@ -82,3 +82,24 @@ def test_a_live_sink_tells_by_how_much_its_figures_are_off() -> None:
     told = sink.status()
     assert (told.given, told.delivered, told.dropped) == (5, 5, 0)
     assert "do not add up, by 2 events" in (told.error or "")
+
+
+def test_what_a_sink_has_taken_that_does_not_close_is_not_delivered() -> None:
+    ending = threading.Event()
+
+    class Holding(Sink):
+        def write(self, window: Window) -> None:
+            """Take it."""
+
+        def close(self) -> Delivery:
+            ending.wait(60.0)
+            return Delivery(delivered=5)
+
+    sink = SinkThread("outputs[0]", "holding", Holding())
+    sink.write(stub_window(5), threading.Event())
+    until(lambda: sink.status().queued_windows == 0 and sink.status().delivered == 5)
+    sink.close(time.monotonic() + 0.2)
+    told = sink.status()
+    ending.set()
+    assert (told.delivered, told.dropped, told.state) == (0, 5, "failed")
+    assert told.error == "it did not close before the deadline"

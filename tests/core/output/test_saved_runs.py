@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from two_sides import two_sides_plan
 
 import opir_core
@@ -186,3 +187,19 @@ def test_a_run_of_given_plugins_is_shown_by_what_is_installed(memory: opir_core.
 def test_a_view_that_fails_is_refused_with_its_owner(memory: opir_core.Run) -> None:
     with pytest.raises(ModelError, match=r"run.view\('broken'\): the run view 'broken' of plugin Views .*TypeError"):
         with_host(memory, Views()).view("broken")
+
+
+@pytest.mark.slow
+def test_regions_and_scores_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
+    rng = np.random.default_rng(44)
+    asked = 0
+    for was, now in zip(memory.tracks.impact_regions.tolist(), saved.tracks.impact_regions.tolist(), strict=True):
+        for region, back in zip(was, now, strict=True):
+            corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
+            places = corners[rng.integers(len(corners), size=4)] + rng.normal(0.0, 0.01, (4, 2))
+            assert [region.contains(*place) for place in places] == [back.contains(*place) for place in places]
+            asked += len(places)
+    assert asked > 100
+    cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (memory, saved)]
+    texts = [scorecard_text({"imm": card}).splitlines() for card in cards]
+    assert texts[0] == texts[1]

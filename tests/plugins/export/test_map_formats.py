@@ -13,7 +13,7 @@ import shapely
 from czml3 import Document
 from exported_runs import exported, short_run
 from fastkml import KML, Placemark
-from opir_export.formats.geojson import area, cut_line
+from opir_export.formats.geojson import area, cut_line, line
 from opir_export.scenery.footprints import footprint
 from pyproj import Transformer
 from repository import EXAMPLES
@@ -212,3 +212,12 @@ def test_moving_sensors_have_tracks(tmp_path: Path) -> None:
     assert np.allclose(samples[:, 1:], moving[0].orbit.position_ecef_m(samples[:, 0]), atol=1e-3)
     sensors = KML.parse(exported(run, "kml", tmp_path / "run.kml")[0]).features[0].features[0].features
     assert any(hasattr(each.kml_geometry, "track_items") for each in sensors)
+
+
+@pytest.mark.parametrize("longitudes_deg", [[-180.0, 178.0], [180.0, -178.0], [178.0, 180.0], [-178.0, -179.0, 180.0]])
+def test_a_line_that_begins_or_ends_on_the_180th_meridian_is_valid(longitudes_deg: list[float]) -> None:
+    places = np.array([[longitude, -17.0 - 0.1 * row, 0.0] for row, longitude in enumerate(longitudes_deg)])
+    made = shape(line(places))
+    assert made.is_valid
+    assert made.geom_type == "LineString"
+    assert len(made.coords) == len(longitudes_deg)

@@ -62,3 +62,32 @@ def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
     threading.Event().wait(0.2)
     watchdog.stop()
     assert reasons == []
+
+
+def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock_s, beats, reasons = [0.0], threading.Semaphore(0), list[str]()
+
+    class Watched(Pretended):
+        def progress(self) -> Progress:
+            beats.release()
+            clock_s[0] += 0.02
+            return self.now
+
+    monkeypatch.setattr("opir_http.watchdog.time.monotonic", lambda: clock_s[0])
+    run = Watched()
+    watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02), dead_after_s=20.0)
+    watchdog.start()
+    for _ in range(3):
+        assert beats.acquire(timeout=60.0)
+    run.now = Progress(31.0, ("slow",), ("stuck here",))
+    clock_s[0] += 30.0  # the process was stopped for as long
+    for _ in range(5):
+        assert beats.acquire(timeout=60.0)
+    assert reasons == []
+    for _ in range(40):
+        if not reasons:
+            clock_s[0] += 1.0
+            beats.acquire(timeout=1.0)
+    until(lambda: reasons)
+    assert reasons == ["stuck here"]
+    watchdog.stop()

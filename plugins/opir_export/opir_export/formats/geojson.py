@@ -126,7 +126,8 @@ def cut_line(places: FloatArray) -> list[FloatArray]:
         parts.append(_moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place]))
         before, start = crossing[np.newaxis], place + 1
     parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
-    return parts
+    # A line that begins or ends on the meridian has a part without length there, which is no line.
+    return [part for part in parts if np.ptp(np.round(part[:, :2], DECIMALS), axis=0).any()] or parts[:1]
 
 
 def _moved(part: FloatArray, turns: int) -> FloatArray:

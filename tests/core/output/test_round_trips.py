@@ -1,0 +1,181 @@
+"""What is written is what is read back: regions of any size and place, and tracks."""
+
+import math
+
+import numpy as np
+import pytest
+from attrs import fields
+from hypothesis import assume, given, settings, strategies as st
+from opir_testing.doubles import stub_estimates, stub_hypotheses
+
+from opir_core import ImpactRegion
+from opir_core.arrays import FloatArray
+from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
+from opir_core.interfaces.records import Tracks
+from opir_core.output import TracksFile, read_tracks
+from opir_core.output.geojson import region_document, region_from_document
+from opir_core.scene.hypotheses import core_hypotheses
+
+HYPOTHESES = tuple(each.name for each in core_hypotheses())
+#: Half the way around the Earth, m.
+_HALF_M = math.pi * 6_378_137.0
+#: The grid of the file is 0.1 m: nearer to an edge than this a point may be on either side, m.
+_NEAR_M = 1.0
+latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 90.0, 0.0, 89.9999]))
+longitudes = st.one_of(st.floats(-180.0, 180.0), st.sampled_from([-180.0, 180.0, 179.9999, 0.0]))
+
+
+def ring_about(chart: AzimuthalEquidistant, east_m: float, north_m: float, radii_m: FloatArray) -> FloatArray:
+    """Return a closed ring whose corners lie at distances around a point of a map."""
+    turn = np.linspace(0.0, 2.0 * np.pi, len(radii_m), endpoint=False)
+    plane = np.stack([east_m + radii_m * np.cos(turn), north_m + radii_m * np.sin(turn)], axis=1)
+    ring = chart.places(plane)
+    return np.concatenate([ring, ring[:1]])
+
+
+@st.composite
+def regions(draw: st.DrawFn) -> ImpactRegion:
+    """Draw a region about a centre: a star of up to 0.97 of the way to the antipode, a hole, a second polygon."""
+    centre = tuple(np.radians([draw(latitudes), draw(longitudes)]).tolist())
+    chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
+    size_m = draw(st.one_of(st.floats(1e3, 5e6), st.floats(5e6, 0.97 * _HALF_M)))
+    shares = draw(st.lists(st.floats(0.5, 1.0), min_size=3, max_size=24))
+    polygon = [ring_about(chart, 0.0, 0.0, size_m * np.array(shares))]
+    if draw(st.booleans()):
+        polygon.append(ring_about(chart, 0.05 * size_m, 0.0, 0.1 * size_m * np.ones(5)))
+    polygons = [tuple(polygon)]
+    if size_m < 0.3 * _HALF_M and draw(st.booleans()):
+        polygons.append((ring_about(chart, 2.0 * size_m, size_m, 0.3 * size_m * np.ones(7)),))
+    area_km2 = 2e-6 * math.pi * 6_371_008.8**2 * (1.0 - math.cos(0.75 * size_m / 6_378_137.0))
+    is_given = size_m > 4e6 or draw(st.booleans())
+    region = ImpactRegion(
+        containment=draw(st.floats(0.01, 0.99)),
+        area_km2=area_km2,
+        polygons=tuple(polygons),
+        centre=centre if is_given else None,
+        condition=draw(st.sampled_from(["comes down", "burn over", "relights"])),
+        probability=draw(st.floats(0.0, 1.0)),
+        effective_samples=draw(st.one_of(st.floats(1.0, 1e6), st.just(math.nan))),
+    )
+    # Through a pole, to the grid of the file, an edge has no sense of turning.
+    assume(not any(is_at_an_edge(region, np.array([pole, 0.0])) for pole in (-0.5 * np.pi, 0.5 * np.pi)))
+    return region
+
+
+def points_about(region: ImpactRegion, seed: int, count: int) -> FloatArray:
+    """Return places (n, 2), rad: half of them over the Earth, half about the corners of a region."""
+    rng = np.random.default_rng(seed)
+    anywhere = np.stack([np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)], axis=1)
+    corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
+    near = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
+    near[:, 0] = np.clip(near[:, 0], -0.5 * np.pi, 0.5 * np.pi)
+    return np.concatenate([anywhere, near])
+
+
+def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
+    step = _NEAR_M / 6_371_008.8
+    east = step / max(math.cos(place[0]), 1e-6)
+    answers = {
+        region.contains(float(np.clip(place[0] + north * step, -0.5 * np.pi, 0.5 * np.pi)), place[1] + side * east)
+        for north in (-1, 0, 1)
+        for side in (-1, 0, 1)
+    }
+    return len(answers) > 1
+
+
+def requires_same_answers(region: ImpactRegion, back: ImpactRegion, seed: int, count: int = 20) -> None:
+    wrong = [
+        place.tolist()
+        for place in points_about(region, seed, count)
+        if region.contains(*place) != back.contains(*place) and not is_at_an_edge(region, place)
+    ]
+    assert not wrong, np.degrees(wrong)
+
+
+@settings(deadline=None)
+@given(region=regions(), seed=st.integers(0, 2**32))
+def test_a_region_read_back_contains_what_it_contained(region: ImpactRegion, seed: int) -> None:
+    back = region_from_document(region_document(region))
+    for name in ("containment", "area_km2", "condition", "probability"):
+        assert getattr(back, name) == getattr(region, name)
+    assert repr(back.effective_samples) == repr(region.effective_samples)
+    assert back.centre == pytest.approx(region.chart().centre, abs=1e-12)
+    requires_same_answers(region, back, seed)
+    requires_same_answers(region, region_from_document(region_document(back)), seed)
+
+
+@st.composite
+def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
+    """Draw tracks in which each block of figures is known or unknown."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+
+    def known(*shape: int, scale: float = 1.0) -> FloatArray:
+        column = rng.normal(size=(count, *shape)) * scale
+        column[[not draw(st.booleans()) for _ in range(count)]] = np.nan
+        return column
+
+    def covariance(size: int) -> FloatArray:
+        root = known(size, size)
+        return root @ root.transpose(0, 2, 1)
+
+    def place() -> FloatArray:
+        column = known(3)
+        column[:, 0] = np.radians([draw(latitudes) for _ in range(count)])
+        column[:, 1] = np.where(np.isnan(column[:, 1]), np.nan, np.radians([draw(longitudes) for _ in range(count)]))
+        column[:, 0] = np.where(np.isnan(column[:, 1]), np.nan, column[:, 0])
+        return column
+
+    weighed = np.tile(stub_hypotheses(ICBM=0.5, SLV=0.25), (count, 1))
+    return stub_estimates(
+        count,
+        track=rng.permutation(count),
+        tick_s=61.0,
+        available_s=61.0 + rng.uniform(0.0, 3.0, count),
+        state=np.concatenate([known(3, scale=1e7), known(3, scale=1e3)], axis=1),
+        state_covariance=covariance(6),
+        state_sigmas=np.abs(known(3)),
+        launch=(launch := place()),
+        launch_covariance=np.where(np.isnan(launch[:, :1, None]), np.nan, covariance(3)),
+        impact=(impact := place()),
+        impact_covariance=np.where(np.isnan(impact[:, :1, None]), np.nan, covariance(3)),
+        impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(known(3))),
+        type_probability=np.abs(known(4)),
+        hypothesis_probability=np.where(rng.random((count, 1)) < 0.5, np.nan, weighed),
+        burnout=(burnout := known(7)),
+        burnout_covariance=np.where(np.isnan(burnout[:, :1, None]), np.nan, covariance(7)),
+        impact_regions=[tuple(draw(st.lists(regions(), max_size=2))) for _ in range(count)],
+        probability_burning=np.abs(known()),
+        probability_relights=np.abs(known()),
+        end=rng.integers(0, 4, count),
+    )
+
+
+def requires_same_tracks(before: Tracks, after: Tracks) -> None:
+    for attribute in fields(Tracks):
+        was, now = (getattr(each, attribute.name) for each in (before, after))
+        if attribute.name == "impact_regions":
+            continue
+        if now.shape[1:] == (0,):  # where no track is weighed there are no hypotheses
+            assert np.isnan(was).all()
+            continue
+        if attribute.name in ("launch", "impact"):  # degrees, between -180 and 180
+            turns = (now[:, 1] - was[:, 1]) / (2.0 * np.pi)
+            was = was.copy()
+            was[:, 1] += 2.0 * np.pi * np.where(np.isnan(turns), 0.0, np.round(turns))
+        np.testing.assert_allclose(now, was, rtol=1e-15, atol=1e-15, err_msg=attribute.name)
+
+
+@settings(deadline=None)
+@given(before=tracks(), seed=st.integers(0, 2**32))
+def test_tracks_read_back_are_those_that_were_written(
+    before: Tracks, seed: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("tracks") / "t.jsonl"
+    with TracksFile(path, HYPOTHESES) as file:
+        file.write(before)
+    after = read_tracks(path, HYPOTHESES)
+    before = before.take(np.argsort(before.track))
+    requires_same_tracks(before, after)
+    for was, now in zip(before.impact_regions.tolist(), after.impact_regions.tolist(), strict=True):
+        for region, back in zip(was, now, strict=True):
+            requires_same_answers(region, back, seed, 5)
