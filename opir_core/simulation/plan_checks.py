@@ -113,8 +113,8 @@ def _narrow_field(sensor: Sensor) -> Iterator[str]:
     if share < _LEAST_SHARE:
         half_deg, horizon_deg = np.degrees((sensor.field_of_regard_half_angle_rad, horizon_rad))
         yield (
-            f"its field of regard, {half_deg:.3g} deg about nadir, holds {share:.2%} of the ground that it could see; the"
-            f" horizon is at {horizon_deg:.3g} deg: set field_of_regard_half_angle_deg"
+            f"its field of regard, {half_deg:.3g} deg about nadir, holds {share:.2%} of the ground that it could see;"
+            f" the horizon is at {horizon_deg:.3g} deg: set field_of_regard_half_angle_deg"
         )
 
 
