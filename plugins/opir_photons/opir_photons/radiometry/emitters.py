@@ -112,8 +112,8 @@ def _header_complaint(header: list[str], kind: type) -> str | None:
     if len(set(named)) < len(named):
         return "a name stands twice in the header"
     complaint = names_complaint(named, kind)
-    if complaint and len(header) == 1 and ";" in header[0]:
-        return "the header is one cell; commas separate cells"
+    if complaint and len(header) == 1 and " " in header[0]:
+        return "the header is one cell; commas, semicolons or tabs separate cells"
     return complaint and f"in the header {complaint}"
 
 

@@ -115,7 +115,7 @@ class TestCsv:
             ("lat_deg,lat_deg\n1,2\n", "line 1: a name stands twice in the header"),
             ("lat_deg,lon\n", "line 1: in the header lon: unknown; did you mean lon_deg?"),
             ("lat_deg,area_m2\n1,2\n", "line 1: in the header lon_deg is missing"),
-            ("lat_deg lon_deg\n1 2\n", "line 1: the header is one cell; commas separate cells"),
+            ("lat_deg lon_deg\n1 2\n", "line 1: the header is one cell; commas, semicolons or tabs separate"),
             ("lat_deg;lon_deg\n1,5;2,x\n", "line 2: lon_deg: '2.x' is not a number"),
             ("lat_deg,lon_deg,area_m2\n1,2,1_000\n", "line 2: area_m2: '1_000' is not a number"),
             ("lat_deg,lon_deg,start_s,end_s\n1,2,50,10\n", "line 2: end_s 10 is not after start_s 50"),
