@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.plugin import BadFileError, StateTable
+from opir_core.plugin import StateTable
 from opir_readers.interpolation import runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
@@ -53,36 +53,44 @@ class SceneTimes:
     duration_s: float
 
 
-def doubts_about(table: StateTable, times: SceneTimes, start_s: float | None) -> list[str]:
-    """Return what of a table may be an error; raises `BadFileError` for what cannot be meant.
+@frozen
+class Findings:
+    """What of a table cannot be meant, and what may be an error."""
+
+    refused: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def findings_of(table: StateTable, times: SceneTimes | None = None, start_s: float | None = None) -> Findings:
+    """Return what of a table is wrong in itself and, with the times of a scene, in that scene.
 
     `start_s` is the scene time of the table's time 0, None where its times are dates.
     """
-    _require_overlap(table, times, start_s)
-    return contradictions(table)
+    refused = [] if times is None else [*_no_overlap(table, times, start_s)]
+    slip = velocity_slip(table)
+    is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
+    slips = [] if slip is None else [_slip_text(slip)]
+    warnings = [*table.notes, *([] if is_refused else slips), *_doubts_of_motion(table), *_doubts_of_heights(table)]
+    return Findings((*refused, *(slips if is_refused else ())), tuple(warnings))
 
 
-def contradictions(table: StateTable) -> list[str]:
-    """Return what of a table may be an error in any scene; raises `BadFileError` for what cannot be meant."""
-    return [*table.notes, *_doubts_of_velocities(table), *_doubts_of_motion(table), *_doubts_of_heights(table)]
-
-
-def _require_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> None:
-    """Raise `BadFileError` for a table that has no time in common with its scene."""
+def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
+    """Yield that a table has no time in common with its scene, if so."""
     first, last = float(table.time_s[0]), float(table.time_s[-1])
     if first < times.duration_s and last > 0.0:
         return
     begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
     if start_s is None:
         own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
-        raise BadFileError(
+        yield (
             f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no time in common;"
             f" set the scene's epoch, or take the ephemeris of that day"
         )
-    raise BadFileError(
-        f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
-        f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
-    )
+    else:
+        yield (
+            f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
+            f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
+        )
 
 
 def _scale_text(time: float, times: SceneTimes) -> str:
@@ -108,16 +116,6 @@ def moment_text(unix_s: float) -> str:
     if not abs(unix_s) < 1e11:
         return f"{unix_s:g} s"
     return f"{np.datetime64(round(unix_s), 's')}Z"
-
-
-def _doubts_of_velocities(table: StateTable) -> Iterator[str]:
-    slip = velocity_slip(table)
-    if slip is None:
-        return
-    text = _slip_text(slip)
-    if slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S:
-        raise BadFileError(text)
-    yield text
 
 
 def _slip_text(slip: VelocitySlip) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_readers.csv_table import csv_table
-from opir_readers.table_checks import SceneTimes, doubts_about
+from opir_readers.table_checks import SceneTimes, findings_of
 from opir_readers.velocity_checks import velocity_slip
 from repository import ROOT
 from scipy.integrate import solve_ivp
@@ -16,6 +16,14 @@ from opir_core.plugin import BadFileError, StateTable
 TURN = np.array([0.0, 0.0, 7.292115e-5])
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 SCENE = SceneTimes(EPOCH_US, 600.0)
+
+
+def doubts_about(table, times, start_s):
+    """Return the warnings about a table; raise what it is refused for."""
+    found = findings_of(table, times, start_s)
+    if found.refused:
+        raise BadFileError(*found.refused)
+    return list(found.warnings)
 
 
 @cache
@@ -190,6 +198,14 @@ def test_times_of_another_scale_are_told(offset, told):
     with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + offset), SCENE, 0.0)
     assert told in str(refused.value)
+
+
+def test_all_reasons_are_told_at_once():
+    table = boost(1.0)
+    wrong = evolve(table, time_s=table.time_s + 1_775_044_800.0, velocity_m_s=-table.velocity_m_s)
+    times, velocities = findings_of(wrong, SCENE, 0.0).refused
+    assert "Unix seconds" in times
+    assert "all look of the wrong sign" in velocities
 
 
 def test_an_ephemeris_of_another_day_is_told():
