@@ -12,7 +12,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import StateTable
-from opir_readers.interpolation import runs
+from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
 #: Velocities that differ systematically from positions by this, m/s, are refused, by less told.
@@ -27,6 +27,9 @@ _SLOWEST_M_S = 5.0
 #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
 #: this, m, are the rounding of positions.
 _MOST_ACCELERATION_M_S2, _LEAST_BEND_M = 250.0, 20.0
+
+#: Parts of an interval over which accelerations are averaged.
+_PARTS = 4
 
 #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
 _LEAST_HEIGHT_M = -1000.0
@@ -131,32 +134,49 @@ def _slip_text(slip: VelocitySlip) -> str:
 
 
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
-    speed, line, acceleration, bend_line = 0.0, 0, 0.0, 0
-    for rows in runs(table):
-        step_s = np.diff(table.time_s[rows])
-        chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
-        speeds = _length(chord)
-        if speeds.size and speeds.max() > speed:
-            speed, line = float(speeds.max()), table.line_of(int(rows[1:][speeds.argmax()]))
-        if len(rows) < 3:
-            continue
-        span_s = 0.5 * (step_s[1:] + step_s[:-1])
-        bends = _length(np.diff(chord, axis=0)) / span_s
-        bends[bends * step_s[1:] * step_s[:-1] < _LEAST_BEND_M] = 0.0
-        if bends.max() > acceleration:
-            acceleration, bend_line = float(bends.max()), table.line_of(int(rows[1:-1][bends.argmax()]))
+    row, speed = _fastest(table)
     if speed > _FASTEST_M_S:
         yield (
-            f"line {line}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or lengths in other"
-            " units?"
+            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or"
+            " lengths in other units?"
         )
     if speed < _SLOWEST_M_S:
-        yield f"line {line}: nothing in it moves faster than {speed:.3g} m/s; are its times in another unit?"
+        yield f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times in other units?"
+    row, acceleration = _hardest(table)
     if acceleration > _MOST_ACCELERATION_M_S2:
         yield (
-            f"line {bend_line}: the path turns with {acceleration:.4g} m/s² there, {acceleration / 9.80665:.0f} g; a"
-            " wrong state, or positions coarser than their steps: leave the state out, smooth them, or take fewer"
+            f"line {table.line_of(row)}: the path turns with {acceleration:.4g} m/s² there,"
+            f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their steps: leave the state"
+            " out, smooth them, or take fewer"
         )
+
+
+def _fastest(table: StateTable) -> tuple[int, float]:
+    """Return the row that is reached fastest, and at which mean speed, m/s."""
+    found = [(0.0, 0)]
+    for rows in runs(table):
+        if len(rows) > 1:
+            chord = np.diff(table.position_m[rows], axis=0) / np.diff(table.time_s[rows])[:, None]
+            speed = _length(chord)
+            found.append((float(speed.max()), int(rows[1:][speed.argmax()])))
+    speed, row = max(found)
+    return row, speed
+
+
+def _hardest(table: StateTable) -> tuple[int, float]:
+    """Return the row after which the path as it is flown turns hardest, and its mean acceleration over a quarter of the
+    interval, m/s²; bends of a few metres, of rounded positions, do not count."""
+    start_s, length_s = table.time_s[:-1], np.diff(table.time_s)
+    rows = np.flatnonzero(length_s > 0.0)
+    # Times at whole states belong to the interval that follows them: these stay within their own.
+    share = np.linspace(0.02, 0.98, _PARTS + 1)
+    time_s = start_s[rows, None] + length_s[rows, None] * share
+    _, velocity = interpolant([table]).state(np.zeros(time_s.size, np.intp), time_s.ravel())
+    turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / np.diff(time_s, axis=1)[..., None]
+    hardest = np.sqrt((turn * turn).sum(axis=2)).max(axis=1)
+    hardest[hardest * length_s[rows] ** 2 < _LEAST_BEND_M] = 0.0
+    row = int(hardest.argmax())
+    return int(rows[row]), float(hardest[row])
 
 
 def _doubts_of_heights(table: StateTable) -> Iterator[str]:
