@@ -47,7 +47,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "signature_models.plume",
         *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),
     ),
-    "opir-readers": ("commands.import", "readers.csv", "readers.oem", "target_models.table"),
+    "opir-readers": ("commands.import", "readers.csv", "readers.oem", "readers.stk", "target_models.table"),
     "opir-render": ("renderers.compiled",),
     "opir-report": ("commands.report", "run_views.map", "run_views.plot"),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),

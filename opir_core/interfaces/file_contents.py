@@ -1,10 +1,12 @@
 """What readers of files return, and what they are given."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+if TYPE_CHECKING:  # the descriptions of readers import no numpy
+    from opir_core.arrays import FloatArray, IntArray
 
 #: What a reader may yield: states of a flight, orbits of satellites by the keywords of an OMM, detections of others.
 FILE_CONTENTS = ("trajectories", "orbits", "detections")
@@ -36,11 +38,11 @@ class StateTable:
     file in words.
     """
 
-    time_s: FloatArray
-    position_m: FloatArray
-    velocity_m_s: FloatArray | None
-    run: IntArray
-    burns_s: FloatArray
+    time_s: "FloatArray"
+    position_m: "FloatArray"
+    velocity_m_s: "FloatArray | None"
+    run: "IntArray"
+    burns_s: "FloatArray"
     line_of: Callable[[int], int] = int
     notes: tuple[str, ...] = ()
     velocity_names: tuple[str, ...] = ()

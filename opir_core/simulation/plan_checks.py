@@ -4,14 +4,15 @@ They are of implausible values, of events of targets on scan instants, on which 
 that expect another number of launches.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.errors import Problem
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.errors import ModelError, Problem
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import Plan, PlanParts
 from opir_core.planning.sightlines import Pairs
@@ -27,6 +28,9 @@ _UNEXPECTED, _COUNTS = 10.0, ("expected_launches", "launches")
 
 #: Ids that a message lists.
 _LISTED = 3
+
+#: A field of regard with less than this share of the ground below the orbit is a slip: 1 deg from GEO has 0.5 %.
+_LEAST_SHARE = 0.004
 
 #: Implausible values that are listed one by one.
 _LISTED_VALUES = 8
@@ -91,7 +95,39 @@ def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
     for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
         words = getattr(sensor.orbit, "warnings", ())
         found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]
+        found += [Problem(chosen.model.path, text) for text in _narrow_field(sensor)]
     return found
+
+
+def _narrow_field(sensor: Sensor) -> Iterator[str]:
+    """Yield that a sensor's field of regard has next to nothing of the ground below its orbit, as a GEO's has in LEO.
+
+    The largest share of half a day counts, for high orbits pass low over one hemisphere.
+    """
+    share, horizon_rad = _ground_in_field(sensor, np.zeros(1))
+    if share < _LEAST_SHARE:
+        try:
+            share, horizon_rad = _ground_in_field(sensor, np.linspace(0.0, 43_200.0, 25))
+        except ModelError:  # of elements that end within the half day
+            return
+    if share < _LEAST_SHARE:
+        half_deg, horizon_deg = np.degrees((sensor.field_of_regard_half_angle_rad, horizon_rad))
+        yield (
+            f"its field of regard, {half_deg:.3g} deg about nadir, holds {share:.2%} of the ground that it could see;"
+            f" the horizon is at {horizon_deg:.3g} deg: set field_of_regard_half_angle_deg"
+        )
+
+
+def _ground_in_field(sensor: Sensor, time_s: FloatArray) -> tuple[float, float]:
+    """Return the largest share of the ground in view that is in the field of regard, and the horizon then, rad from
+    nadir; on a sphere."""
+    radius_m = np.sqrt(np.square(sensor.orbit.position_ecef_m(time_s)).sum(axis=1))
+    sine = np.minimum(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0 - 1e-9)
+    angle_rad = np.minimum(sensor.field_of_regard_half_angle_rad, np.arcsin(sine))
+    ground_rad = np.arcsin(np.minimum(np.sin(angle_rad) / sine, 1.0)) - angle_rad
+    share = (1.0 - np.cos(ground_rad)) / (1.0 - sine)
+    row = int(share.argmax())
+    return float(share[row]), float(np.arcsin(sine[row]))
 
 
 def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:

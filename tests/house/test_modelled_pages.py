@@ -24,7 +24,22 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
 PHOTONS = ("classification", "detection", "radiometry")
-PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup", "export", "studies", "dask")
+PLUGINS = (
+    *(
+        "dsp",
+        "sbirs",
+        "nextgen",
+        "heo",
+        "leo",
+        "trackers",
+        "kafka",
+        "stonesoup",
+        "readers",
+        "export",
+        "studies",
+        "dask",
+    ),
+)
 #: What others are made of: no scene names them.
 BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 

@@ -132,7 +132,7 @@ def test_tables_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixtu
 
 def test_sources_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "fires.csv").write_bytes(b"lat_deg,lon_deg\n\xff,0\n")
-    for path, words in (("fires.csv", "cannot be read: it is not UTF-8 text"), ("", "the path is empty")):
+    for path, words in (("fires.csv", "fires.csv, line 2: is not UTF-8 text"), ("", "the path is empty")):
         sources = json.dumps([{"id": "F", "model": "fires", "csv": path}])
         message = told(capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2)
         assert "sources[0].csv: " in message

@@ -12,7 +12,7 @@ from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.columns import BURNING, PLACES, TIME, VELOCITIES, Column, columns_of, unread
 from opir_readers.csv_layout import Layout, decimal, layout_of
-from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places
+from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
@@ -45,6 +45,7 @@ def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = Non
     position = _positions(values, line_of)
     require_places(position, line_of)
     velocity = _velocities(values, position)
+    require_velocities(velocity, line_of)
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     if run[-1] > MOST_BREAKS:
         raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")

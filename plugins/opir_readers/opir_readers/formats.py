@@ -6,7 +6,7 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, number, text
+from opir_core.plugin import FileReader, NoConfig, ReaderContext, StateTable, nested, number, text
 from opir_readers.columns import map_complaint
 
 #: The keyword that every Orbit Ephemeris Message begins with.
@@ -66,6 +66,12 @@ def _oem(config: OemConfig, context: ReaderContext) -> StateTable:
     return oem_table(context.text, context.epoch_us, config.object)
 
 
+def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.stk_table import stk_table
+
+    return stk_table(context.text, context.epoch_us)
+
+
 READERS = (
     FileReader(
         name="csv",
@@ -95,6 +101,23 @@ STOP_TIME = 2026-04-01T12:00:10
 META_STOP
 2026-04-01T12:00:00 -2643.878 -4579.332 3566.637 -0.053 -0.091 0.083
 2026-04-01T12:00:10 -2644.469 -4580.355 3567.568 -0.065 -0.114 0.104
+""",
+    ),
+    FileReader(
+        name="stk",
+        summary="STK ephemeris (.e): Fixed, J2000, ICRF or TEMEOfDate, or latitude, longitude, altitude",
+        build=_stk,
+        recognises=lambda text: text.lstrip().lower().startswith("stk.v."),
+        example="""stk.v.4.3
+BEGIN Ephemeris
+NumberOfEphemerisPoints 2
+ScenarioEpoch 1 Apr 2026 12:00:00.000000
+CentralBody Earth
+CoordinateSystem Fixed
+EphemerisTimePosVel
+0 -2643878 -4579332 3566637 -53 -91 83
+10 -2644469 -4580355 3567568 -65 -114 104
+END Ephemeris
 """,
     ),
 )

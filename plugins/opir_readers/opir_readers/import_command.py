@@ -17,7 +17,7 @@ from opir_core.plugin import BadFileError, FileReader, Host, StateTable
 from opir_readers.columns import map_complaint
 from opir_readers.interpolation import largest_doubt_m, runs
 from opir_readers.reading import content_of, file_text, reader_of
-from opir_readers.table_checks import contradictions, moment_text
+from opir_readers.table_checks import findings_of, moment_text
 
 _PAIR = re.compile(r"\s*([^=,]+?)\s*=\s*(\"[^\"]*\"|'[^']*'|[^,]*?)\s*(?:,|$)")
 
@@ -40,11 +40,10 @@ def import_file(arguments: argparse.Namespace) -> int:
 
 def _flight(arguments: argparse.Namespace, table: StateTable) -> int:
     sys.stdout.write("".join(f"  {line}\n" for line in flight_lines(table)))
-    try:
-        doubts = contradictions(table)
-    except BadFileError as error:
-        raise _refused(arguments.file, error) from error
-    sys.stdout.write("".join(f"  warning: {doubt}\n" for doubt in doubts))
+    found = findings_of(table)
+    sys.stdout.write("".join(f"  warning: {words}\n" for words in found.warnings))
+    if found.refused:
+        raise SceneError([Problem("", words) for words in found.refused], source=arguments.file)
     if arguments.out:
         _write(table, Path(arguments.out))
         block = f"{{id: T1, model: table, type: {arguments.type}, file: {json.dumps(arguments.out)}, start_s: 0}}"

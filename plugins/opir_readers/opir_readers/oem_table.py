@@ -1,24 +1,24 @@
 """Orbit Ephemeris Messages: CCSDS 502.0-B-3, section 5, in the keyword form (KVN).
 
-Accepted are states in UTC in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in TEME, and in EME2000 (also
-used for GCRF and ICRF, which differ from it by 0.02 arcseconds); other frames and time systems are rejected by name.
+Accepted are states in UTC, UT1, TAI, GPS, TT and TDB, in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in
+TEME, and in EME2000 (J2000; also used for GCRF and ICRF, which differ from it by 0.02 arcseconds); other frames and
+time systems are rejected by name.
 The library `oem`, a reference in the tests, needs astropy and reports most errors without line and remedy.
 """
 
 import math
 from collections.abc import Iterator
-from datetime import datetime, timedelta
 
 import numpy as np
 from attrs import Factory, define
 
 from opir_core.flight import ecef_state
 from opir_core.plugin import BadFileError, StateTable
-from opir_readers.states import require_order, require_places
+from opir_readers.states import require_order, require_places, require_velocities
+from opir_readers.time_systems import SYSTEMS, unix_s
 
-_UNIX = datetime(1970, 1, 1)
 _EARTH_FIXED = ("TDR", "GRC")
-_EQUINOX = ("EME2000", "GCRF", "ICRF")
+_EQUINOX = ("EME2000", "J2000", "GCRF", "ICRF")
 _NEEDED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 
 
@@ -46,7 +46,7 @@ class Segment:
         """Add a line of a state."""
         if self.has_covariance:
             raise BadFileError(f"line {number}: comes after the segment's covariance, where no state can be")
-        state = _state(words, number)
+        state = _state(words, number, self.meta["TIME_SYSTEM"].upper())
         self.width = self.width or len(words)
         if len(words) != self.width:
             raise BadFileError(
@@ -86,6 +86,7 @@ def _segments(text: str) -> list[Segment]:
         if not words or words[0] == "COMMENT":
             continue
         if words[0] in ("META_START", "COVARIANCE_START"):
+            _require_none(block, number)
             block = words[0]
             segments += [Segment(number)] if block == "META_START" else []
         elif words[0] in ("META_STOP", "COVARIANCE_STOP"):
@@ -103,6 +104,11 @@ def _segments(text: str) -> list[Segment]:
     return segments
 
 
+def _require_none(block: str, number: int) -> None:
+    if block:
+        raise BadFileError(f"line {number}: begins a block within one that began with {block}")
+
+
 def _require_meta(segments: list[Segment], number: int) -> None:
     if not segments:
         raise BadFileError(f"line {number}: ends a block that never began")
@@ -112,15 +118,16 @@ def _require_meta(segments: list[Segment], number: int) -> None:
         raise BadFileError(f"line {number}: the metadata lack {', '.join(missing)}")
     if meta["CENTER_NAME"].upper() != "EARTH":
         raise BadFileError(f"line {number}: CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken")
-    if meta["TIME_SYSTEM"].upper() != "UTC":
-        raise BadFileError(f"line {number}: TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to UTC")
+    if meta["TIME_SYSTEM"].upper() not in SYSTEMS:
+        words = f"TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to one of {', '.join(SYSTEMS)}"
+        raise BadFileError(f"line {number}: {words}")
     frame = meta["REF_FRAME"].upper()
     if not (frame.startswith("ITRF") or frame in (*_EARTH_FIXED, *_EQUINOX, "TEME")):
         known = f"ITRF, {', '.join((*_EARTH_FIXED, 'TEME', *_EQUINOX))}"
         raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
 
 
-def _state(words: list[str], number: int) -> list[float]:
+def _state(words: list[str], number: int, system: str) -> list[float]:
     """Return a line's time, s since 1970, and state, km and km/s; accelerations are left."""
     if len(words) not in (7, 10):
         raise BadFileError(f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers")
@@ -132,20 +139,7 @@ def _state(words: list[str], number: int) -> list[float]:
             numbers.append(math.nan)
         if not math.isfinite(numbers[-1]):
             raise BadFileError(f"line {number}: {word!r} is not a finite number")
-    return [_unix_s(words[0], number), *numbers[:6]]
-
-
-def _unix_s(text: str, number: int) -> float:
-    """Return seconds of UTC since 1970 (no leap seconds), of YYYY-MM-DDThh:mm:ss.s or YYYY-DDDThh:mm:ss.s."""
-    whole, _, fraction = text.removesuffix("Z").partition(".")
-    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S"):
-        try:
-            seconds = (datetime.strptime(whole, form) - _UNIX) // timedelta(seconds=1)
-        except ValueError:
-            continue
-        if not fraction or fraction.isdecimal():
-            return seconds + float(f"0.{fraction or 0}")
-    raise BadFileError(f"line {number}: {text!r} is no time like 2026-04-01T12:00:00.000 (a leap second is none here)")
+    return [unix_s(words[0], number, system), *numbers[:6]]
 
 
 def _of_object(segments: list[Segment], wanted: str | None) -> list[Segment]:
@@ -165,10 +159,13 @@ def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np
     rows = np.array(segment.states)
     time_s = rows[:, 0] - epoch_us * 1e-6
     require_order(time_s, segment.lines.__getitem__, may_repeat=False)
-    require_places(rows[:, 1:4] * 1e3, segment.lines.__getitem__)
+    with np.errstate(over="ignore"):
+        rows[:, 1:] *= 1e3
+    require_places(rows[:, 1:4], segment.lines.__getitem__)
+    require_velocities(rows[:, 4:7], segment.lines.__getitem__)
     frame = segment.meta["REF_FRAME"].upper()
     frame = "EME2000" if frame in _EQUINOX else "TEME" if frame == "TEME" else "ITRF"
-    return time_s, *ecef_state(frame, rows[:, 1:4] * 1e3, rows[:, 4:7] * 1e3, epoch_us, time_s)
+    return time_s, *ecef_state(frame, rows[:, 1:4], rows[:, 4:7], epoch_us, time_s)
 
 
 def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tuple[float, float]:
@@ -178,8 +175,8 @@ def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tu
         (segments[0], "USEABLE_START_TIME", time_s[0]),
         (segments[-1], "USEABLE_STOP_TIME", time_s[-1]),
     ):
-        text = segment.meta.get(key)
-        ends.append(float(other) if text is None else _unix_s(text, segment.line) - epoch_us * 1e-6)
+        text, system = segment.meta.get(key), segment.meta["TIME_SYSTEM"].upper()
+        ends.append(float(other) if text is None else unix_s(text, segment.line, system) - epoch_us * 1e-6)
     return max(ends[0], float(time_s[0])), min(ends[1], float(time_s[-1]))
 
 

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from opir_core.plugin import FileReader, TargetContext, TargetModel, Trajectories, hookimpl
+from opir_core.plugin import FileReader, TargetModel, hookimpl
 from opir_readers.configs import TableConfig
 from opir_readers.formats import READERS
 
@@ -50,7 +50,7 @@ def _import(arguments: argparse.Namespace) -> int:
     return import_file(arguments)
 
 
-def _table(configs: Sequence[TableConfig], context: TargetContext) -> Trajectories:
+def _table(configs: Sequence[TableConfig], context: Any) -> Any:
     from opir_readers.table_targets import table_targets
 
     return table_targets(configs, context)

@@ -17,7 +17,6 @@ _GZIP = b"\x1f\x8b"
 _STRANGERS = (
     ("<?xml", "XML"),
     ("<", "XML or HTML"),
-    ("stk.v.", "an STK ephemeris"),
     ("#c", "SP3"),
     ("#d", "SP3"),
     ("{", "JSON"),

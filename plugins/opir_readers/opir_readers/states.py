@@ -10,6 +10,9 @@ from opir_core.plugin import BadFileError
 #: Positions nearer to the Earth's centre, or farther from it, m, are most likely in other units.
 LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
 
+#: Nothing is faster than light, m/s, and no two states are nearer in time than this, s.
+_FASTEST_M_S, _LEAST_STEP_S = 3e8, 1e-7
+
 #: The most burns of a flight, as many as plumes have stages.
 MOST_BURNS = 8
 
@@ -24,11 +27,14 @@ def require_order(time_s: FloatArray, line_of: LineOf, *, may_repeat: bool) -> N
     """
     step = np.diff(time_s)
     wrong = np.flatnonzero(step < 0.0 if may_repeat else step <= 0.0)
+    close = np.flatnonzero((step > 0.0) & (step < _LEAST_STEP_S)).tolist()
     thrice = np.flatnonzero((step[1:] == 0.0) & (step[:-1] == 0.0)) + 1 if may_repeat else wrong[:0]
     for row in [*wrong.tolist(), *thrice.tolist()]:
         raise BadFileError(
             f"line {line_of(row + 1)}: its time does not follow that of line {line_of(row)}; sort the states"
         )
+    for row in close:
+        raise BadFileError(f"line {line_of(row + 1)}: is {step[row]:g} s after line {line_of(row)}; leave one out")
 
 
 def require_places(position_m: FloatArray, line_of: LineOf) -> None:
@@ -39,3 +45,12 @@ def require_places(position_m: FloatArray, line_of: LineOf) -> None:
         where = "deep below the ground" if radius_m[row] < LEAST_RADIUS_M else "beyond the Moon"
         place = f"{radius_m[row]:.6g} m from the Earth's centre, {where}"
         raise BadFileError(f"line {line_of(row)}: the position is {place}; check its units")
+
+
+def require_velocities(velocity_m_s: FloatArray | None, line_of: LineOf) -> None:
+    """Raise `BadFileError` for a velocity above that of light."""
+    if velocity_m_s is None:
+        return
+    for row in np.flatnonzero((np.abs(velocity_m_s) > _FASTEST_M_S).any(axis=1)).tolist():
+        fastest = float(np.abs(velocity_m_s[row]).max())
+        raise BadFileError(f"line {line_of(row)}: a velocity of {fastest:.3g} m/s is above that of light")

@@ -11,8 +11,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.plugin import BadFileError, StateTable
-from opir_readers.interpolation import runs
+from opir_core.plugin import StateTable
+from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
 #: Velocities that differ systematically from positions by this, m/s, are refused, by less told.
@@ -27,6 +27,9 @@ _SLOWEST_M_S = 5.0
 #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
 #: this, m, are the rounding of positions.
 _MOST_ACCELERATION_M_S2, _LEAST_BEND_M = 250.0, 20.0
+
+#: Parts of an interval over which accelerations are averaged.
+_PARTS = 4
 
 #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
 _LEAST_HEIGHT_M = -1000.0
@@ -53,36 +56,44 @@ class SceneTimes:
     duration_s: float
 
 
-def doubts_about(table: StateTable, times: SceneTimes, start_s: float | None) -> list[str]:
-    """Return what of a table may be an error; raises `BadFileError` for what cannot be meant.
+@frozen
+class Findings:
+    """What of a table cannot be meant, and what may be an error."""
+
+    refused: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def findings_of(table: StateTable, times: SceneTimes | None = None, start_s: float | None = None) -> Findings:
+    """Return what of a table is wrong in itself and, with the times of a scene, in that scene.
 
     `start_s` is the scene time of the table's time 0, None where its times are dates.
     """
-    _require_overlap(table, times, start_s)
-    return contradictions(table)
+    refused = [] if times is None else [*_no_overlap(table, times, start_s)]
+    slip = velocity_slip(table)
+    is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
+    slips = [] if slip is None else [_slip_text(slip)]
+    warnings = [*table.notes, *([] if is_refused else slips), *_doubts_of_motion(table), *_doubts_of_heights(table)]
+    return Findings((*refused, *(slips if is_refused else ())), tuple(warnings))
 
 
-def contradictions(table: StateTable) -> list[str]:
-    """Return what of a table may be an error in any scene; raises `BadFileError` for what cannot be meant."""
-    return [*table.notes, *_doubts_of_velocities(table), *_doubts_of_motion(table), *_doubts_of_heights(table)]
-
-
-def _require_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> None:
-    """Raise `BadFileError` for a table that has no time in common with its scene."""
+def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
+    """Yield that a table has no time in common with its scene, if so."""
     first, last = float(table.time_s[0]), float(table.time_s[-1])
     if first < times.duration_s and last > 0.0:
         return
     begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
     if start_s is None:
         own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
-        raise BadFileError(
+        yield (
             f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no time in common;"
             f" set the scene's epoch, or take the ephemeris of that day"
         )
-    raise BadFileError(
-        f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
-        f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
-    )
+    else:
+        yield (
+            f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
+            f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
+        )
 
 
 def _scale_text(time: float, times: SceneTimes) -> str:
@@ -110,16 +121,6 @@ def moment_text(unix_s: float) -> str:
     return f"{np.datetime64(round(unix_s), 's')}Z"
 
 
-def _doubts_of_velocities(table: StateTable) -> Iterator[str]:
-    slip = velocity_slip(table)
-    if slip is None:
-        return
-    text = _slip_text(slip)
-    if slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S:
-        raise BadFileError(text)
-    yield text
-
-
 def _slip_text(slip: VelocitySlip) -> str:
     seen = f"line {slip.line}: its velocity is {slip.difference_m_s:.3g} m/s off the change of the positions around it"
     if not slip.is_systematic:
@@ -133,32 +134,49 @@ def _slip_text(slip: VelocitySlip) -> str:
 
 
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
-    speed, line, acceleration, bend_line = 0.0, 0, 0.0, 0
-    for rows in runs(table):
-        step_s = np.diff(table.time_s[rows])
-        chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
-        speeds = _length(chord)
-        if speeds.size and speeds.max() > speed:
-            speed, line = float(speeds.max()), table.line_of(int(rows[1:][speeds.argmax()]))
-        if len(rows) < 3:
-            continue
-        span_s = 0.5 * (step_s[1:] + step_s[:-1])
-        bends = _length(np.diff(chord, axis=0)) / span_s
-        bends[bends * step_s[1:] * step_s[:-1] < _LEAST_BEND_M] = 0.0
-        if bends.max() > acceleration:
-            acceleration, bend_line = float(bends.max()), table.line_of(int(rows[1:-1][bends.argmax()]))
+    row, speed = _fastest(table)
     if speed > _FASTEST_M_S:
         yield (
-            f"line {line}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or lengths in other"
-            " units?"
+            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or"
+            " lengths in other units?"
         )
     if speed < _SLOWEST_M_S:
-        yield f"line {line}: nothing in it moves faster than {speed:.3g} m/s; are its times in another unit?"
+        yield f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times in other units?"
+    row, acceleration = _hardest(table)
     if acceleration > _MOST_ACCELERATION_M_S2:
         yield (
-            f"line {bend_line}: the path turns with {acceleration:.4g} m/s² there, {acceleration / 9.80665:.0f} g; a"
-            " wrong state, or positions coarser than their steps: leave the state out, smooth them, or take fewer"
+            f"line {table.line_of(row)}: the path turns with {acceleration:.4g} m/s² there,"
+            f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their steps: leave the state"
+            " out, smooth them, or take fewer"
         )
+
+
+def _fastest(table: StateTable) -> tuple[int, float]:
+    """Return the row that is reached fastest, and at which mean speed, m/s."""
+    found = [(0.0, 0)]
+    for rows in runs(table):
+        if len(rows) > 1:
+            chord = np.diff(table.position_m[rows], axis=0) / np.diff(table.time_s[rows])[:, None]
+            speed = _length(chord)
+            found.append((float(speed.max()), int(rows[1:][speed.argmax()])))
+    speed, row = max(found)
+    return row, speed
+
+
+def _hardest(table: StateTable) -> tuple[int, float]:
+    """Return the row after which the path as it is flown turns hardest, and its mean acceleration over a quarter of the
+    interval, m/s²; bends of a few metres, of rounded positions, do not count."""
+    start_s, length_s = table.time_s[:-1], np.diff(table.time_s)
+    rows = np.flatnonzero(length_s > 0.0)
+    # Times at whole states belong to the interval that follows them: these stay within their own.
+    share = np.linspace(0.02, 0.98, _PARTS + 1)
+    time_s = start_s[rows, None] + length_s[rows, None] * share
+    _, velocity = interpolant([table]).state(np.zeros(time_s.size, np.intp), time_s.ravel())
+    turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / np.diff(time_s, axis=1)[..., None]
+    hardest = np.sqrt((turn * turn).sum(axis=2)).max(axis=1)
+    hardest[hardest * length_s[rows] ** 2 < _LEAST_BEND_M] = 0.0
+    row = int(hardest.argmax())
+    return int(rows[row]), float(hardest[row])
 
 
 def _doubts_of_heights(table: StateTable) -> Iterator[str]:

@@ -16,7 +16,7 @@ from opir_readers.configs import TableConfig
 from opir_readers.formats import READERS
 from opir_readers.interpolation import interpolant, largest_doubt_m
 from opir_readers.reading import content_of, file_text, reader_of
-from opir_readers.table_checks import SceneTimes, doubts_about
+from opir_readers.table_checks import SceneTimes, findings_of
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -72,10 +72,13 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
         place = f"{path}.file"
         try:
             table, digest = _table(config, context)
-            hashes.append(digest)
-            start_s = None if table.has_dates else config.start_s or 0.0
-            warnings += [Problem(place, f"{config.file}: {doubt}") for doubt in doubts_about(table, times, start_s)]
+            found = findings_of(table, times, None if table.has_dates else config.start_s or 0.0)
+            warnings += [Problem(place, f"{config.file}: {words}") for words in found.warnings]
+            if found.refused:
+                problems += [Problem(place, f"{config.file}: {words}") for words in found.refused]
+                continue
             tables.append(_with_burn(table, config))
+            hashes.append(digest)
         except BadFileError as error:
             problems.append(Problem(place, f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:

@@ -9,7 +9,7 @@ from attrs import evolve, frozen
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.plugin import nested, number, text
 from opir_core.reading import InvalidNode, class_reader, complaints_inside, node_of_yaml, ordered
-from opir_core.scene import file_bytes
+from opir_core.scene import file_bytes, text_of
 
 FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = ("factorial", "one-at-a-time", "latin-hypercube")
 
@@ -84,7 +84,7 @@ def read_study(path: str | Path) -> Study:
     """
     place = Path(path)
     try:
-        root = node_of_yaml(file_bytes(place).decode("utf-8"))
+        root = node_of_yaml(text_of(file_bytes(place)))
         complaints = list(complaints_inside(root))
         if complaints:
             raise InvalidNode(complaints)
@@ -94,8 +94,8 @@ def read_study(path: str | Path) -> Study:
         raise SceneError(problems, source=str(path)) from None
     except OSError as error:
         raise SceneError([Problem("", f"cannot be read: {reason_of(error)}")], source=str(path)) from None
-    except UnicodeDecodeError:
-        raise SceneError([Problem("", "is not UTF-8 text")], source=str(path)) from None
+    except ValueError as error:
+        raise SceneError([Problem("", str(error))], source=str(path)) from None
     if isinstance(study.scene, str):
         return evolve(study, scene=str(place.parent / study.scene))
     return study
@@ -104,7 +104,7 @@ def read_study(path: str | Path) -> Study:
 def is_study(path: str | Path) -> bool:
     """Return whether a file is a study rather than a scene: it has the key `scene`, and no `sensors`."""
     try:
-        root = node_of_yaml(file_bytes(path).decode("utf-8"))
-    except (InvalidNode, OSError, UnicodeDecodeError):
+        root = node_of_yaml(text_of(file_bytes(path)))
+    except (InvalidNode, OSError, ValueError):
         return False
     return isinstance(root.value, dict) and "scene" in root.value and not {"sensors", "epoch"} & root.value.keys()

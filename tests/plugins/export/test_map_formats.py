@@ -117,6 +117,46 @@ def test_lines_are_cut_at_the_antimeridian_where_they_cross_it() -> None:
     assert len(cut_line(np.array([[10.0, 0.0], [20.0, 5.0]]))) == 1
 
 
+@pytest.mark.parametrize(
+    ("longitudes_deg", "kind", "parts"),
+    [
+        ([-180.0, 179.9, 179.5], "LineString", 1),
+        ([180.0, 179.9, 179.5], "LineString", 1),
+        ([180.0, -179.9, -179.5], "LineString", 1),
+        ([178.0, 179.0, 180.0], "LineString", 1),
+        ([-178.0, -179.0, 180.0], "LineString", 1),
+        ([-178.0, -179.0, -180.0], "LineString", 1),
+        ([180.0, -180.0, 180.0], "LineString", 1),
+        ([179.9999999, 180.0, 179.0], "MultiLineString", 2),
+        ([179.0, 180.0, 179.0], "MultiLineString", 2),
+        ([179.0, -180.0, -179.0, 180.0, 179.0], "MultiLineString", 3),
+        ([179.0, -179.0], "MultiLineString", 2),
+    ],
+)
+def test_lines_that_touch_the_antimeridian_are_valid(longitudes_deg: list[float], kind: str, parts: int) -> None:
+    places = np.stack([longitudes_deg, np.arange(len(longitudes_deg)) * 1.0, np.zeros(len(longitudes_deg))], axis=1)
+    geometry = line(places)
+    found = shape(geometry)
+    assert found.is_valid
+    assert (geometry["type"], len(getattr(found, "geoms", [found]))) == (kind, parts)
+    assert not geojson_validator.validate_geometries(geometry)["invalid"]
+
+
+@pytest.mark.parametrize("longitude_deg", [-180.0, 180.0, 179.9999999, 12.0])
+def test_a_line_of_one_place_is_a_point(longitude_deg: float) -> None:
+    geometry = line(np.array([[longitude_deg, 5.0, 0.0], [longitude_deg, 5.0, 900.0]]))
+    assert geometry["type"] == "Point"
+    assert shape(geometry).is_valid
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_drawn_lines_about_the_antimeridian_are_valid(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    longitudes = rng.choice([-180.0, 180.0, 179.0, -179.0, 179.9999996, -179.9999996, 178.3], 12)
+    geometry = line(np.stack([longitudes, rng.uniform(-5.0, 5.0, 12), np.zeros(12)], axis=1))
+    assert shape(geometry).is_valid
+
+
 def test_geojson_has_what_the_run_has(run: opir_core.Run, features: list[Any]) -> None:
     kinds = Counter(each["properties"]["kind"] for each in features)
     assert kinds["sensor"] == kinds["footprint"] == len(run.sensors)

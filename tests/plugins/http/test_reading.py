@@ -2,7 +2,11 @@
 
 import pytest
 from opir_http.problems import ProblemError
-from opir_http.reading import number_within, unit_number, whole_number
+from opir_http.reading import json_object, number_within, unit_number, whole_number
+
+
+def test_a_byte_order_mark_before_a_body_is_passed_over() -> None:
+    assert json_object(b'\xef\xbb\xbf{"type": "ICBM"}') == {"type": "ICBM"}
 
 
 def test_an_absent_number_is_the_default() -> None:

@@ -79,7 +79,7 @@ def test_a_format_is_known_by_content_and_by_name(told):
     for words in (("o.csv",), ("o.gz",), ("o.csv", "--as", "oem")):
         assert ": oem, CCSDS" in told(*words)
     assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in told("o.csv")
-    assert "there is no reader 'eom'; there are csv, oem" in told("o.csv", "--as", "eom", code=2)
+    assert "there is no reader 'eom'; there are csv, oem, stk" in told("o.csv", "--as", "eom", code=2)
     assert "is read as oem, which has no columns; omit columns" in told("o.csv", "--columns", "lat=a", code=2)
 
 
@@ -87,7 +87,6 @@ def test_a_format_is_known_by_content_and_by_name(told):
     ("text", "looks"),
     [
         ("<?xml version='1.0'?><a/>", "it looks like XML"),
-        ("stk.v.4.3\nBEGIN Ephemeris", "it looks like an STK ephemeris"),
         ('{"a": 1}', "it looks like JSON"),
         ("#cP2020  1  1", "it looks like SP3"),
         ("1 25544U 98067A   08264.51782528", "is of no format that is read; read are csv"),

@@ -15,6 +15,10 @@ class TestOem(ReaderContract):
     name = "oem"
 
 
+class TestStk(ReaderContract):
+    name = "stk"
+
+
 FLIGHTS = DATA / "flights"
 
 

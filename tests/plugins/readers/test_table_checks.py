@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_readers.csv_table import csv_table
-from opir_readers.table_checks import SceneTimes, doubts_about
+from opir_readers.table_checks import SceneTimes, findings_of
 from opir_readers.velocity_checks import velocity_slip
 from repository import ROOT
 from scipy.integrate import solve_ivp
@@ -16,6 +16,14 @@ from opir_core.plugin import BadFileError, StateTable
 TURN = np.array([0.0, 0.0, 7.292115e-5])
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 SCENE = SceneTimes(EPOCH_US, 600.0)
+
+
+def doubts_about(table, times, start_s):
+    """Return the warnings about a table; raise what it is refused for."""
+    found = findings_of(table, times, start_s)
+    if found.refused:
+        raise BadFileError(*found.refused)
+    return list(found.warnings)
 
 
 @cache
@@ -144,8 +152,9 @@ def test_one_wrong_velocity_is_told_with_its_line():
     table = boost(1.0)
     velocity = table.velocity_m_s.copy()
     velocity[40] += [0.0, 900.0, 0.0]
-    (doubt,) = doubts_about(evolve(table, velocity_m_s=velocity), SCENE, 0.0)
+    doubt, *flown = doubts_about(evolve(table, velocity_m_s=velocity), SCENE, 0.0)
     assert doubt.startswith("line 42: its velocity is 900 m/s off the change of the positions around it; is it a")
+    assert all("the path turns with" in words for words in flown)
 
 
 def test_a_message_names_line_figure_cause_and_way_out():
@@ -192,6 +201,14 @@ def test_times_of_another_scale_are_told(offset, told):
     assert told in str(refused.value)
 
 
+def test_all_reasons_are_told_at_once():
+    table = boost(1.0)
+    wrong = evolve(table, time_s=table.time_s + 1_775_044_800.0, velocity_m_s=-table.velocity_m_s)
+    times, velocities = findings_of(wrong, SCENE, 0.0).refused
+    assert "Unix seconds" in times
+    assert "all look of the wrong sign" in velocities
+
+
 def test_an_ephemeris_of_another_day_is_told():
     table = boost(1.0)
     with pytest.raises(BadFileError) as refused:
@@ -209,9 +226,10 @@ def test_an_ephemeris_of_another_day_is_told():
         (lambda t: evolve(t, time_s=t.time_s * 1e-3, velocity_m_s=None), "are times or lengths in other units?"),
         (
             lambda t: evolve(t, position_m=t.position_m[:1] + 0.0 * t.position_m, velocity_m_s=None),
-            "nothing in it moves faster than 0 m/s",
+            "nothing moves faster than 0 m/s",
         ),
         (lambda t: evolve(t, position_m=np.round(t.position_m, -3), velocity_m_s=None), "the path turns with"),
+        (lambda t: evolve(t, position_m=np.round(t.position_m, -2), velocity_m_s=None), "the path turns with"),
         (
             lambda t: evolve(t, position_m=t.position_m - [0.0, 0.0, 2e4], velocity_m_s=None),
             "below the WGS 84 ellipsoid",
@@ -227,4 +245,4 @@ def test_a_state_out_of_line_is_told_where_it_is():
     place = table.position_m.copy()
     place[50] += [0.0, 0.0, 2000.0]
     (doubt,) = doubts_about(evolve(table, position_m=place, velocity_m_s=None), SCENE, 0.0)
-    assert doubt.startswith("line 52: the path turns with 3")
+    assert doubt.startswith("line 52: the path turns with 4163 m/s² there, 425 g; a wrong state")

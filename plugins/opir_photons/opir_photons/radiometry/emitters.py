@@ -1,7 +1,7 @@
 """Emitters as columns: from a list, from a CSV file, or drawn at random over a region."""
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from io import StringIO
 
 import numpy as np
@@ -12,7 +12,7 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.plugin import SourceContext
 from opir_core.random_streams import Stream, normal_pairs, stream_key, uniforms_of
-from opir_core.scene import file_bytes
+from opir_core.scene import file_bytes, text_of
 from opir_photons.radiometry.source_configs import (
     FieldConfig,
     SourceConfig,
@@ -70,23 +70,27 @@ def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emi
     if not path:
         raise SceneError([Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")])
     try:
-        text = file_bytes(path).decode("utf-8-sig")
-        return [_emitter(row, number, block) for number, row in _numbered(StringIO(text), type(block))]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        message = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else message
+        text = text_of(file_bytes(path))
+        return [_emitter(row, number, block) for number, row in _numbered(text, type(block))]
+    except (OSError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
     except ValueError as error:
         raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
 
 
-def _numbered(file: Iterable[str], kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
-    """Return the lines of a CSV with their numbers, without empty ones and comments (#)."""
-    reader = csv.reader(file, strict=True)
+def _numbered(text: str, kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
+    """Return the lines of a CSV with their numbers, without empty ones and comments (#).
+
+    Semicolons or tabs may part the columns; decimals may have commas then.
+    """
+    head = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
+    delimiter = next((mark for mark in "\t;" if mark in head), ",")
+    reader = csv.reader(StringIO(text), delimiter=delimiter, strict=True)
     header: list[str] | None = None
     lines = []
     for cells in reader:
-        stripped = [cell.strip() for cell in cells]
+        stripped = [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells]
         if not any(stripped) or stripped[0].startswith("#"):
             continue
         if header is None:
@@ -108,8 +112,8 @@ def _header_complaint(header: list[str], kind: type) -> str | None:
     if len(set(named)) < len(named):
         return "a name stands twice in the header"
     complaint = names_complaint(named, kind)
-    if complaint and len(header) == 1 and ";" in header[0]:
-        return "the header is one cell; commas separate cells"
+    if complaint and len(header) == 1 and " " in header[0]:
+        return "the header is one cell; commas, semicolons or tabs separate cells"
     return complaint and f"in the header {complaint}"
 
 

@@ -85,6 +85,21 @@ class TestCsv:
         assert [(row["lat_deg"], row["lon_deg"]) for row in told] == [(1.0, 2.0)]
 
     @pytest.mark.parametrize(
+        "content",
+        [
+            b"lat_deg;lon_deg\n1,5;-2,25\n",
+            "lat_deg;lon_deg\r\n1,5;-2,25\r\n".encode("utf-8-sig"),
+            "lat_deg\tlon_deg\n1,5\t-2,25\n".encode("utf-16"),
+            b"lat_deg,lon_deg\r1.5,-2.25\r",
+        ],
+    )
+    def test_other_delimiters_decimals_and_ends_of_lines_are_read(self, tmp_path, content):
+        path = tmp_path / "fires.csv"
+        path.write_bytes(content)
+        (told,) = fire_sources(FireConfig(csv=str(path)), context()).trajectories.truth()
+        assert (told["lat_deg"], told["lon_deg"]) == (1.5, -2.25)
+
+    @pytest.mark.parametrize(
         ("text", "complaint"),
         [
             ("", "line 1: a header with lat_deg and lon_deg is needed"),
@@ -100,7 +115,8 @@ class TestCsv:
             ("lat_deg,lat_deg\n1,2\n", "line 1: a name stands twice in the header"),
             ("lat_deg,lon\n", "line 1: in the header lon: unknown; did you mean lon_deg?"),
             ("lat_deg,area_m2\n1,2\n", "line 1: in the header lon_deg is missing"),
-            ("lat_deg;lon_deg\n1;2\n", "line 1: the header is one cell; commas separate cells"),
+            ("lat_deg lon_deg\n1 2\n", "line 1: the header is one cell; commas, semicolons or tabs separate"),
+            ("lat_deg;lon_deg\n1,5;2,x\n", "line 2: lon_deg: '2.x' is not a number"),
             ("lat_deg,lon_deg,area_m2\n1,2,1_000\n", "line 2: area_m2: '1_000' is not a number"),
             ("lat_deg,lon_deg,start_s,end_s\n1,2,50,10\n", "line 2: end_s 10 is not after start_s 50"),
             ("lat_deg,lon_deg,\n1,2,3\n", "line 2: '' is not one of lat_deg, lon_deg"),
@@ -119,5 +135,5 @@ class TestCsv:
             fire_sources(FireConfig(csv=str(tmp_path / "none.csv")), context())
         path = tmp_path / "bytes.csv"
         path.write_bytes(b"lat_deg,lon_deg\n\xff\xfe,1\n")
-        with pytest.raises(SceneError, match=r"bytes.csv cannot be read: it is not UTF-8 text"):
+        with pytest.raises(SceneError, match=r"bytes.csv, line 2: is not UTF-8 text"):
             fire_sources(FireConfig(csv=str(path)), context())

@@ -1,0 +1,120 @@
+"""STK ephemerides (`.e`): blocks of keywords and states, in metres or kilometres, from a scenario's epoch on.
+
+Source: the description of the format in the STK documentation, "Ephemeris file format (*.e)".
+"""
+
+import math
+from collections.abc import Mapping
+from datetime import datetime
+from typing import TypeVar
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.flight import ecef_state
+from opir_core.geometry import geodetic_to_ecef
+from opir_core.plugin import BadFileError, StateTable
+from opir_readers.states import require_order, require_places, require_velocities
+
+Known = TypeVar("Known")
+
+_UNIX = datetime(1970, 1, 1)
+
+#: The frames of STK that are read, and what `ecef_state` calls them.
+_FRAMES = {"fixed": "ITRF", "j2000": "EME2000", "icrf": "EME2000", "inertial": "EME2000", "temeofdate": "TEME"}
+
+_UNITS_M = {"meters": 1.0, "kilometers": 1e3, "feet": 0.3048, "nauticalmiles": 1852.0}
+
+#: The kinds of states: whether they are geodetic, and the numbers of a line with the time.
+_KINDS = {
+    "ephemeristimepos": (False, 4),
+    "ephemeristimeposvel": (False, 7),
+    "ephemeristimeposvelacc": (False, 10),
+    "ephemerisllatimepos": (True, 4),
+}
+
+
+def stk_table(text: str, epoch_us: int) -> StateTable:
+    """Return the table of an ephemeris for a scene epoch in microseconds of UTC since 1970; raises `BadFileError`."""
+    keywords, kind, lines, rows = _parts(text)
+    is_geodetic, _ = _KINDS[kind]
+    unit_m = _chosen(_UNITS_M, "DistanceUnit", keywords.get("distanceunit", "Meters"))
+    system = keywords.get("coordinatesystem", "Fixed")
+    frame = _chosen(_FRAMES, "CoordinateSystem", system)
+    if keywords.get("centralbody", "Earth").lower() != "earth":
+        raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
+    values = np.array(rows)
+    time_s = values[:, 0] + _epoch_s(keywords) - epoch_us * 1e-6
+    require_order(time_s, lines.__getitem__, may_repeat=False)
+    with np.errstate(over="ignore"):
+        values[:, 1:7] *= 1.0 if is_geodetic else unit_m
+    position, velocity = _states(values, is_geodetic, unit_m)
+    require_places(position, lines.__getitem__)
+    require_velocities(velocity, lines.__getitem__)
+    moving = np.zeros_like(position) if velocity is None else velocity
+    turned, rate = ecef_state(frame, position, moving, epoch_us, time_s)
+    burns_s = np.array([[time_s[0], time_s[-1]]])
+    run = np.zeros(len(time_s), dtype=np.int64)
+    words = "latitude, longitude, height above WGS 84" if is_geodetic else system
+    own = None if velocity is None else rate
+    return StateTable(time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words)
+
+
+def _states(values: FloatArray, is_geodetic: bool, unit_m: float) -> tuple[FloatArray, FloatArray | None]:
+    if is_geodetic:
+        latitude, longitude = np.radians(values[:, 1]), np.radians(values[:, 2])
+        return geodetic_to_ecef(latitude, longitude, values[:, 3] * unit_m), None
+    return values[:, 1:4], values[:, 4:7] if values.shape[1] >= 7 else None
+
+
+def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
+    """Return the keywords, the kind of states, and lines and numbers of the states."""
+    keywords, kind, lines, rows = dict[str, str](), "", list[int](), list[list[float]]()
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split("#")[0].split()
+        if not words or words[0].upper() == "BEGIN" or words[0].lower().startswith("stk.v."):
+            continue
+        if words[0].upper() == "END":
+            break
+        if words[0].lower() in _KINDS:
+            kind = words[0].lower()
+        elif kind:
+            lines.append(number)
+            rows.append(_numbers(words, _KINDS[kind][1], number))
+        else:
+            keywords[words[0].lower()] = " ".join(words[1:])
+    if not kind:
+        raise BadFileError(f"has no states of a kind that is read: {', '.join(sorted(_KINDS))}")
+    if len(rows) < 2:
+        raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
+    return keywords, kind, lines, rows
+
+
+def _numbers(words: list[str], count: int, number: int) -> list[float]:
+    if len(words) != count:
+        raise BadFileError(f"line {number}: has {len(words)} values; a state has {count}")
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise BadFileError(f"line {number}: {' '.join(words)!r} are not {count} finite numbers")
+    return values
+
+
+def _epoch_s(keywords: Mapping[str, str]) -> float:
+    """Return the scenario's epoch, s of UTC since 1970."""
+    text = keywords.get("scenarioepoch", "")
+    whole, _, fraction = text.partition(".")
+    try:
+        moment = datetime.strptime(whole, "%d %b %Y %H:%M:%S")
+    except ValueError:
+        raise BadFileError(f"ScenarioEpoch is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed") from None
+    seconds = (moment - _UNIX).total_seconds()
+    return seconds + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdecimal() else 0.0)
+
+
+def _chosen(known: Mapping[str, Known], keyword: str, word: str) -> Known:
+    if word.lower() not in known:
+        raise BadFileError(f"{keyword} is {word}; read are {', '.join(known)}")
+    return known[word.lower()]

@@ -1,0 +1,129 @@
+"""STK ephemerides, and OEM in other time systems: the states of the same flight written otherwise."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+from astropy.time import Time
+from opir_readers.oem_table import oem_table
+from opir_readers.stk_table import stk_table
+from opir_readers.time_systems import unix_s
+from pyproj import Transformer
+
+from opir_core.plugin import BadFileError
+
+EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
+STATES_KM = np.array(
+    [
+        [0.0, -5600.0, -2600.0, 2900.0, 1.5, -5.2, 2.6],
+        [10.0, -5584.9, -2651.9, 2925.9, 1.52, -5.18, 2.58],
+        [20.0, -5569.6, -2703.6, 2951.6, 1.54, -5.16, 2.56],
+    ]
+)
+
+STK = """stk.v.4.3
+
+# written for a test
+BEGIN Ephemeris
+    NumberOfEphemerisPoints {count}
+    ScenarioEpoch            1 Apr 2026 12:00:30.500000
+    CentralBody              Earth
+    CoordinateSystem         {frame}
+    DistanceUnit             {unit}
+    {kind}
+{lines}
+END Ephemeris
+"""
+OEM = """CCSDS_OEM_VERS = 2.0
+META_START
+OBJECT_NAME = ONE
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = {frame}
+TIME_SYSTEM = {system}
+START_TIME = 2026-04-01T12:00:00
+STOP_TIME = 2026-04-01T12:00:10
+META_STOP
+{lines}
+"""
+
+
+def lines_of(rows):
+    return "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
+
+
+def stk(frame="Fixed", unit="Kilometers", kind="EphemerisTimePosVel", factor=1.0, columns=7):
+    rows = STATES_KM[:, :columns] * np.array([1.0, *[factor] * (columns - 1)])
+    return STK.format(frame=frame, unit=unit, kind=kind, count=len(rows), lines=lines_of(rows))
+
+
+def oem(frame, system="UTC", ahead_s=0.0):
+    start = datetime(2026, 4, 1, 12, 0, 30, 500000) + timedelta(seconds=ahead_s)
+    moments = [(start + timedelta(seconds=row[0])).isoformat() for row in STATES_KM.tolist()]
+    rows = [" ".join([moment, *map(repr, row[1:])]) for moment, row in zip(moments, STATES_KM.tolist(), strict=True)]
+    return OEM.format(frame=frame, system=system, lines="\n".join(rows))
+
+
+@pytest.mark.parametrize(
+    ("frame", "other"), [("Fixed", "ITRF"), ("J2000", "EME2000"), ("ICRF", "ICRF"), ("TEMEOfDate", "TEME")]
+)
+def test_an_stk_ephemeris_has_the_states_of_the_oem(frame, other):
+    table, same = stk_table(stk(frame), EPOCH_US), oem_table(oem(other), EPOCH_US, None)
+    np.testing.assert_allclose(table.time_s, [30.5, 40.5, 50.5], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(table.position_m, same.position_m, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(table.velocity_m_s, same.velocity_m_s, rtol=0.0, atol=1e-6)
+    assert [table.line_of(row) for row in range(3)] == [11, 12, 13]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("Meters", 1e3), ("Kilometers", 1.0), ("Feet", 1e3 / 0.3048)])
+def test_units_and_kinds_of_stk(unit, factor):
+    position = STATES_KM[:, 1:4] * 1e3
+    for kind, columns in (("EphemerisTimePosVel", 7), ("EphemerisTimePos", 4)):
+        table = stk_table(stk(unit=unit, factor=factor, kind=kind, columns=columns), EPOCH_US)
+        np.testing.assert_allclose(table.position_m, position, rtol=0.0, atol=1e-3)
+        assert (table.velocity_m_s is None) == (columns == 4)
+
+
+def test_geodetic_places_of_stk_are_those_of_proj():
+    lines = "0 34.73 -120.57 100.0\n5 34.73 -120.58 260.0"
+    text = STK.format(frame="Fixed", unit="Meters", kind="EphemerisLLATimePos", count=2, lines=lines)
+    to_ecef = Transformer.from_crs("EPSG:4979", "EPSG:4978")
+    expected = [to_ecef.transform(34.73, -120.57, 100.0), to_ecef.transform(34.73, -120.58, 260.0)]
+    np.testing.assert_allclose(stk_table(text, EPOCH_US).position_m, expected, rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (stk(frame="TrueOfDate"), "CoordinateSystem is TrueOfDate; read are fixed, j2000"),
+        (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
+        (stk(kind="EphemerisTimePosVelAcc"), "line 11: has 7 values; a state has 10"),
+        (stk(kind="CovarianceTimePos"), "has no states of a kind that is read"),
+        (stk().replace("Earth", "Moon"), "CentralBody is Moon; only Earth is taken"),
+        (stk().replace("1 Apr 2026", "2026-04-01"), "ScenarioEpoch is '2026-04-01 12:00:30.500000'; a time like"),
+        (stk().replace("-5600.0", "x"), "line 11: '0.0 x"),
+    ],
+)
+def test_what_is_wrong_with_an_stk_ephemeris_is_told(text, told):
+    with pytest.raises(BadFileError) as refused:
+        stk_table(text, EPOCH_US)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(("system", "ahead_s"), [("TAI", 37.0), ("GPS", 18.0), ("TT", 69.184), ("UT1", 0.0)])
+def test_an_oem_in_another_time_system_has_the_same_states(system, ahead_s):
+    table, same = oem_table(oem("ITRF", system, ahead_s), EPOCH_US, None), oem_table(oem("ITRF"), EPOCH_US, None)
+    np.testing.assert_allclose(table.time_s, same.time_s, rtol=0.0, atol=1e-6)
+
+
+LEAP_DAYS = ("1972-06-30", "1985-06-30", "1999-01-01", "2005-12-31", "2006-01-01", "2012-07-01", "2016-12-31")
+
+
+@pytest.mark.parametrize("system", ["TAI", "TT", "TDB"])
+@pytest.mark.parametrize("day", [*LEAP_DAYS, "2026-04-01"])
+def test_times_are_those_of_astropy(system, day):
+    """On both sides of leap seconds and between them; the seconds since 1970 are those of the calendar."""
+    for clock in ("00:00:01.250", "12:00:00.000", "23:59:58.000"):
+        text = getattr(Time(f"{day}T{clock}", scale="utc"), system.lower()).isot
+        expected = (np.datetime64(f"{day}T{clock}") - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
+        assert unix_s(text, 1, system) == pytest.approx(expected, abs=3e-3)
