@@ -43,9 +43,6 @@ from opir_core.output.geojson import (
     region_figures as region_figures,
     region_texts as region_texts,
 )
-from opir_core.output.growing_digest import (
-    file_digest as file_digest,
-)
 from opir_core.output.pump import (
     SinkReport as SinkReport,
 )
@@ -57,6 +54,9 @@ from opir_core.output.saved_runs import (
 )
 from opir_core.output.sink_thread import (
     SinkStatus as SinkStatus,
+)
+from opir_core.output.temporary_files import (
+    file_digest as file_digest,
 )
 from opir_core.output.tracks_file import (
     TracksFile as TracksFile,

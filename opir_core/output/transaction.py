@@ -21,8 +21,7 @@ from typing import Any, Self
 from attrs import frozen
 
 from opir_core.errors import SinkError, reason_of, unwritable
-from opir_core.output.growing_digest import GrowingDigest, file_digest
-from opir_core.output.temporary_files import held, keep_mode, locked, planted, sync_folder
+from opir_core.output.temporary_files import GrowingDigest, file_digest, held, keep_mode, locked, planted, sync_folder
 
 #: What is appended to a path while its file is written.
 TEMPORARY = ".part"
