@@ -140,7 +140,7 @@ def _times(ascent: Ascent) -> Iterator[tuple[str, float]]:
         yield f"half of burn {number}", 0.5 * (begin + end)
         if number > 1:
             yield f"95 % of burn {number}", begin + 0.95 * (end - begin)
-        after = [start - end for start, _ in ascent.burns_s if start >= end]
+        after = [start - end for start, _ in ascent.burns_s if start > end - 1e-6]
         for late_s in (5.0, 20.0, 40.0):
             if late_s < min(after, default=np.inf):
                 yield f"{late_s:g} s after burn {number}", end + late_s
@@ -193,7 +193,7 @@ def table_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int
     seconds = (time.process_time() - clock) / max(len(said), 1)
     lines = [
         f"\n## {title}\n",
-        f"{len(flights)} flights, {seeds} seed(s) each; {seconds:.1f} s of processor time each.\n",
+        f"{len(said)} flights, {seconds:.1f} s of processor time each.\n",
     ]
     lines += HEAD
     marks = [mark for each in said for mark in each.marks]

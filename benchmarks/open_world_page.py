@@ -25,9 +25,10 @@ By `--write docs/benchmarks`; flights have even seeds from {first}, which nothin
 
 #: What the page says of the scene of `hour`.
 HOUR = """
-The scene with fires: 15° by 40° of land with 8 fires and 4 gas flares per million km², glints, noise, twelve launches,
-before SBIRS-GEO, DSP and NEXTGEN-GEO, with `detection: snr` and `classification: spectral`. Times are since ignition;
-the closed form is that of [what is it?](../explanation/hypotheses.md) for the detections and motion of each launch.
+The scene with fires: 15° by 40° of land with 8 fires and 4 gas flares per million km², glints, noise and twelve
+launches, before SBIRS-GEO, DSP and NEXTGEN-GEO, with `detection: snr` and `classification: spectral`. Times are since
+ignition; the closed form is that of [what is it?](../explanation/hypotheses.md) for the detections and motion of each
+launch.
 """
 
 HEAD = (

@@ -288,7 +288,7 @@ BENCHMARKS = (
     ),
     Benchmark(
         "open_world",
-        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back?",
+        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back, gliders?",
         "open_world.py",
         words("--flights 1 --only short"),
         needs=("opir_trackers",),
