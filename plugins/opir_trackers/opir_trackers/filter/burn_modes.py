@@ -50,8 +50,8 @@ class NewStage:
 
     def begun(self, mean: FloatArray, root: FloatArray) -> Gaussian:
         """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force along the velocity."""
-        after, begun = self.lit(mean[:, :COAST], _of_path(root))
         unit, speed = self._direction(mean)
+        after, begun = self._along(mean[:, :COAST], _of_path(root), unit)
         # The force turns with the velocity, whatever that is: rows on their difference. At rest it has no direction.
         along = unit[:, :, None] * unit[:, None, :]
         across = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
@@ -64,8 +64,12 @@ class NewStage:
 
         After the dark, in which it may have turned.
         """
-        force = self.force_m_s2 * self._direction(mean)[0]
-        return _ignited(mean, root, force, self.force_sigma_m_s2, (self.growth_per_s, self.growth_sigma_per_s))
+        return self._along(mean, root, self._direction(mean)[0])
+
+    def _along(self, mean: FloatArray, root: FloatArray, unit: FloatArray) -> Gaussian:
+        """Return burns (n, 10) with mean forces along directions (n, 3)."""
+        growth = self.growth_per_s, self.growth_sigma_per_s
+        return _ignited(mean, root, self.force_m_s2 * unit, self.force_sigma_m_s2, growth)
 
     def _direction(self, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the directions (n, 3) of velocities, shorter for slow ones, and speeds (n,), m/s, at least 100."""
