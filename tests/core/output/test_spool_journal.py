@@ -126,7 +126,8 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
 
 
 def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
-    made = Batch(b"a\nb\nc\nd\n", ("x", "y"), np.array([0, 1, 0, 1], dtype=np.uint16), "text", "1")
+    key_of = np.array([0, 1, 0, 1], dtype=np.uint16)
+    made = Batch(body=b"a\nb\nc\nd\n", keys=("x", "y"), key_of=key_of, content_type="text", schema_version="1")
     journal = Journal(str(tmp_path / "spool"), 1 << 20)
     journal.put(made)
     journal.put(made)
