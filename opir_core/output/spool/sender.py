@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import suppress
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import PartlySentError, Transport
@@ -143,7 +144,8 @@ class Sender:
         else:
             error = sent.future.exception()
         if isinstance(error, PartlySentError):
-            self.store.keep(sent.number, error.rows)
+            with suppress(FullError):  # no room to note it: all of it is sent again
+                self.store.keep(sent.number, error.rows)
             return
         if not isinstance(error, SinkError):
             raise error or AssertionError

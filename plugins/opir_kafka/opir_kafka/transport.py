@@ -33,7 +33,7 @@ class KafkaTransport(Transport):
         self._config = config
         self._connect = connect
         self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
-        self.acknowledged = 0
+        self.acknowledged: int = 0
         self._shipments: dict[Shipment, None] = {}
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None

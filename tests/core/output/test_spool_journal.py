@@ -4,6 +4,7 @@ import random
 import sqlite3
 from pathlib import Path
 
+import numpy as np
 import pytest
 from spool_transports import (
     ENCODER,
@@ -19,6 +20,7 @@ from spool_transports import (
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
+from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
@@ -121,3 +123,19 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
     assert told.spooled == 5
     assert told.complaint is not None
     assert "give each output a spool of its own" in told.complaint
+
+
+def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
+    key_of = np.array([0, 1, 0, 1], dtype=np.uint16)
+    made = Batch(body=b"a\nb\nc\nd\n", keys=("x", "y"), key_of=key_of, content_type="text", schema_version="1")
+    journal = Journal(str(tmp_path / "spool"), 1 << 20)
+    journal.put(made)
+    journal.put(made)
+    journal.keep(1, [1, 2])
+    assert journal.waiting == 6
+    journal.close()
+    again = Journal(str(tmp_path / "spool"), 1 << 20)
+    assert again.waiting == 6
+    number, rest = again.after(0) or (0, made)
+    assert (number, rest.messages(), rest.key_of.tolist()) == (1, [b"b", b"c"], [1, 0])
+    again.close()
