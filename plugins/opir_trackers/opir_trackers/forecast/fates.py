@@ -8,7 +8,7 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
 from opir_core.estimation import dot
-from opir_core.flight import Forces
+from opir_core.flight import Forces, propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, great_circle_m
 from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, Steering, drawn_steering, flown_on
@@ -46,6 +46,7 @@ _DECAY = _KEEP ** (1.0 + np.arange(STAGES * STEPS).reshape(STAGES, STEPS))
 class Fates(NamedTuple):
     """What becomes of particles (p,): inertial states at the ends of their burns, times and places of impact, ranges.
 
+    `state` and `out_s` of what is dark are those of now, `burnt` and `burnt_s` those at the end of its burn.
     `place` (p, 2) and `when_s`, since the scene's start, are nan where nothing falls; `range_m` is nan too without a
     launch. `origin` (p, 2) is the place of the particle's track now. `reach` (p,) is the relative probability of an
     orbit, `flies` says whether the burn stays above the ground.
@@ -59,10 +60,17 @@ class Fates(NamedTuple):
     reach: FloatArray
     flies: BoolArray
     origin: FloatArray
+    burnt: FloatArray
+    burnt_s: FloatArray
 
 
-def fates_of(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_s: float, forces: Forces) -> Fates:
-    """Return the fates of particles at a time, given the launches (n, 3) of their tracks, nan where unknown."""
+def fates_of(
+    outcomes: Outcomes, particles: Particles, launch: FloatArray, dark_s: FloatArray, time_s: float, forces: Forces
+) -> Fates:
+    """Return the fates of particles at a time, given the launches (n, 3) of their tracks, nan where unknown.
+
+    `dark_s` (n,) is the time since the burns of dark tracks ended.
+    """
     space, able = particles.family == SPACE, (particles.family == SPACE) | (particles.family == NONE)
     reach = np.zeros(len(particles))
     mine = np.flatnonzero(able & (particles.lit > 0))
@@ -81,7 +89,22 @@ def fates_of(outcomes: Outcomes, particles: Particles, launch: FloatArray, time_
     dark = able & (particles.lit == 0)
     reach[dark] = np.where(np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"])
     flies = space | (least_m > local_radius_m(out) - _BELOW_M)
-    return Fates(out, time_s + later_s, place, when_s, range_m, reach, flies, _below(particles, time_s))
+    out_s = time_s + later_s
+    burnt = _at_burnout(out, out_s, particles, dark_s)
+    return Fates(out, out_s, place, when_s, range_m, reach, flies, _below(particles, time_s), *burnt)
+
+
+def _at_burnout(
+    out: FloatArray, out_s: FloatArray, particles: Particles, dark_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return states and times at the ends of burns: of what is dark, back along its free flight."""
+    ago = np.where(particles.lit == 0, np.maximum(dark_s[particles.track], 0.0), 0.0)
+    rows = np.flatnonzero(ago > 0.0)
+    state = out.copy()
+    if len(rows):
+        before = propagate_kepler(out[rows, :3], out[rows, 3:6], -ago[rows])
+        state[rows, :6] = np.concatenate(before, axis=1)
+    return state, out_s - ago
 
 
 @cache

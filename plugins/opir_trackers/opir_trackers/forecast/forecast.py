@@ -63,7 +63,7 @@ def forecasts(
     `dark_s` (n,) is the time since the burn ended, if it did, `log_likelihood` (n, H) that of what sensors reported.
     """
     particles, burning, relights = _ensemble(outcomes, estimates, history, dark_s, time_s)
-    fates = fates_of(outcomes, particles, launch, time_s, forces)
+    fates = fates_of(outcomes, particles, launch, dark_s, time_s, forces)
     weight = _hypotheses(outcomes, particles, fates, relights, log_likelihood)
     weight = _normalised(weight, particles, burning)
     return _gathered(outcomes, particles, fates, weight, burning, forces)
@@ -107,7 +107,7 @@ def _hypotheses(
         weight[np.ix_(first, columns["missile"])] = share * by_class[first]
         weight[np.ix_(broad, columns["missile"])] = odd * missile * by_class[broad]
         if columns["glide"]:
-            each = outcomes.gliding(*features(fates.state)) * (1.0 - share) / len(columns["glide"])
+            each = outcomes.gliding(*features(fates.burnt)) * (1.0 - share) / len(columns["glide"])
             weight[np.ix_(first, columns["glide"])] = each[first, None]
     if columns["orbit"]:
         # A stage that has gone out may have been the last one of a failure.
@@ -175,7 +175,7 @@ def _gathered(
     )
     edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()
     for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
-        glided = gliders.reached(outcomes, fates.state[rows], fates.out_s[rows], glide[rows], falls[rows])
+        glided = gliders.reached(outcomes, fates.burnt[rows], fates.burnt_s[rows], glide[rows], falls[rows])
         impacts = impacts_by_condition(particles.lit[rows], burning[number], rows, fates, falls, glided, forces)
         found.regions[number] = tuple(region for one in impacts for region in one.regions)
         if impacts:
