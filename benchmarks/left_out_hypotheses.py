@@ -40,8 +40,8 @@ PAGE = """# Classes left out of the tracker
 *Does "none of these" rise in `imm` for a target class that it does not know?* Where no other class flies alike, after
 burnout: {rises}. Where another covers its boosts and ranges it cannot.
 
-| left out | mark | AUROC | mean P(none): left out | known | OSCR | right, known | taken for |
-|---|---|---|---|---|---|---|---|
+| left out, at burnout | AUROC | mean P(none): left out | known | OSCR | right, known | taken for |
+|---|---|---|---|---|---|---|
 {table}
 
 AUROC: of P(none of these), tracks of the class left out against those of known classes. OSCR: area under correct
@@ -60,7 +60,7 @@ once for each class). Classes count with the tracker's own prior, which has them
 
 **Method.** {launches} launches of each of seven classes, seed {seed}, two SBIRS-GEO, `classification: none`: motion
 alone. With a few launches of a class an AUROC is good to some 0.1, and bins of fewer than 200 say little. What light
-adds: [classes left out of the classifier](left_out_classes.md). Data:
+adds: [classes left out of the classifier](left_out_classes.md). Earlier marks and data:
 [left_out_hypotheses.csv](left_out_hypotheses.csv).
 """
 
@@ -236,9 +236,10 @@ def page(rows: Sequence[Row], records: Sequence[Told], launches: int, seed: int)
     last = [row for row in rows if row.mark == MARKS[-1][0] and row.unknown_tracks]
     rises = ", ".join(f"{row.left_out} (AUROC {row.auroc:.2f})" for row in last if row.auroc >= BAR) or "for none"
     lines = [
-        f"| {row.left_out} | {row.mark} | {row.auroc:.2f} | {row.unknown:.3f} | {row.known:.3f} | {row.oscr:.2f} |"
+        f"| {row.left_out} | {row.auroc:.2f} | {row.unknown:.3f} | {row.known:.3f} | {row.oscr:.2f} |"
         f" {row.right:.2f} of {row.known_tracks} | {row.alike} {row.as_alike:.2f} |"
         for row in rows
+        if row.mark == MARKS[-1][0]
     ]
     cells = zip(EDGES[:-1].tolist(), calibration(known), calibration(partial), strict=True)
     bins = [f"| {lower:g} | {whole} | {part} |" for lower, whole, part in cells]

@@ -24,7 +24,7 @@ from figures import keep
 from foreign_flights import drawn_flight
 from glide_flights import drawn_glide
 from open_world_hour import hour
-from open_world_page import HEAD, HOUR, PAGE, held, interval
+from open_world_page import Row, csv_text, interval, page_text
 from opir_scoring.impacts import main_regions, regions_given
 
 import opir_core as opir
@@ -182,37 +182,29 @@ def mark_of(ascent: Ascent, run: opir.Run, name: str, said: tuple[int, float, fl
     )
 
 
-def table_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int = 1) -> list[str]:
-    """Return the lines of a table of flights at their marks."""
+def rows_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int = 1) -> tuple[list[Row], str]:
+    """Return the rows of flights at their marks, and a sentence on all their ticks with a region."""
     said, clock = list[Flown](), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ascent.csv"
         for place, ascent in enumerate(flights):
             ascent.write(path)
             said += [flown(ascent, path, 100 * seed + place, sensors) for seed in range(seeds)]
-    seconds = (time.process_time() - clock) / max(len(said), 1)
-    lines = [
-        f"\n## {title}\n",
-        f"{len(said)} flights, {seconds:.1f} s of processor time each.\n",
-    ]
-    lines += HEAD
+    keep(f"{title}: processor time a flight, s", (time.process_time() - clock) / max(len(said), 1))
+    rows = []
     marks = [mark for each in said for mark in each.marks]
     for name in dict.fromkeys(mark.name for mark in marks):
         mine = [mark for mark in marks if mark.name == name]
         told = [mark for mark in mine if np.isfinite(mark.nees)]
         within = sum(mark.nees <= WITHIN for mark in told)
-        shares = [np.median([getattr(mark, key) for mark in told]) if told else np.nan for key in SHARES]
+        shares = [float(np.median([getattr(mark, key) for mark in told])) if told else np.nan for key in SHARES]
         areas = np.array([mark.area_km2 for mark in told])
         known = areas[np.isfinite(areas)]
-        sizes = [float(known.min()), float(np.median(known))] if len(known) else []
-        lines.append(
-            f"| {name} | {len(told)} of {len(mine)} | {held(within, len(told))} | "
-            + " | ".join(f"{share:.2f}" for share in shares)
-            + f" | {len(known)} | {_inside_of(told, 'inside')} | {_inside_of(told, 'given')}"
-            + f" | {', '.join(f'{1e-3 * size:.3g}' for size in sizes) or '-'} |"
-        )
+        sizes = (float(known.min()), float(np.median(known))) if len(known) else (np.nan, np.nan)
+        inside = (_inside_of(told, "inside"), _inside_of(told, "given"))
+        rows.append(Row(title, name, len(mine), len(told), within, *shares, len(known), *inside, *sizes))
         keep(f"{title}: {name}: state held", within / max(len(told), 1))
-    return [*lines, *ticks_of(title, said)]
+    return rows, ticks_of(title, said)
 
 
 #: The probabilities of a mark whose medians the page has.
@@ -224,19 +216,18 @@ def _inside_of(marks: Sequence[Mark], key: str) -> str:
     return f"{int(sum(known))} of {len(known)}" if known else "-"
 
 
-def ticks_of(title: str, said: Sequence[Flown]) -> list[str]:
-    """Return a line on the ticks with regions of flights that come down."""
+def ticks_of(title: str, said: Sequence[Flown]) -> str:
+    """Return the shares of the ticks with regions of flights that come down, in words, or ""."""
     if not any(len(each.inside) for each in said):
-        return []
+        return ""
     parts = {
-        "all ticks that have a region": [each.inside for each in said],
+        "all": [each.inside for each in said],
         "before the last burnout": [each.inside[~each.is_over] for each in said],
         "after it": [each.inside[each.is_over] for each in said],
     }
     shares = {name: np.array([part.mean() for part in each if len(part)]) for name, each in parts.items()}
-    keep(f"{title}: regions hold", float(shares["all ticks that have a region"].mean()))
-    words = [f"{name} {interval(each)}" for name, each in shares.items() if len(each)]
-    return [f"\nThe region of the likeliest condition holds the impact in: {', '.join(words)}."]
+    keep(f"{title}: regions hold", float(shares["all"].mean()))
+    return f"{title}: {', '.join(f'{name} {interval(each)}' for name, each in shares.items() if len(each))}"
 
 
 def main() -> None:
@@ -251,20 +242,21 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="folder of the page")
     wanted = parser.parse_args()
     numbers = range(wanted.from_seed, wanted.from_seed + 2 * wanted.flights, 2)
-    lines = list[str]()
+    rows, ticks, hours = list[Row](), list[str](), list[str]()
     for kind in KINDS:
         if wanted.only in (None, kind.key):
-            lines += table_of(kind.title, [kind.drawn(seed) for seed in numbers], kind.sensors, wanted.seeds)
-            print("\n".join(lines), flush=True)
+            found = rows_of(kind.title, [kind.drawn(seed) for seed in numbers], kind.sensors, wanted.seeds)
+            rows, ticks = rows + found[0], [*ticks, found[1]]
+            print(csv_text(found[0]), found[1], sep="\n", flush=True)
     if wanted.tables:
-        lines += table_of("Tables", [ascent for _, ascent in tables(wanted.tables)], 2, wanted.seeds)
+        found = rows_of("Tables", [ascent for _, ascent in tables(wanted.tables)], 2, wanted.seeds)
+        print(csv_text(found[0]), found[1], sep="\n", flush=True)
     if wanted.only in (None, "hour"):
-        lines += hour(wanted.hour_s, wanted.from_seed)
-    print("\n".join(lines))
+        hours = hour(wanted.hour_s, wanted.from_seed)
+        print("\n".join(hours))
     if wanted.write:
-        hour_text = HOUR if wanted.only in (None, "hour") else ""
-        page = PAGE.format(lines="\n".join(lines), hour=hour_text, first=wanted.from_seed)
-        (wanted.write / "open_world.md").write_text(page, encoding="utf-8")
+        (wanted.write / "open_world.md").write_text(page_text(rows, ticks, hours, wanted.from_seed), encoding="utf-8")
+        (wanted.write / "open_world.csv").write_text(csv_text(rows), encoding="utf-8")
 
 
 if __name__ == "__main__":

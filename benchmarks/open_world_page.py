@@ -1,5 +1,10 @@
 """The page of `open_world`."""
 
+import csv
+import io
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from opir_scoring.containments import proportion
 from scipy.stats import t as student
@@ -8,11 +13,12 @@ PAGE = """# Is what is hot a missile?
 
 Fires burn for hours, launchers climb to orbit, stages fly back. What does `imm` say of them, with default settings?
 
-A state is held if it lies in its 95 % ellipsoid: number, share and its 95 % interval (Wilson). Probabilities, *burns*
-among them, are medians over the flights at a mark; P(down) is the sum over the conditions that have a region, 0 without
-one. *Regions* are tracks with a 95 % region, *main* how many of the likeliest condition's hold the true impact, *given*
-those of the condition that is true ("burn over" or "relights"), the last column the least and the median area. A region
-is of what comes down: of a launcher that burns on it is that of failures, with their probability P(down).
+A state is held if it lies in its 95 % ellipsoid: number, share and its 95 % interval (Wilson). Probabilities are
+medians over the flights at a mark; P(down) is the sum over the conditions that have a region, 0 without one. *Held by
+regions*: of the flights with a 95 % region of the true condition ("burn over" or "relights"), those whose impact it
+holds, and the median area. A region is of what comes down: of a launcher that burns on it is that of failures, with their
+probability P(down). All marks and figures: [open_world.csv](open_world.csv).
+
 {lines}
 
 Flights are notional and share no code with opir (`benchmarks/ascents.py`, `glide_flights.py`, `foreign_flights.py`).
@@ -31,10 +37,63 @@ ignition; the closed form is that of [what is it?](../explanation/hypotheses.md)
 launch.
 """
 
-HEAD = (
-    "| mark | tracks | held | burns | P(orbit) | P(down) | P(missile) | P(glide) | regions | main | given | 10³ km² |",
-    "|---" * 12 + "|",
-)
+HEAD = "| mark | state held | P(orbit) | P(down) | P(missile) | held by regions | 10³ km² |\n" + "|---" * 7 + "|"
+
+#: Marks of the page.
+_SHOWN = ("half of burn", "95 % of burn", "20 s after")
+
+
+class Row(NamedTuple):
+    """Flights of a kind at a mark: numbers, medians of probabilities, regions, and least and median area.
+
+    `inside` and `given` are texts, `10 of 12`: impacts in the regions of the likeliest and of the true condition.
+    """
+
+    kind: str
+    mark: str
+    flights: int
+    tracks: int
+    held: int
+    burning: float
+    orbit: float
+    down: float
+    missile: float
+    glide: float
+    regions: int
+    inside: str
+    given: str
+    least_km2: float
+    median_km2: float
+
+
+def page_text(rows: Sequence[Row], ticks: Sequence[str], hours: Sequence[str], first: int) -> str:
+    """Return the page: a table of each kind of flights, the shares of all ticks, and the hour."""
+    lines = []
+    for kind in dict.fromkeys(row.kind for row in rows):
+        mine = [row for row in rows if row.kind == kind]
+        shown = [row for row in mine if row.mark.startswith(_SHOWN) and 2 * row.tracks > mine[0].flights]
+        lines += [f"\n## {kind}\n\n{mine[0].flights} flights.\n", HEAD]
+        lines += [
+            f"| {row.mark} | {held(row.held, row.tracks)} | {row.orbit:.2f} | {row.down:.2f} | {row.missile:.2f} |"
+            f" {row.given} | {f'{1e-3 * row.median_km2:.3g}' if row.regions else '-'} |"
+            for row in shown
+        ]
+    parts = [f"* {each}" for each in ticks if each]
+    if parts:
+        lines += [
+            "\n## All ticks that have a region\n\nThe region of the likeliest condition holds the impact in:\n",
+            *parts,
+        ]
+    return PAGE.format(lines="\n".join([*lines, *hours]), hour=HOUR if hours else "", first=first)
+
+
+def csv_text(rows: Sequence[Row]) -> str:
+    """Return all rows as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(Row._fields)
+    writer.writerows([f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return text.getvalue()
 
 
 def held(count: int, whole: int) -> str:

@@ -24,6 +24,8 @@ OMM = {
     "MEAN_ANOMALY": 325.0288,
     "BSTAR": -1.1606e-05,
 }
+#: Of all that is above the horizon, so that nothing is told of its field of regard.
+WIDE = {"field_of_regard_half_angle_deg": 75.0}
 EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))
 
 
@@ -58,7 +60,7 @@ def test_a_scene_tells_it_with_the_sensor_unless_it_is_meant(is_meant):
         "scene": "old",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": 60.0,
-        "sensors": [{"model": "generic-scanner", "id": "S", "orbit": {"tle": list(LINES)}}],
+        "sensors": [{"model": "generic-scanner", "id": "S", "orbit": {"tle": list(LINES)}, **WIDE}],
         "allow_implausible": is_meant,
     }
     told = plan_warnings(compile_plan(scene_from_mapping(scene)))

@@ -105,15 +105,23 @@ def area(ring: FloatArray) -> dict[str, Any]:
 
 
 def line(places: FloatArray) -> dict[str, Any]:
-    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th meridian if need be."""
+    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th meridian if need be.
+
+    Places that are all one, to the decimals written, are a point.
+    """
     parts = cut_line(places)
+    if len(parts) == 1 and not _has_length(parts[0]):
+        return _point(parts[0][0])
     if len(parts) == 1:
         return {"type": "LineString", "coordinates": _positions(parts[0])}
     return {"type": "MultiLineString", "coordinates": [_positions(part) for part in parts]}
 
 
 def cut_line(places: FloatArray) -> list[FloatArray]:
-    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180 degrees."""
+    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180 degrees.
+
+    A part that only touches the meridian is left out: it would be a line of one place.
+    """
     along = places.copy()
     along[:, 0] = np.unwrap(places[:, 0], period=2.0 * _HALF_TURN_DEG)
     turn = np.floor((along[:, 0] + _HALF_TURN_DEG) / (2.0 * _HALF_TURN_DEG)).astype(np.int64)
@@ -126,8 +134,13 @@ def cut_line(places: FloatArray) -> list[FloatArray]:
         parts.append(_moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place]))
         before, start = crossing[np.newaxis], place + 1
     parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
-    # A line that begins or ends on the meridian has a part without length there, which is no line.
-    return [part for part in parts if np.ptp(np.round(part[:, :2], DECIMALS), axis=0).any()] or parts[:1]
+    return [part for part in parts if _has_length(part)] or parts[-1:]
+
+
+def _has_length(part: FloatArray) -> bool:
+    """Return whether a line has two different places, to the decimals written."""
+    rounded = np.round(part[:, :2], DECIMALS)
+    return bool((rounded != rounded[0]).any())
 
 
 def _moved(part: FloatArray, turns: int) -> FloatArray:
@@ -141,7 +154,7 @@ def _point(place: FloatArray) -> dict[str, Any]:
 
 
 def _positions(places: FloatArray) -> list[list[float]]:
-    """Return rounded positions; a line of one point is that point twice."""
+    """Return rounded positions."""
     rounded = np.round(places, DECIMALS) + 0.0
     if places.shape[1] > 2:
         rounded[:, 2] = np.round(places[:, 2], _HEIGHT_DECIMALS) + 0.0

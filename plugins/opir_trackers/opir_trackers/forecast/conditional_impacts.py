@@ -16,9 +16,8 @@ from opir_trackers.forecast.regions import regions
 #: A region above this size, m, is not moved by forces other than a point mass's.
 _WIDE_M = 200e3
 
-#: A condition with less probability, or with fewer effective samples, has no region: one of 20 may lie outside of the
-#: largest, that of 95 %.
-LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 20.0
+#: A condition with less probability, or with fewer effective samples, has no region.
+LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 8.0
 
 #: A particle with a lesser share of the largest weight does not count.
 _LEAST_WEIGHT = 1e-4

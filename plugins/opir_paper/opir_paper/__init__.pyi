@@ -1,0 +1,8 @@
+from opir_paper.errata import (
+    errata_page as errata_page,
+    figures_page as figures_page,
+)
+from opir_paper.figure_checks import (
+    Check as Check,
+    checks as checks,
+)
