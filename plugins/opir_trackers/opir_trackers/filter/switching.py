@@ -19,7 +19,6 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian, NewStage, are_free, carried
-from opir_trackers.filter.climb import with_climb_prior
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.ground import above_ground
@@ -245,10 +244,6 @@ class ImmFilter:
         mean, root = _modes_of(estimates)[1]
         coast = _with_rows((mean, root), with_velocity_prior(mean[rows], root[rows]), rows)
         return evolve(burnt, coast_mean=coast[0], coast_root=coast[1])
-
-    def with_climb_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
-        """Return the estimates with the vertical velocity of the burns of the tracks `rows` bounded by the prior."""
-        return self._with_bounded_burns(estimates, rows, with_climb_prior)
 
     def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the burns of the tracks `rows` above the ground."""

@@ -19,7 +19,6 @@ from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContex
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
-from opir_trackers.filter.climb import uncertain_climbs
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
@@ -326,7 +325,6 @@ class ImmTracking:
             track_management.are_uncertain(covariance, config.lost_sigma_m),
             track_management.are_below_ground(place),
         )
-        now = self._with_climb_prior(now, state, covariance)
         fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
         if table.hits.min() < needed or np.count_nonzero(uncertain | below_ground | fast_uncertain):
             rows = fast_uncertain.nonzero()[0]
@@ -352,12 +350,6 @@ class ImmTracking:
         end = np.where(down[gone], IMPACT, LOST).astype(np.uint8)
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
         return evolve(now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended)
-
-    def _with_climb_prior(self, now: TrackerState, state: FloatArray, covariance: FloatArray) -> TrackerState:
-        """Return the state with the climbs of burning tracks known as well as before any look."""
-        rows = uncertain_climbs(state, covariance)
-        rows = rows[now.estimates.weight[rows, 0] > 0.5]
-        return evolve(now, estimates=self.filter.with_climb_prior(now.estimates, rows)) if rows.size else now
 
     def _longest_of_sensors(self, time_s: FloatArray, table: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
