@@ -35,12 +35,12 @@ class ThrustConfig:
     """Priors and process noise of a boost."""
 
     tilt_deg: float = number(
-        default=2.0,
+        default=3.0,
         unit="deg",
         above=0.0,
         maximum=45.0,
         source="steering of the tracker's law of boosts beyond 1 km/s: 2.4 (docs/design/pitch_over.py), with shorter"
-        " correlation; with 3, held as often, covariances were wider by a tenth on each axis; notional",
+        " correlation; with 2 velocities of flights unlike that law were held too seldom; notional",
         help="standard deviation of the angle between thrust and velocity, in each of two directions, once a boost has"
         " pitched over",
     )

@@ -422,6 +422,8 @@ LEFT_OUT = {
             ],
             "a record",
         ),
+        "paired_figures": "differences against SciPy's paired test (tests/plugins/scoring/test_paired.py)",
+        "comparison_text": "words (tests/plugins/scoring/test_paired.py)",
         "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
         "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
         **dict.fromkeys(

@@ -120,11 +120,12 @@ class ImmTracking:
         """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
         lines = self.lines_of_sight(detections) if cached is None else cached
         now = now if now.ended is None else evolve(now, ended=None)
-        if now.is_empty and not len(lines.time_s):
+        is_idle = now.is_empty
+        if is_idle and not len(lines.time_s):
             return evolve(now, time_s=tick_s)
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
-        if now.is_empty:
+        if is_idle:
             idle = bisect_right(ends, lines.time_s.min())
             now, ends = evolve(now, time_s=[now.time_s, *ends][idle]), ends[idle:]
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
