@@ -56,7 +56,8 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
     return RunEvidence(
         plan=plan,
         tracks=run.tracks,
-        time_s=unix_microseconds(detections.time_ns, 0) * 1e-6,  # as in files, so that both score alike
+        # As in files, so that both score alike.
+        time_s=np.multiply(unix_microseconds(detections.time_ns, 0), 1e-6, dtype=np.float64),
         sensor=detections.sensor,
         sigma_rad=sigma_rad,
         track=owner,

@@ -41,20 +41,22 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
     places, weights = list[FloatArray](), list[FloatArray]()
     for number, (own, share) in enumerate(zip(rings, np.diff(edges).tolist(), strict=True)):
         # Rings of the smaller region inside count as holes: a point is in one of both, not in both.
-        found = _points_inside([*own, *(rings[number - 1] if number else [])])
+        found = _points_inside([*own, *(rings[number - 1] if number else [])], nested[number].centre)
         places.append(found)
         weights.append(np.full(len(found), nested[0].probability * share / max(len(found), 1)))
     return np.concatenate(places), np.concatenate(weights)
 
 
-def _points_inside(rings: Sequence[FloatArray]) -> FloatArray:
+def _points_inside(rings: Sequence[FloatArray], centre: tuple[float, float] | None) -> FloatArray:
     """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; corners where it has none.
 
-    They lie at equal steps of the length that parallel lines have inside.
+    They lie at equal steps of the length that parallel lines have inside, on the map about the centre of the region, by
+    default about the mean of the corners.
     """
     if not rings:
         return np.empty((0, 2))
-    chart = AzimuthalEquidistant.about(unit_vectors(np.concatenate(rings)).mean(axis=0))
+    known = np.concatenate(rings) if centre is None else np.array([centre])
+    chart = AzimuthalEquidistant.about(unit_vectors(known).mean(axis=0))
     corners = [chart.points(ring) for ring in rings]
     starts, ends = (np.concatenate([corner[cut] for corner in corners]) for cut in (slice(-1), slice(1, None)))
     low, high = starts[:, 1].min(), starts[:, 1].max()

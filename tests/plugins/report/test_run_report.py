@@ -137,5 +137,5 @@ def test_a_report_that_cannot_be_written_says_why(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="create the folder"):
         write_run_report(scored_run(), tmp_path / "nowhere" / "report.html")
     (tmp_path / "report.data").write_text("a file where the folder should be")
-    with pytest.raises(SinkError, match="the data of the figures"):
+    with pytest.raises(SinkError, match="is a file; give the path of a folder"):
         write_run_report(scored_run(), tmp_path / "report.html")
