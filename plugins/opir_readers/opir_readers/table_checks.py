@@ -157,8 +157,8 @@ def _fastest(table: StateTable) -> tuple[int, float]:
     for rows in runs(table):
         if len(rows) > 1:
             chord = np.diff(table.position_m[rows], axis=0) / np.diff(table.time_s[rows])[:, None]
-            speed = _length(chord)
-            found.append((float(speed.max()), int(rows[1:][speed.argmax()])))
+            speeds = _length(chord)
+            found.append((float(speeds.max()), int(rows[1:][speeds.argmax()])))
     speed, row = max(found)
     return row, speed
 
