@@ -59,7 +59,7 @@ _MOST_TURNS_A_DAY = 18.0
 #: A larger drag term, by the Earth's radius, than that of any satellite: 0.14 days before it decays.
 _MOST_BSTAR = 1.0
 
-#: Elements farther from the scene than this, days, are told, for SGP4 errs by so much a day, km.
+#: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day, km.
 _OLD_DAYS, _ERROR_KM_DAY = 14.0, (1.0, 3.0)
 
 

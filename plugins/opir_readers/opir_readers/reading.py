@@ -94,11 +94,11 @@ def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch
     Raises `BadFileError` for a setting that the reader does not have, and for what the reader refuses.
     """
     given = {name: value for name, value in settings.items() if value is not None and value != {}}
-    strange = [name for name in given if name not in fields_dict(reader.config)]
-    if strange:
+    unknown = [name for name in given if name not in fields_dict(reader.config)]
+    if unknown:
         own = ", ".join(fields_dict(reader.config)) or "none"
         raise BadFileError(
-            f"is read as {reader.name}, which has no {' and no '.join(strange)}; omit {' and '.join(strange)} (its"
+            f"is read as {reader.name}, which has no {' and no '.join(unknown)}; omit {' and '.join(unknown)} (its"
             f" settings: {own})"
         )
     return reader.build(reader.config(**given), ReaderContext(text=text, epoch_us=epoch_us))

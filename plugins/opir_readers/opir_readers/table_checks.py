@@ -1,7 +1,7 @@
 """The plausibility of a table in its scene: times, speeds, accelerations, heights, and velocities against positions.
 
-What cannot be meant is refused; what may be meant is told. Each finding has its line, its figure, the likely cause and
-the way out.
+What cannot be meant is refused; what may be meant gives a warning. Each finding has its line, its figure, the likely
+cause and the way out.
 """
 
 from collections.abc import Callable, Iterator

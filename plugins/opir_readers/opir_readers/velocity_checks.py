@@ -25,13 +25,14 @@ _EXPLAINED = 0.3
 #: Slips fit alike if what they leave differs by this share of what there was to explain.
 _ALIKE = 0.01
 
-#: Median differences below this, m/s, are not told: they move a target by metres between states.
+#: Median differences below this, m/s, are not reported: they move a target by metres between states.
 _LEAST_M_S = 0.2
 
-#: Unexplained medians are told above this share of the median speed, and of the change of rates from state to state.
+#: Unexplained medians are reported above this share of the median speed, and above the median change of rates from
+#: state to state.
 _UNEXPLAINED = 0.2
 
-#: One state is told if its velocity is off by so many times what rates change by around it, and by this, m/s.
+#: One state is reported if its velocity is off by so many times what rates change by around it, and by this, m/s.
 _OUTLIER, _LEAST_OUTLIER_M_S = 3.0, 100.0
 
 #: States nearer to one another than this, s, are thinned out: rounding of positions hides rates between them.

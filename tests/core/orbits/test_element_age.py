@@ -1,4 +1,4 @@
-"""Elements of another time than the scene's are told, with what their age does to a position."""
+"""Elements of another time than the scene's give a warning, with what their age does to a position."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ OMM = {
     "MEAN_ANOMALY": 325.0288,
     "BSTAR": -1.1606e-05,
 }
-#: Of all that is above the horizon, so that nothing is told of its field of regard.
+#: Of all that is above the horizon, so that its field of regard gives no warning.
 WIDE = {"field_of_regard_half_angle_deg": 75.0}
 EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))
 
