@@ -63,7 +63,7 @@ def paper(arguments: argparse.Namespace) -> int:
 def summary(found: Sequence[Check]) -> str:
     """Return how many figures have which verdict, in a sentence."""
     number = {verdict: sum(check.verdict == verdict for check in found) for verdict in _VERDICTS}
-    parts = [f"{count} {verdict}" for verdict, count in number.items() if count]
+    parts = [f"{count} {'hold' if verdict == HOLDS else verdict}" for verdict, count in number.items() if count]
     return f"{len(found)} figures: {', '.join(parts)}."
 
 
