@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from space_station import LINE_1, LINE_2, OMM
 
 from opir_core.orbits import OrbitConfig, orbit_of
 from opir_core.planning.plan import compile_plan
@@ -9,21 +10,7 @@ from opir_core.reading import scene_from_mapping
 from opir_core.simulation.plan_checks import plan_warnings
 
 DAY_US = 86_400_000_000
-LINES = (
-    "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
-    "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
-)
-OMM = {
-    "OBJECT_NAME": "ISS (ZARYA)",
-    "EPOCH": "2008-09-20T12:25:40.104192",
-    "MEAN_MOTION": 15.72125391,
-    "ECCENTRICITY": 0.0006703,
-    "INCLINATION": 51.6416,
-    "RA_OF_ASC_NODE": 247.4627,
-    "ARG_OF_PERICENTER": 130.536,
-    "MEAN_ANOMALY": 325.0288,
-    "BSTAR": -1.1606e-05,
-}
+LINES = (LINE_1, LINE_2)
 #: Of all that is above the horizon, so that its field of regard gives no warning.
 WIDE = {"field_of_regard_half_angle_deg": 75.0}
 EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 from attrs import asdict, frozen
+from space_station import LINE_1, LINE_2, OMM
 
 from opir_core.orbits import OrbitConfig
 from opir_core.reading.nodes import InvalidNode
@@ -12,21 +13,6 @@ from opir_core.reading.plain_data import node_of_data
 from opir_core.reading.strict_yaml import node_of_yaml
 from opir_core.reading.structuring import class_reader
 from opir_core.scene.fields import nested
-
-LINE_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
-LINE_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"
-OMM = {
-    "OBJECT_NAME": "ISS (ZARYA)",
-    "EPOCH": "2008-09-20T12:25:40.104192",
-    "MEAN_MOTION": 15.72125391,
-    "ECCENTRICITY": 0.0006703,
-    "INCLINATION": 51.6416,
-    "RA_OF_ASC_NODE": 247.4627,
-    "ARG_OF_PERICENTER": 130.536,
-    "MEAN_ANOMALY": 325.0288,
-    "BSTAR": -1.1606e-05,
-}
-
 
 KINDS = "slot, kepler, circular, walker, molniya, tundra, tle, omm, omm_file"
 CIRCULAR = {"altitude_km": 1200.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}
