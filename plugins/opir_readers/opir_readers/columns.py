@@ -13,10 +13,11 @@ from attrs import frozen
 
 from opir_core.plugin import BadFileError
 
-_TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-_LENGTH = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
+#: Units, by what follows an underscore in a name, in SI units and radians.
+TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+LENGTHS = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
 _SPEED = {"m_s": 1.0, "km_s": 1e3, "ft_s": 0.3048, "km_h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
-_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
 
 #: How a state may give its place, and its velocity: the quantities, which come together.
 PLACES = (("x_ecef", "y_ecef", "z_ecef"), ("lat", "lon", "height"))
@@ -29,11 +30,11 @@ TIME, BURNING = "time", "is_burning"
 
 #: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
-    TIME: _TIME,
-    **dict.fromkeys(PLACES[0], _LENGTH),
-    "lat": _ANGLE,
-    "lon": _ANGLE,
-    "height": _LENGTH,
+    TIME: TIMES,
+    **dict.fromkeys(PLACES[0], LENGTHS),
+    "lat": ANGLES,
+    "lon": ANGLES,
+    "height": LENGTHS,
     **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
     BURNING: {"": 1.0},
 }
@@ -90,7 +91,16 @@ class Column:
 
 def quantity_of(name: str) -> tuple[str, float] | None:
     """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None."""
-    for quantity, units in UNITS.items():
+    return unit_of(name, UNITS)
+
+
+def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:
+    """Return the quantity of a name, of those `known` with their units, and its unit; None for none.
+
+    >>> unit_of("height_km", UNITS)
+    ('height', 1000.0)
+    """
+    for quantity, units in known.items():
         if name == quantity:
             return quantity, next(iter(units.values()))
         if name.startswith(f"{quantity}_") and name[len(quantity) + 1 :] in units:

@@ -8,6 +8,7 @@ from attrs import Factory, frozen
 
 from opir_core.plugin import FileReader, NoConfig, ReaderContext, StateTable, nested, number, text
 from opir_readers.columns import map_complaint
+from opir_readers.detections.formats import DETECTIONS
 
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
@@ -60,6 +61,10 @@ def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
     return csv_table(context.text, config.start_s or 0.0, config.columns)
 
 
+def _is_csv(text: str) -> bool:
+    return not _OTHER_HEADS.match(text) and not any(reader.recognises(text) for reader in DETECTIONS)
+
+
 def _oem(config: OemConfig, context: ReaderContext) -> StateTable:
     from opir_readers.oem_table import oem_table
 
@@ -72,13 +77,13 @@ def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
     return stk_table(context.text, context.epoch_us)
 
 
-READERS = (
+TRAJECTORIES = (
     FileReader(
         name="csv",
         summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks",
         config=CsvConfig,
         build=_csv,
-        recognises=lambda text: not _OTHER_HEADS.match(text),
+        recognises=_is_csv,
         example="time_s,x_ecef_km,y_ecef_km,z_ecef_km\n0,-2643.878,-4579.332,3566.637\n10,-2644.469,-4580.355,3567.568\n",
     ),
     FileReader(
@@ -121,3 +126,6 @@ END Ephemeris
 """,
     ),
 )
+
+#: All readers of this package.
+READERS = (*TRAJECTORIES, *DETECTIONS)

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,12 +13,11 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import BadFileError, FileReader, Host, StateTable
+from opir_readers.column_maps import columns_of_text
 from opir_readers.columns import map_complaint
 from opir_readers.interpolation import largest_doubt_m, runs
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import findings_of, moment_text
-
-_PAIR = re.compile(r"\s*([^=,]+?)\s*=\s*(\"[^\"]*\"|'[^']*'|[^,]*?)\s*(?:,|$)")
 
 
 def import_file(arguments: argparse.Namespace) -> int:
@@ -61,24 +59,6 @@ def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
     if complaint:
         raise SceneError([Problem("--columns", complaint)], source=arguments.file)
     return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object}
-
-
-def columns_of_text(text: str) -> dict[str, str]:
-    """Return the column map of `lat=Latitude,height_ft="Altitude (ft)"`; raises `SceneError` for what is none.
-
-    >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
-    {'time_s': 'T', 'height_ft': 'Altitude, ft'}
-    """
-    found, at = dict[str, str](), 0
-    while at < len(text):
-        match = _PAIR.match(text, at)
-        if match is None:
-            raise SceneError(
-                [Problem("--columns", f"{text[at:]!r} is not of the form quantity=column")], source="import"
-            )
-        found[match[1]] = match[2].strip("\"'")
-        at = match.end()
-    return found
 
 
 def flight_lines(table: StateTable) -> list[str]:

@@ -42,6 +42,38 @@ def opir_add_commands(commands: Any) -> None:
     parser.add_argument("--out", metavar="PATH", help="write the states as CSV, in ECEF, from time 0 on")
     parser.add_argument("--type", metavar="CLASS", default="ICBM", help="target class in the block that is shown")
     parser.set_defaults(run=_import)
+    _track_arguments(commands.add_parser("track", help="track the detections of another program"))
+
+
+def _track_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="lines of sight: opir's events, CSV, TDM, or what a plugin reads")
+    parser.add_argument(
+        "--sensors",
+        metavar="SENSORS",
+        required=True,
+        help="the sensors that made them: a scene, a YAML file with sensors alone, or names of constellations",
+    )
+    parser.add_argument("--as", metavar="FORMAT", dest="format", help="name of the reader (default: by content)")
+    parser.add_argument(
+        "--columns", metavar="MAP", help="columns of a CSV by quantity and unit: time_s=T,azimuth_deg=AZ"
+    )
+    parser.add_argument("--start-s", metavar="S", type=float, help="scene time of time 0 of the file")
+    parser.add_argument(
+        "--rename", metavar="THEIRS=OURS", action="append", default=[], help="id of a sensor in --sensors; repeatable"
+    )
+    parser.add_argument("--tracker", metavar="NAME", help="tracker (default: that of the scene, else imm)")
+    parser.add_argument(
+        "--set", metavar="PATH=VALUE", action="append", default=[], dest="overrides", help="override a scene's value"
+    )
+    parser.add_argument("-o", "--out", metavar="PATH", default="tracked.jsonl", help="events with their tracks")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    parser.set_defaults(run=_track)
+
+
+def _track(arguments: argparse.Namespace) -> int:
+    from opir_readers.detections.command import track_file
+
+    return track_file(arguments)
 
 
 def _import(arguments: argparse.Namespace) -> int:

@@ -79,7 +79,7 @@ def test_a_format_is_known_by_content_and_by_name(told):
     for words in (("o.csv",), ("o.gz",), ("o.csv", "--as", "oem")):
         assert ": oem, CCSDS" in told(*words)
     assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in told("o.csv")
-    assert "there is no reader 'eom'; there are csv, oem, stk" in told("o.csv", "--as", "eom", code=2)
+    assert "there is no reader 'eom'; there are csv, events, oem, " in told("o.csv", "--as", "eom", code=2)
     assert "is read as oem, which has no columns; omit columns" in told("o.csv", "--columns", "lat=a", code=2)
 
 

@@ -19,6 +19,18 @@ class TestStk(ReaderContract):
     name = "stk"
 
 
+class TestEvents(ReaderContract):
+    name = "events"
+
+
+class TestSights(ReaderContract):
+    name = "sights"
+
+
+class TestTdm(ReaderContract):
+    name = "tdm"
+
+
 FLIGHTS = DATA / "flights"
 
 
