@@ -28,7 +28,7 @@ _URAD = 1e-6
 UNKNOWN_CONFIDENCE = 0.5
 
 #: How a row may give its direction: by the keys of each way, the first that it has counts.
-_DIRECTIONS = (
+_DIRECTIONS: tuple[tuple[str, ...], ...] = (
     ("line_of_sight_ecef",),
     ("azimuth_deg", "elevation_deg"),
     ("right_ascension_deg", "declination_deg"),
@@ -78,7 +78,7 @@ def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> Run
         bands=_bands(rows, sensor, plan.sensors),
         detection_count=np.ones(len(rows), dtype=np.int32),
         confidence=_optional(rows, "confidence", UNKNOWN_CONFIDENCE, 0.0, 1.0),
-        line_of_sight_ecef=_directions(rows, origin, when * 1e-9, plan.scene.epoch_us),
+        line_of_sight_ecef=_directions(rows, origin, when.astype(np.float64) * 1e-9, plan.scene.epoch_us),
         sensor_ecef_m=origin,
         snr=_optional(rows, "snr", np.nan),
         track=np.full(len(rows), -1, dtype=np.int64),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from opir_core import Detections, DetectionTruth, Plan
-from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, RowArray
 
 _LIGHT_M_S = 299_792_458.0
 
@@ -57,7 +57,7 @@ def _is_there(detections: Detections, plan: Plan, number: int) -> BoolArray:
 
 
 def _looks(
-    detections: Detections, plan: Plan, rows: IndexArray, target: IndexArray
+    detections: Detections, plan: Plan, rows: RowArray, target: IndexArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return ranges, m, times of emission, s, and angles between line of sight and target, rad; inf where there is no
     target."""
