@@ -46,8 +46,9 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),
     ),
     "opir-readers": (
-        *("commands.import", "commands.track", "target_models.table", "readers.csv", "readers.oem", "readers.stk"),
-        *("readers.events", "readers.sights", "readers.tdm"),
+        *("commands.import", "commands.track", "target_models.table", "readers.csv", "readers.events", "readers.gpx"),
+        *("readers.kml", "readers.oem", "readers.oem-xml", "readers.openrocket", "readers.rasaero"),
+        *("readers.rocketpy", "readers.sights", "readers.sp3", "readers.stk", "readers.tdm", "readers.webcast"),
     ),
     "opir-render": ("renderers.compiled",),
     "opir-report": ("commands.report", "run_views.map", "run_views.plot"),

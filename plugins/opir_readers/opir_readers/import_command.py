@@ -13,8 +13,9 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import BadFileError, FileReader, Host, StateTable
-from opir_readers.column_maps import columns_of_text
+from opir_readers.column_maps import columns_of_text, site_of_text
 from opir_readers.columns import map_complaint
+from opir_readers.flights.refining import refined
 from opir_readers.interpolation import largest_doubt_m, runs
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import findings_of, moment_text
@@ -27,6 +28,8 @@ def import_file(arguments: argparse.Namespace) -> int:
         text = file_text(path).text
         reader = reader_of(text, Host.discover().readers(), arguments.format)
         content = content_of(text, reader, _settings(arguments), 0)
+        if isinstance(content, StateTable):
+            content = refined(content, arguments.noise_m, arguments.burns)
     except BadFileError as error:
         raise _refused(path, error) from error
     sys.stdout.write(f"{path}: {reader.name}, {reader.summary}\n")
@@ -58,7 +61,8 @@ def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
     complaint = map_complaint(columns)
     if complaint:
         raise SceneError([Problem("--columns", complaint)], source=arguments.file)
-    return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object}
+    site = None if arguments.site is None else site_of_text(arguments.site)
+    return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object, "site": site}
 
 
 def flight_lines(table: StateTable) -> list[str]:

@@ -39,6 +39,13 @@ def opir_add_commands(commands: Any) -> None:
     )
     parser.add_argument("--start-s", metavar="S", type=float, help="scene time of time 0 of the file")
     parser.add_argument("--object", metavar="NAME", help="object of an OEM with several")
+    parser.add_argument(
+        "--site",
+        metavar="LAT,LON[,HEIGHT[,AZIMUTH]]",
+        help="launch point of local places, deg and m; e.g. --site=28.6,-80.6,3",
+    )
+    parser.add_argument("--noise-m", metavar="M", type=float, help="smooth positions of this standard deviation, m")
+    parser.add_argument("--burns", choices=("acceleration", "all"), help="where burns are from (default: the file)")
     parser.add_argument("--out", metavar="PATH", help="write the states as CSV, in ECEF, from time 0 on")
     parser.add_argument("--type", metavar="CLASS", default="ICBM", help="target class in the block that is shown")
     parser.set_defaults(run=_import)

@@ -7,8 +7,7 @@ import numpy as np
 
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, RowArray
-
-_LIGHT_M_S = 299_792_458.0
+from opir_core.constants import SPEED_OF_LIGHT_M_S
 
 #: A line of sight is of the target that it is nearest to, within so many standard deviations of noise and bias.
 _GATE = 6.0
@@ -68,7 +67,7 @@ def _looks(
         offset = plan.targets.position_ecef_m(target, emission_s) - origin
         range_m = np.sqrt((offset * offset).sum(axis=1))
         if plan.scene.light_time:
-            emission_s = np.clip(time_s - range_m / _LIGHT_M_S, first, last)
+            emission_s = np.clip(time_s - range_m / SPEED_OF_LIGHT_M_S, first, last)
     direction = offset / range_m[:, None]
     apart = direction - detections.line_of_sight_ecef[rows]
     angle = np.sqrt((apart * apart).sum(axis=1))
