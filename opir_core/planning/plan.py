@@ -179,7 +179,10 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
             changed = evolve(changed, **_seeded_parts(plan, scene))
-        pairs, sightlines = changed.pair_compiler(plan.exclusions).compiled()
+        if scene.sources:
+            pairs, sightlines = changed.pair_compiler(plan.exclusions).compiled()
+        else:
+            pairs, sightlines = changed.pair_compiler(plan.exclusions).rephased(plan.pairs), plan.sightlines
     changed = evolve(changed, pairs=pairs, sightlines=sightlines)
     changed.workload.require_run()
     return changed

@@ -3,7 +3,8 @@
 Windows are sized by their number of looks, so that memory does not grow with a scene's duration.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
 from importlib import import_module
 from typing import Any, cast
 
@@ -38,10 +39,16 @@ class Run:
     sensors: Sequence[Sensor]
     target_ids: Sequence[str]
     summary: Mapping[str, Any]
-    manifest: Mapping[str, Any]
+    #: Returns the manifest.
+    make_manifest: Callable[[], Mapping[str, Any]]
     #: The names of the detections' reported types, by code.
     reported_types: Sequence[str] = REPORTED_TYPES
     plan: Plan = field(kw_only=True)
+
+    @cached_property
+    def manifest(self) -> Mapping[str, Any]:
+        """The manifest, made when it is first read."""
+        return self.make_manifest()
 
     def __repr__(self) -> str:
         """Return the scene with the counts, in one line."""
@@ -188,7 +195,7 @@ def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         summary=tally.summary(),
-        manifest=run_manifest(plan, tally.counts()),
+        make_manifest=partial(run_manifest, plan, tally.counts()),
         reported_types=plan.reported_types,
         plan=plan,
     )
