@@ -130,7 +130,7 @@ def _take(value: Any, points: list[Mapping[str, Any]], events: dict[str, float],
     known = [value.get("time"), value.get("velocity", value.get("speed")), value.get("altitude")]
     names = ("time", "velocity" if "velocity" in value else "speed", "altitude")
     if all(isinstance(each, list) for each in known):
-        points += [dict(zip(names, each, strict=True)) for each in zip(*known, strict=False)]  # type: ignore[arg-type]
+        points += [dict(zip(names, each, strict=True)) for each in zip(*known, strict=False)]
     elif "time" in value and known[1] is not None:
         points.append(value)
     else:
