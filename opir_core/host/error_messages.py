@@ -48,8 +48,9 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     ),
     "opir-readers": (
         *("commands.import", "commands.track", "target_models.table", "readers.csv", "readers.events", "readers.gpx"),
-        *("readers.kml", "readers.oem", "readers.oem-xml", "readers.openrocket", "readers.rasaero"),
-        *("readers.rocketpy", "readers.sights", "readers.sp3", "readers.stk", "readers.tdm", "readers.webcast"),
+        *("readers.kml", "readers.oem", "readers.oem-xml", "readers.omm", "readers.openrocket", "readers.rasaero"),
+        *("readers.rocketpy", "readers.sights", "readers.sp3", "readers.stk", "readers.tdm", "readers.tle"),
+        "readers.webcast",
     ),
     "opir-render": ("renderers.compiled",),
     "opir-report": ("commands.report", "run_views.map", "run_views.plot"),

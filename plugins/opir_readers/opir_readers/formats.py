@@ -11,6 +11,7 @@ from opir_readers.columns import map_complaint
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
 from opir_readers.detections.formats import DETECTIONS
 from opir_readers.flights.formats import FLIGHTS
+from opir_readers.orbits.formats import ORBITS
 
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
@@ -57,7 +58,7 @@ def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
 def _is_csv(text: str) -> bool:
     from opir_readers.likeness import likeness
 
-    others = (*DETECTIONS, *FLIGHTS)
+    others = (*DETECTIONS, *FLIGHTS, *ORBITS)
     return not (_OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others))
 
 
@@ -124,4 +125,4 @@ END Ephemeris
 )
 
 #: All readers of this package.
-READERS = (*TRAJECTORIES, *FLIGHTS, *DETECTIONS)
+READERS = (*TRAJECTORIES, *FLIGHTS, *ORBITS, *DETECTIONS)

@@ -48,6 +48,13 @@ def opir_add_commands(commands: Any) -> None:
     parser.add_argument("--burns", choices=("acceleration", "all"), help="where burns are from (default: the file)")
     parser.add_argument("--out", metavar="PATH", help="write the states as CSV, in ECEF, from time 0 on")
     parser.add_argument("--type", metavar="CLASS", default="ICBM", help="target class in the block that is shown")
+    fleet = parser.add_argument_group("sensors from a file of elements (OMM, TLE)")
+    fleet.add_argument("--sensors", metavar="MODEL", help="write the satellites as sensors of a model, for a scene")
+    fleet.add_argument("--name", metavar="PATTERN", help="only names like this, with * and ?")
+    fleet.add_argument("--inclination", metavar="LOW:HIGH", help="only these inclinations, deg")
+    fleet.add_argument("--numbers", metavar="N[:M],…", help="only these catalogue numbers")
+    fleet.add_argument("--max-age-days", metavar="D", type=float, help="only elements within D days of --epoch")
+    fleet.add_argument("--epoch", metavar="TIME", help="the scene's epoch, for --max-age-days")
     parser.set_defaults(run=_import)
     _track_arguments(commands.add_parser("track", help="track the detections of another program"))
 

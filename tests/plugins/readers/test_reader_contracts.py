@@ -34,6 +34,14 @@ class TestOemXml(ReaderContract):
     name = "oem-xml"
 
 
+class TestOmm(ReaderContract):
+    name = "omm"
+
+
+class TestTle(ReaderContract):
+    name = "tle"
+
+
 class TestSp3(ReaderContract):
     name = "sp3"
 
