@@ -4,6 +4,7 @@ python examples/ascents/what_opir_says.py [--seed 1] [FLIGHT …]
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,12 @@ FLIGHTS = ("echostar23", "crs8", "fhdemo", "paz", "orbcomm2", "crs12_stage1")
 START_S = 30.0
 #: Shares of the time from lift-off to the last state at which the answers are taken.
 MARKS = (0.1, 0.25, 0.5, 0.95)
+
+
+def show(text: str) -> None:
+    """Write a line, at once."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 def scene(flight: str, seed: int) -> opir.Scene:
@@ -43,7 +50,7 @@ def answers(flight: str, seed: int) -> None:
     run = opir.simulate(scene(flight, seed))
     held = run.detections.track[(run.truth.target == 0) & (run.detections.track >= 0)]
     if not len(held):
-        print(f"| {flight} | not tracked | | | | | |")
+        show(f"| {flight} | not tracked | | | | | |")
         return
     mine = run.tracks.take(run.tracks.track == np.bincount(held).argmax())
     names = run.plan.hypothesis_names
@@ -51,7 +58,7 @@ def answers(flight: str, seed: int) -> None:
         at_s = START_S + mark * (run.plan.scene.duration_s - START_S)
         row = int(np.searchsorted(mine.tick_s, at_s, side="right")) - 1
         if row < 0:
-            print(f"| {flight} | {at_s - START_S:.0f} | no track yet | | | | |")
+            show(f"| {flight} | {at_s - START_S:.0f} | no track yet | | | | |")
             continue
         chance = mine.hypothesis_probability[row]
         truth = run.plan.targets.position_ecef_m(np.zeros(1, np.int32), mine.tick_s[[row]])[0]
@@ -59,7 +66,7 @@ def answers(flight: str, seed: int) -> None:
         what = f"{names[int(chance.argmax())]} {chance.max():.2f}"
         sums = [mine.probability_launch[row], mine.probability_orbit[row], mine.probability_missile[row]]
         numbers = " | ".join(f"{value:.2f}" for value in sums)
-        print(f"| {flight} | {at_s - START_S:.0f} | {what} | {numbers} | {off_km:.2f} |", flush=True)
+        show(f"| {flight} | {at_s - START_S:.0f} | {what} | {numbers} | {off_km:.2f} |")
 
 
 def main() -> None:
@@ -68,8 +75,8 @@ def main() -> None:
     parser.add_argument("flights", nargs="*", default=FLIGHTS)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    print("| flight | s after lift-off | likeliest | P(launch) | P(orbit) | P(missile) | state off by, km |")
-    print("|---|---|---|---|---|---|---|")
+    show("| flight | s after lift-off | likeliest | P(launch) | P(orbit) | P(missile) | state off by, km |")
+    show("|---|---|---|---|---|---|---|")
     for flight in arguments.flights:
         answers(flight, arguments.seed)
 

@@ -34,6 +34,9 @@ VELOCITIES = (
     ("v_east", "v_north", "v_up"),
 )
 TIME, BURNING = "time", "is_burning"
+#: The time as a date, in place of seconds, and other names of such columns, in lower case.
+DATE = "timestamp"
+_DATES = ("timestamp", "time_utc", "utc", "utc_time", "datetime", "date", "epoch", "utcgregorian")
 
 #: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -44,6 +47,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     **dict.fromkeys(("height", ALTITUDE, "east", "north", "up", "downrange"), LENGTHS),
     **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
     BURNING: {"": 1.0},
+    DATE: {"": 1.0},
 }
 
 #: How like a known name an unknown one must be to be taken for a slip of the pen.
@@ -98,7 +102,7 @@ class Column:
 
 def quantity_of(name: str) -> tuple[str, float] | None:
     """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None."""
-    return unit_of(name, UNITS)
+    return (DATE, 1.0) if name.lower().rpartition(".")[2] in _DATES else unit_of(name, UNITS)
 
 
 def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:
@@ -161,7 +165,9 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
     if len(groups) > 2:
         raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
     needed = (TIME, *(name for group in groups for name in group))
-    missing = [quantity for quantity in needed if quantity not in found and (quantity, ALTITUDE) not in _instead(found)]
+    instead = {("height", ALTITUDE), (TIME, DATE)}
+    stood_for = {quantity for quantity, other in instead if other in found}
+    missing = [quantity for quantity in needed if quantity not in found and quantity not in stood_for]
     unknown = unread(names, found)
     slips = {name: near for name in unknown if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))}
     if missing:
@@ -182,11 +188,6 @@ def place_group(found: Iterable[str]) -> tuple[str, ...]:
     if not names & set(PLACES[0]):
         return next((group for group in PLACES[2:] if names & set(group[:2]) - {"height"}), PLACES[0])
     return PLACES[0]
-
-
-def _instead(found: Iterable[str]) -> set[tuple[str, str]]:
-    """Return which quantity another one stands in for."""
-    return {("height", ALTITUDE)} if ALTITUDE in found else set()
 
 
 def _proposal(names: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from opir_core.plugin import BadFileError, StateTable
 from opir_readers.columns import (
     ALTITUDE,
     BURNING,
+    DATE,
     PLACES,
     TIME,
     VELOCITIES,
@@ -23,6 +24,7 @@ from opir_readers.columns import (
 )
 from opir_readers.configs_of_sites import SiteConfig
 from opir_readers.csv_layout import Layout, decimal, layout_of
+from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
 from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
 
@@ -34,9 +36,13 @@ _LISTED = 6
 
 
 def csv_table(
-    text: str, start_s: float, columns: Mapping[str, str] | None = None, site: SiteConfig | None = None
+    text: str,
+    start_s: float,
+    columns: Mapping[str, str] | None = None,
+    site: SiteConfig | None = None,
+    epoch_us: int = 0,
 ) -> StateTable:
-    """Return the table of a text whose time 0 is the scene time `start_s`.
+    """Return the table of a text whose time 0 is the scene time `start_s`; dates count from the scene's epoch.
 
     Columns, in any order, parted by commas, semicolons, tabs or blanks: the time; the place, as ECEF or as geodetic
     latitude, longitude and height, or from a launch point `site`; perhaps the velocity; and is_burning: 1 where the
@@ -47,10 +53,12 @@ def csv_table(
     layout = layout_of(text)
     known = columns_of(layout.names, layout.line, columns or {})
     values = _values(text, layout, known)
+    has_dates = TIME not in known
+    values[TIME] = values[DATE] - epoch_us * 1e-6 if has_dates else values[TIME] + start_s
     count = len(values[TIME])
     if count < 2:
         raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
-    time_s = values[TIME] + start_s
+    time_s = values[TIME]
 
     def line_of(row: int) -> int:
         return next(islice(layout.rows(text), row, None))[0]
@@ -66,7 +74,7 @@ def csv_table(
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
     names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
     frame = _FRAMES[place_group(known)]
-    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, frame=frame)
+    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, has_dates, frame)
 
 
 def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
@@ -159,7 +167,7 @@ def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
 def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
     """Return the columns by quantity, in SI units and radians: read at once where all are plain numbers, else line by
     line, to say what is not."""
-    values = _plain_numbers(text, layout, known)
+    values = None if DATE in known else _plain_numbers(text, layout, known)
     if values is not None and BURNING in known:
         burning = values[:, list(known).index(BURNING)]
         values = values if ((burning == 0.0) | (burning == 1.0)).all() else None
@@ -201,6 +209,8 @@ def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: in
 
 
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
+    if column.quantity == DATE:
+        return unix_ns(cell, f"line {line}: {column.name}") * 1e-9
     why = ""
     try:
         value = decimal(cell, layout)

@@ -52,7 +52,7 @@ class OemConfig:
 def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
     from opir_readers.csv_table import csv_table
 
-    return csv_table(context.text, config.start_s or 0.0, config.columns, config.site)
+    return csv_table(context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us)
 
 
 def _is_csv(text: str) -> bool:

@@ -4,7 +4,7 @@ Source: the description of the format in the STK documentation, "Ephemeris file 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import TypeVar
 
@@ -54,7 +54,7 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
         raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
     values = np.array(rows)
     time_s = values[:, 0] + _moment_s(keywords, "ScenarioEpoch") - epoch_us * 1e-6
-    require_order(time_s, lines.__getitem__, may_repeat=False)
+    require_order(time_s, lines.__getitem__, may_repeat=True)
     with np.errstate(over="ignore"):
         values[:, 1:7] *= 1.0 if is_geodetic else unit_m
     position, velocity = _states(values, is_geodetic, unit_m)
@@ -66,7 +66,8 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     )
     turned, rate = to_ecef(frame, position, moving, epoch_us, time_s, frame_s)
     burns_s = np.array([[time_s[0], time_s[-1]]])
-    run = np.zeros(len(time_s), dtype=np.int64)
+    # A time that stands twice ends a segment and begins the next one.
+    run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     words = "latitude, longitude, height above WGS 84" if is_geodetic else system
     own = None if velocity is None else rate
     return StateTable(time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words)
@@ -82,12 +83,7 @@ def _states(values: FloatArray, is_geodetic: bool, unit_m: float) -> tuple[Float
 def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
     """Return the keywords, the kind of states, and lines and numbers of the states."""
     keywords, kind, lines, rows = dict[str, str](), "", list[int](), list[list[float]]()
-    for number, line in enumerate(text.split("\n"), 1):
-        words = line.split("#")[0].split()
-        if not words or words[0].upper() == "BEGIN" or words[0].lower().startswith("stk.v."):
-            continue
-        if words[0].upper() == "END":
-            break
+    for number, words in _lines_of_ephemeris(text):
         if words[0].lower() in _KINDS:
             kind = words[0].lower()
         elif kind:
@@ -100,6 +96,20 @@ def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]
     if len(rows) < 2:
         raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
     return keywords, kind, lines, rows
+
+
+def _lines_of_ephemeris(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield number and words of the lines of keywords and states, without the block of the segments' boundaries."""
+    is_boundary = False
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split("#")[0].split()
+        first = words[0].upper() if words else ""
+        if first == "END" and not is_boundary:
+            return
+        if first in ("BEGIN", "END"):
+            is_boundary = first == "BEGIN" and words[-1].lower() == "segmentboundarytimes"
+        elif words and not is_boundary and not first.startswith("STK.V."):
+            yield number, words
 
 
 def _numbers(words: list[str], count: int, number: int) -> list[float]:

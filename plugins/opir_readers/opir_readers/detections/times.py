@@ -8,6 +8,8 @@ from opir_core.plugin import BadFileError
 from opir_readers.detections.numbers import shown
 
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?(\.\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?", re.I)
+_WORDS = re.compile(r"(\d{1,2}) ([A-Za-z]{3}) (\d{4}) (\d\d:\d\d:\d\d(\.\d{1,12})?)")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NS = 1_000_000_000
 
 
@@ -17,7 +19,7 @@ def unix_ns(value: object, what: str) -> int:
     The day may be that of the year, `2026-091`. A date without zone is in UTC. `what` begins the message of the
     `BadFileError` about what is no date.
     """
-    match = _DATE.fullmatch(value.strip()) if isinstance(value, str) else None
+    match = _DATE.fullmatch(_in_digits(value.strip())) if isinstance(value, str) else None
     if match is None:
         raise BadFileError(f"{what} is {shown(value)}, no date like 2026-04-01T12:00:00.123Z")
     day, minute, second, fraction, zone = match.groups()
@@ -32,6 +34,14 @@ def unix_ns(value: object, what: str) -> int:
     if not abs(since_s) < 2**33:
         raise BadFileError(f"{what} is {shown(value)}, a date that is centuries away")
     return since_s * _NS + int(decimals)
+
+
+def _in_digits(text: str) -> str:
+    """Return `01 Apr 2026 12:00:00` as `2026-04-01T12:00:00`, other texts as they are."""
+    match = _WORDS.fullmatch(text)
+    if match is None or match[2].lower() not in _MONTHS:
+        return text
+    return f"{match[3]}-{_MONTHS.index(match[2].lower()) + 1:02d}-{int(match[1]):02d}T{match[4]}"
 
 
 def _day(text: str) -> np.datetime64:
