@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 FLIGHTS = ("echostar23", "crs8", "fhdemo", "paz", "orbcomm2", "crs12_stage1")
 START_S = 30.0
 #: Shares of the time from lift-off to the last state at which the answers are taken.
-MARKS = (0.1, 0.25, 0.5, 0.95)
+MARKS = (0.25, 0.5, 0.95)
 
 
 def show(text: str) -> None:

@@ -116,6 +116,13 @@ def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, 
     )
 
 
+def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tmp_path):
+    assert main(["export", str(folder / "events.jsonl"), "--to", "csv", "--out", str(tmp_path / "tables")]) == 0
+    own = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml")
+    # Angles of the table went through radians.
+    same(own, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
+
+
 def test_what_is_tracked_is_read_back_and_scored_as_the_run(track, folder, tmp_path, capsys):
     track(folder / "events.jsonl", folder / "scene.yaml")
     own, run = load_run(tmp_path / "tracked.jsonl"), load_run(folder / "events.jsonl")

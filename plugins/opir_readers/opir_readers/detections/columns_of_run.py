@@ -177,6 +177,8 @@ def _reported_ns(rows: Sequence[Row], when: IntArray, epoch_us: int) -> IntArray
         for row, own in zip(rows, when.tolist(), strict=True)
     ]
     reported = np.array(found, dtype=np.int64)
+    if (reported == when).all():
+        return None
     for place in np.flatnonzero(reported < when).tolist():
         raise BadFileError(f"{place_of(rows[place])}is reported before it was seen")
     return reported

@@ -61,6 +61,8 @@ _SYNONYMS = {
     "dec_deg": "declination_deg",
     "sigma_urad": "line_of_sight_sigma_urad",
     "target": "target_id",
+    "reported": "reported_at",
+    **{f"sensor_{axis}_m": f"sensor_{axis}_ecef_m" for axis in "xyz"},
 }
 
 
@@ -114,12 +116,19 @@ def _columns(layout: Layout, given: Mapping[str, str]) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for place, name in enumerate(layout.names):
         quantity, factor = _quantity(mapped.get(name, name))
+        if name not in mapped and quantity == name and any(_is_same_with_unit(other, name) for other in layout.names):
+            continue
         if quantity in found and (name in mapped) == (found[quantity].name in mapped):
             raise BadFileError(f"line {layout.line}: names a column twice: {found[quantity].name!r} and {name!r}")
         if quantity and (quantity not in found or name in mapped):
             found[quantity] = Column(place, name, quantity, factor)
     _require_whole(found, layout)
     return found
+
+
+def _is_same_with_unit(other: str, name: str) -> bool:
+    """Return whether a column is that of a name with its unit, as `time_s` beside `time`, which may be a date."""
+    return other != name and _quantity(other)[0] == name and other.startswith(f"{name}_")
 
 
 def _require_whole(found: Mapping[str, Column], layout: Layout) -> None:

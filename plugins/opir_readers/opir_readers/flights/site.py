@@ -25,7 +25,7 @@ class Site:
         """Return the site of a setting; raises `BadFileError` with what `needs` it where it is missing."""
         if config is None:
             more = ", azimuth_deg: A" if with_azimuth else ""
-            raise BadFileError(f"{needs}: set site: {{lat_deg: …, lon_deg: …, height_m: …{more}}}")
+            raise BadFileError(f"{needs}: set site: {{lat_deg: …, lon_deg: …, height_m: …{more}}}, or --site")
         if with_azimuth and config.azimuth_deg is None:
             raise BadFileError(f"{needs}: set site.azimuth_deg, the direction of flight from the launch point")
         azimuth = np.nan if config.azimuth_deg is None else config.azimuth_deg
