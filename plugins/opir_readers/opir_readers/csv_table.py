@@ -174,7 +174,8 @@ def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str,
     if values is None:
         rows = [_row(known, layout, cells, line) for line, cells in layout.rows(text)]
         values = np.array(rows).reshape(-1, len(known))
-    return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
+    with np.errstate(over="ignore"):
+        return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
 
 
 def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:

@@ -55,6 +55,8 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     values = np.array(rows)
     time_s = values[:, 0] + _moment_s(keywords, "ScenarioEpoch") - epoch_us * 1e-6
     require_order(time_s, lines.__getitem__, may_repeat=True)
+    if not time_s[-1] > time_s[0]:
+        raise BadFileError(f"line {lines[-1]}: all states have the same time")
     with np.errstate(over="ignore"):
         values[:, 1:7] *= 1.0 if is_geodetic else unit_m
     position, velocity = _states(values, is_geodetic, unit_m)

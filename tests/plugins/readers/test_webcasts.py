@@ -144,6 +144,10 @@ def test_misread_digits_are_left_out(ascent):
         ('{"time": 1, "velocity": 2, "altitude": 3}', "has 1 rows"),
         ('{"time": [1], "velocity": "x", "altitude": 3}', "has 0 rows"),
         ('{"velocity": 1, "altitude": }', "line 1: is not JSON"),
+        (
+            json.dumps({"time": [*range(29), 10_000], "velocity": [1] * 30, "altitude": [1] * 30}),
+            "30 rows over 10000 s",
+        ),
         ("time,velocity,altitude\n" + "\n".join(f"{t},{t * 1e6},1" for t in range(30)), "check the units"),
     ],
 )

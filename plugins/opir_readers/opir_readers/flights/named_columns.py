@@ -78,7 +78,10 @@ def named_columns(text: str, wanted: Mapping[str, Sequence[str]]) -> NamedColumn
     if len(rows) < 2:
         raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
     values = np.array([row for _, row in rows]).reshape(-1, len(places))
-    columns = {quantity: values[:, number] * factor for number, (quantity, (_, factor)) in enumerate(places.items())}
+    with np.errstate(over="ignore"):
+        columns = {
+            quantity: values[:, number] * factor for number, (quantity, (_, factor)) in enumerate(places.items())
+        }
     return NamedColumns(columns, [line for line, _ in rows])
 
 

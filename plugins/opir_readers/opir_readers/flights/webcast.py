@@ -31,6 +31,9 @@ _EARTH_RADIUS_M, _GRAVITY_M_S2 = 6_371_000.0, 9.81
 #: The fewest values, and the least noise that is assumed, m and m/s: no webcast is better.
 _FEWEST, _LEAST_HEIGHT_M, _LEAST_SPEED_M_S = 20, 1.0, 0.05
 
+#: The longest time that a row stands for, s: what is between is as long as the splines make it, not as the file.
+_MOST_S_A_ROW = 30.0
+
 #: States of the flight are this far apart, s.
 _STEP_S = 1.0
 
@@ -196,6 +199,8 @@ def _in_order(time_s: FloatArray, speed: FloatArray, height: FloatArray) -> tupl
     time_s, speed, height = time_s[order], speed[order], height[order]
     if np.count_nonzero(np.isfinite(speed)) < _FEWEST or np.count_nonzero(np.isfinite(height)) < _FEWEST:
         raise BadFileError(f"has {len(time_s)} rows with time, speed and altitude; at least {_FEWEST} are needed")
+    if time_s[-1] - time_s[0] > _MOST_S_A_ROW * len(time_s):
+        raise BadFileError(f"has {len(time_s)} rows over {time_s[-1] - time_s[0]:.6g} s; are its times in other units?")
     if np.nanmax(np.abs(speed)) > 2e4 or np.nanmax(np.abs(height)) > 1e7 or np.abs(time_s).max() > 1e6:
         raise BadFileError(
             "has speeds above 20 km/s, altitudes above 10 000 km or times beyond a million seconds; check the units"
