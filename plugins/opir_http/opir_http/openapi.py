@@ -218,7 +218,7 @@ def _stream() -> Schema:
 def _health(name: str, schema: Schema) -> Schema:
     words = {
         "live": "Whether the simulation is alive: it has not failed and no call is stuck",
-        "ready": "Whether cycles end, no sink has failed and no backlog grows",
+        "ready": "Whether cycles end in time, no sink has failed and no backlog grows",
     }
     content = {_JSON: {"schema": schema}}
     answers = {

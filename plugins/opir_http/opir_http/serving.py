@@ -103,6 +103,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         maximum_targets=arguments.max_targets,
         unready_after_s=arguments.unready_after,
         dead_after_s=arguments.dead_after,
+        late_after_s=arguments.late_after,
+        slows=arguments.when_late == "slow",
     )
     try:
         run = LiveRun(scene, plugins, live)
