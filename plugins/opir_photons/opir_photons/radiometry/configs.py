@@ -32,8 +32,9 @@ class PlumeConfig:
     propellant: str | None = text(
         default=None,
         choices=("kerosene", "methane", "solid", "storable", "hydrogen"),
-        help="propellant, whose particles (soot, alumina) add a continuum to the gases' bands; default: that of the"
-        " class, or none of them where peak_w_sr or another plugin gives the intensities",
+        help="propellant, whose particles (soot, alumina) add a continuum to the gases' bands, by the jet power that"
+        " goes with their peak in SWIR; storable and hydrogen have none; default: that of the class, storable for those"
+        " of other plugins",
         source="opir_photons/data/propellants.json, with the source and the spread of each level",
     )
 
@@ -52,8 +53,8 @@ class PlumeConfig:
         minimum=0.0,
         maximum=1e12,
         check=_peaks_complaint,
-        help="by SWIR, MWIR, LWIR the intensity of the first stage, seen broadside, at the best altitude; what is not"
-        " given is the class's",
+        help="by SWIR, MWIR, LWIR the gases' intensity of the first stage, seen broadside, at the best altitude; what"
+        " is not given is the class's",
         source=_TABLE,
     )
     stages: int | None = number(

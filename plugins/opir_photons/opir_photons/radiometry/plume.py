@@ -285,10 +285,9 @@ def _continuum(config: PlumeConfig, plume: Plume, fuel: Propellant, bands: Seque
 
 
 def _propellant(config: PlumeConfig, plume: Plume) -> Propellant:
-    """Return a target's propellant: its own, or that of its core class; else, or with its own peaks, a clean one."""
+    """Return a target's propellant: its own, or that of its class; a clean one for classes that the core has not."""
     of_class = [profile_propellant(name) for name, known in core_plumes().items() if known == plume]
-    usual = of_class[0] if of_class and not config.peak_w_sr else None
-    return propellants()[config.propellant or usual or "storable"]
+    return propellants()[config.propellant or (of_class[0] if of_class else None) or "storable"]
 
 
 def _bodies(configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: SignatureContext) -> FloatArray:

@@ -235,7 +235,7 @@ def test_the_continuums_colour_is_that_of_its_particles(name):
     assert ours == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
 
 
-def test_a_class_has_its_propellant_and_given_peaks_have_no_particles():
+def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
     of_class = plume_signatures([PlumeConfig(stages=1)], context(profiles=("SLV",), bands=WIDE))
     assert (
         spectrum_of(of_class).tolist()
@@ -243,15 +243,18 @@ def test_a_class_has_its_propellant_and_given_peaks_have_no_particles():
             plume_signatures([PlumeConfig(stages=1, propellant="kerosene")], context(profiles=("SLV",), bands=WIDE))
         ).tolist()
     )
-    given = plume_signatures([PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr={"SWIR": 5e5})], context())
-    assert float(intensity(given)[0]) == pytest.approx(5e5, rel=1e-9)
+    doubled = {band: 2.0 * peak for band, peak in TABLE["peak_w_sr"]["SLV"].items()}
+    given = PlumeConfig(stages=1, peak_w_sr=doubled)
+    twice = spectrum_of(plume_signatures([given], context(profiles=("SLV",), bands=WIDE)))
+    np.testing.assert_allclose(twice, 2.0 * spectrum_of(of_class), rtol=1e-9)
 
 
 def test_hot_water_near_6_um_is_that_of_thin_gas_and_outlives_the_other_bands():
     """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574 of near 2.7 µm, at
     1000 K 2.20."""
     bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))
-    config = PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr={"SWIR": 1e5, "MWIR": 0.0, "LWIR": 0.0})
+    peaks = {"SWIR": 1e5, "MWIR": 0.0, "LWIR": 0.0}
+    config = PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr=peaks, propellant="storable")
     signatures = plume_signatures([config], context(bands=bands))
     for altitude_m, ratio in ((20e3, 0.574), (40e3, 0.574), (100e3, 2.203)):
         near_3, near_6 = (float(intensity(signatures, number, altitude_m=altitude_m)[0]) for number in (0, 1))
