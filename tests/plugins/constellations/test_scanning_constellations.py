@@ -183,7 +183,7 @@ def test_the_heritage_preset_has_the_public_figures():
 
 @ALL
 def test_the_paper_preset_aligns_scans_which_are_random_by_default(name):
-    assert isinstance(sensor_of(name).scan, scan_patterns.RandomScan)
+    assert isinstance(sensor_of(name).scan, scan_patterns.SpinSweep | scan_patterns.StepStareSweep)
     assert model_of(name).presets["paper"] == {"scan_phase": "aligned"}
     assert isinstance(sensor_of(name, **model_of(name).presets["paper"]).scan, scan_patterns.AlignedScan)
 
