@@ -57,10 +57,10 @@ def test_a_slow_scanner_has_another_first_look_in_each_run():
 
 
 def test_the_mean_latency_is_that_of_random_phases():
-    period_s, latency = 0.2, []
+    period_s, ignitions = 0.2, np.arange(10.0)
     sensor = {"model": "DSP", "detection_probability": {"ICBM": P_D}}
-    for seed in range(60):
-        latency.append(np.mean(first_detections_s(scene(sensor, np.arange(10.0).tolist(), seed)) - np.arange(10.0)))
+    runs = (first_detections_s(scene(sensor, ignitions.tolist(), seed)) for seed in range(60))
+    latency = [np.mean(first - ignitions) for first in runs]
     # The start is drawn once a run, so runs are the independent samples.
     error = 3.5 * np.std(latency, ddof=1) / np.sqrt(len(latency))
     assert np.mean(latency) == pytest.approx(period_s * (1.0 / P_D - 0.5), abs=error)
