@@ -22,7 +22,7 @@ SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
 SUSCEPTIBILITIES = ("high", "moderate", "low")
 #: How many bands each kind of spectral discrimination compares.
-DISCRIMINATION_BANDS = {"none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
+DISCRIMINATION_BANDS = {"likelihood": 1, "none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
 
 
 def _bands_complaint(bands: Any) -> str | None:
@@ -151,7 +151,9 @@ class ScanningSensorConfig(RadiometerConfig):
         default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"
     )
     spectral_discrimination: str = text(
-        default="none", choices=tuple(DISCRIMINATION_BANDS), help="how bands are compared to tell plumes from clutter"
+        default="none",
+        choices=tuple(DISCRIMINATION_BANDS),
+        help="which bands detect: the sum of all, weighed by likelihood; any (none); or all, in plausible ratios",
     )
     follows_bodies: bool = flag(
         default=False,

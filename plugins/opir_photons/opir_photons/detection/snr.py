@@ -70,12 +70,11 @@ class MeasuredColumns:
         measured: FloatArray,
         noise: FloatArray,
         rule: Rule,
+        slopes: FloatArray,
         error: LineOfSightError,
     ) -> None:
         """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the noise (n, B)."""
-        width, best = measured.shape[1], measured[:, 0].copy()
-        for band in range(1, width):
-            np.maximum(best, measured[:, band], out=best)
+        width, best = measured.shape[1], rule.strength(measured, slopes)
         self.bands[rows], self.snr[rows] = rule.confirming(measured), best
         self.sigma_rad[rows] = error.sigma_rad(measured, noise, best)
         for band in range(width):
@@ -131,8 +130,9 @@ class SnrDetection(DetectionProbability):
         for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            slopes = receiver.slopes(noise[:width, rows].T, exposures.elevation_sine[rows])
-            quantile[rows] = receiver.quantile(snr[:width, rows].T, slopes, slack)
+            expected = snr[:width, rows].T
+            slopes = receiver.slopes(expected, noise[:width, rows].T, exposures.elevation_sine[rows])
+            quantile[rows] = receiver.quantile(expected, slopes, slack)
         return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
 
     def breakpoints_s(self) -> FloatArray:
@@ -160,19 +160,20 @@ class SnrDetection(DetectionProbability):
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
-                measured = rng.take(part).normals("measurement", width)
-                measured += response.snr[part, :width]
-                again = np.flatnonzero(~rule.passes(measured, receiver.slopes(noise, response.sine(part))))
-                found.put(part, measured, noise, rule, spread)
+                measured, snr = rng.take(part).normals("measurement", width), response.snr[part, :width]
+                measured += snr
+                slopes = receiver.slopes(snr, noise, response.sine(part))
+                again = np.flatnonzero(~rule.passes(measured, slopes))
+                found.put(part, measured, noise, rule, slopes, spread)
                 failed.append(_rows_of(part, again))
             left = np.concatenate(failed)
             if len(left):
                 # The bits of a uniform number are exact on every platform, those of a normal number are not.
                 seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
                 snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
-                slopes = receiver.slopes(noise, response.sine(left))
+                slopes = receiver.slopes(snr, noise, response.sine(left))
                 measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
-                found.put(left, measured, noise, rule, spread)
+                found.put(left, measured, noise, rule, slopes, spread)
         return found.measured(response.noise_w_m2)
 
     @property
@@ -189,9 +190,9 @@ class SnrDetection(DetectionProbability):
             nothing = np.zeros((len(seeds), len(receiver.bands)))
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
-            slopes = receiver.slopes(noise, np.ones(len(seeds)))
+            slopes = receiver.slopes(nothing, noise, np.ones(len(seeds)))
             measured = accepted_draws(receiver.rule, nothing, slopes, chance, seeds)
-            found.put(rows, measured, noise, receiver.rule, self._line_of_sight_error(number))
+            found.put(rows, measured, noise, receiver.rule, slopes, self._line_of_sight_error(number))
         return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
