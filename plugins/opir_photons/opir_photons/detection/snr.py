@@ -25,6 +25,7 @@ from opir_core.plugin import (
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError
+from opir_photons.detection.own_past import subtract_own_past
 from opir_photons.detection.radiometric_columns import (
     checked_intensities,
     checked_radiances_and_clutter,
@@ -124,6 +125,7 @@ class SnrDetection(DetectionProbability):
         """Return the expected measurements of looks, with P_d to within `slack`."""
         rows_of_kind = by_number(self.alike[exposures.sensor], len(self.receivers))
         signal = self._irradiance_w_m2(exposures, rows_of_kind)
+        self._subtract_own_past(signal, exposures, rows_of_kind)
         noise = self._noise_w_m2(exposures, rows_of_kind, signal)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
@@ -137,7 +139,11 @@ class SnrDetection(DetectionProbability):
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend."""
-        return self.environment.breakpoints_s()
+        known_s = self.environment.breakpoints_s()
+        begins_s = self.environment.targets.ignition_s[:, None]
+        # From one lag after ignition on a frame difference subtracts a target's own light.
+        lags_s = {one.plane.frames.lag_s for one in self.receivers if one.plane is not None and one.plane.frames}
+        return np.concatenate([known_s, *(begins_s + lag_s for lag_s in sorted(lags_s))], axis=1)
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray:
         """Return the transmittances (n,) in a band between the targets and the sensors of looks."""
@@ -210,6 +216,20 @@ class SnrDetection(DetectionProbability):
             lit[:, shining] = own
             irradiance[: len(bands), rows] = lit
         return irradiance
+
+    def _subtract_own_past(self, signal: FloatArray, exposures: Exposures, rows_of_kind: RowsOfKind) -> None:
+        """Subtract from signals (B, n), in place, what frame differences do of the targets themselves."""
+        for number, rows in rows_of_kind:
+            plane = self.receivers[number].plane
+            if plane is None or plane.frames is None:
+                continue
+            looks, own = exposures.take(rows), signal[:, rows]
+
+            def irradiance_of(earlier: Exposures, number: int = number) -> FloatArray:
+                return self._irradiance_w_m2(earlier, [(number, slice(0, len(earlier)))])
+
+            subtract_own_past(own, looks, plane, self.environment, irradiance_of)
+            signal[:, rows] = own
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
         return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)
