@@ -20,6 +20,8 @@ from set_cases import WIDE, Launch, SetScene
 from set_flights import burns, flown, prior_sigma
 from set_sights import Sights, Truth, horizon_axes
 
+#: Step of the flights whose differences are the slopes, s.
+FLIGHT_STEP_S = 1.0
 #: Steps of the central differences, as shares of the standard deviations of the laws, and in metres for the launch.
 STEP_SHARE, STEP_M, STEP_S = 1e-4, 10.0, 1e-3
 
@@ -69,7 +71,7 @@ def _slopes(launch: Launch, prior: np.ndarray, time_s: np.ndarray) -> np.ndarray
     step = _steps(prior)
     shift = np.diag(step)
     rows = np.concatenate([launch.row + shift, launch.row - shift])
-    there = flown(rows, launch.stages, float(time_s.max()) + 1.0).states(time_s)
+    there = flown(rows, launch.stages, float(time_s.max()) + 1.0, FLIGHT_STEP_S).states(time_s)
     count = len(step)
     return np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
 
@@ -116,4 +118,3 @@ def efficient_sigma(wide_share: float) -> float:
     slope = sum(-radius / s**2 * share / (2.0 * np.pi * s**2) * np.exp(-0.5 * (radius / s) ** 2) for share, s in parts)
     inner = np.divide(slope**2, density, out=np.zeros_like(radius), where=density > 1e-300)
     return float(1.0 / np.sqrt(0.5 * np.trapezoid(inner * 2.0 * np.pi * radius, radius)))
-

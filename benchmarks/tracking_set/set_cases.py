@@ -10,7 +10,7 @@ import numpy as np
 from set_flights import MU, RADIUS_M, SPIN, drawn_vehicle, is_fit
 
 #: Published seeds; odd ones are free to tune on.
-SEEDS = (2, 4, 6)
+SEEDS = (2, 4)
 IGNITION_S, TAIL_S = 10.0, 25.0
 GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
 LEO_ALTITUDE_M = 1200e3
@@ -74,7 +74,7 @@ class Case(NamedTuple):
 #: How much wider the noise of looks is whose stated noise is wrong.
 WIDE = 3.0
 #: Clutter falls within this distance from the middle of the launches, as seen by a sensor.
-CLUTTER_KM = 500.0
+CLUTTER_KM = 200.0
 
 CASES: Mapping[str, Case] = {
     "one-launch": Case("one stage, two sensors: the simplest scene", {1: 1}),
@@ -85,23 +85,27 @@ CASES: Mapping[str, Case] = {
     "low-orbits": Case("two stages, three sensors in low orbit", {2: 1}, orbits="LLL", sigma_urad=60.0),
     "high-and-low": Case("two stages, a sensor in high and one in low orbit", {2: 1}, orbits="GL"),
     "salvo-10km": Case("six launches of one vehicle within 10 km", {1: 6}, spread_km=5.0, is_salvo=True),
-    "salvo-1km": Case("eight launches of one vehicle within 1 km", {2: 8}, spread_km=0.5, is_salvo=True, period_s=2.0),
+    "salvo-1km": Case("six launches of one vehicle within 1 km", {2: 6}, spread_km=0.5, is_salvo=True, period_s=2.0),
     "clutter": Case(
-        "three launches, two clutter detections a look", {1: 1, 2: 1, 3: 1}, clutter_per_look=2.0, period_s=2.0
+        "three launches, 5 000 clutter detections a look and steradian",
+        {1: 1, 2: 1, 3: 1},
+        spread_km=100.0,
+        period_s=2.0,
+        clutter_per_look=0.5,
     ),
-    "bias-stated": Case("four launches, a bias of 60 µrad, stated", {1: 2, 2: 2}, bias_urad=60.0),
+    "bias-stated": Case("three launches, a bias of 60 µrad, stated", {1: 1, 2: 2}, bias_urad=60.0),
     "bias-unstated": Case(
-        "four launches, a bias of 60 µrad, not stated", {1: 2, 2: 2}, bias_urad=60.0, is_bias_stated=False
+        "three launches, a bias of 60 µrad, not stated", {1: 1, 2: 2}, bias_urad=60.0, is_bias_stated=False
     ),
     "wrong-noise": Case("three launches, 30 % of looks with 3 × the stated noise", {1: 2, 2: 1}, wide_share=0.3),
     "raid": Case(
-        "twelve launches in 30 s, three sensors",
-        {1: 5, 2: 4, 3: 3},
+        "nine launches in 30 s, three sensors, clutter",
+        {1: 4, 2: 3, 3: 2},
         orbits="GGG",
         spread_km=600.0,
         interval_s=30.0,
         period_s=2.0,
-        clutter_per_look=0.3,
+        clutter_per_look=0.1,
     ),
 }
 

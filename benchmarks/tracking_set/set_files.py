@@ -9,7 +9,7 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,9 +46,9 @@ README = """# Boost-phase tracking by line of sight, version {version}
 {scenes} scenes in {cases} cases. Licence: CC0 1.0 (public domain, https://creativecommons.org/publicdomain/zero/1.0/).
 All figures are notional.
 
-- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to something hot. ECEF (WGS 84),
-  metres, seconds since the epoch {epoch}Z; `sigma_urad` is the stated standard deviation per axis across the line. Light
-  takes no time. A detection is a launch or clutter.
+- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to something hot. ECEF
+  (WGS 84), metres, seconds since the epoch {epoch}Z; `sigma_urad` is the stated standard deviation per axis across the
+  line. Light takes no time. A detection is a launch or clutter.
 - `set.json` is what a tracker may know: of each sensor its orbit, its looks (every `period_s` from `phase_s`, at the
   whole Earth below it), its P_d for burning targets (dark ones are not detected), the stated standard deviation of its
   bias (two constant angles about east and north at the sensor) and its clutter (mean number a look, uniform in a cone).
@@ -68,18 +68,20 @@ def made(name: str, seed: int) -> Made:
     """Return the tables and the description of a scene."""
     scene = scene_of(name, seed)
     truth, sights = observed(scene)
+    rows = observed_rows(scene, truth, sights)
     bounds = [bounds_of(scene, truth, sights, number) for number in range(len(scene.launches))]
-    rows = {
-        "lines_of_sight": list(_sight_rows(scene, sights)),
-        "truth": list(_truth_rows(scene, truth)),
-        "origins": [
-            [scene.name, str(row), _launch_name(owner) if owner >= 0 else ""]
-            for row, owner in enumerate(sights.launch.tolist())
-        ],
-        "launches": [list(_launch_row(scene.name, *each)) for each in enumerate(scene.launches)],
-        "bounds": [row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)],
-    }
+    rows["origins"] = [
+        [scene.name, str(row), _launch_name(owner) if owner >= 0 else ""]
+        for row, owner in enumerate(sights.launch.tolist())
+    ]
+    rows["launches"] = [list(_launch_row(scene.name, *each)) for each in enumerate(scene.launches)]
+    rows["bounds"] = [row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)]
     return Made(rows, _description(scene, name, seed, truth, bounds))
+
+
+def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, list[list[str]]]:
+    """Return the rows of lines of sight and of truth."""
+    return {"lines_of_sight": list(_sight_rows(scene, sights)), "truth": list(_truth_rows(scene, truth))}
 
 
 def _launch_name(number: int) -> str:
@@ -187,7 +189,7 @@ def write_set(
     (folder / "set.json").write_text(json.dumps(description, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     readme = README.format(version=VERSION, scenes=len(scenes), cases=len(cases), epoch=EPOCH.isoformat())
     (folder / "README.md").write_text(readme, encoding="utf-8")
-    return {"tables": digests, "scenes": {scene.description["scene"]: scene_digest(scene) for scene in scenes}}
+    return {"tables": digests, "scenes": {scene.description["scene"]: scene_digest(scene.rows) for scene in scenes}}
 
 
 def digest(text: bytes) -> str:
@@ -195,9 +197,9 @@ def digest(text: bytes) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-def scene_digest(scene: Made) -> str:
+def scene_digest(rows: Mapping[str, list[list[str]]]) -> str:
     """Return the digest of a scene's lines of sight and truth."""
-    return digest(b"".join(table_text((), scene.rows[name]) for name in ("lines_of_sight", "truth")))
+    return digest(b"".join(table_text((), rows[name]) for name in ("lines_of_sight", "truth")))
 
 
 def table_text(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> bytes:

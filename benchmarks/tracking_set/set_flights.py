@@ -125,13 +125,13 @@ def directions(latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray)
     return up, np.sin(azimuth)[:, None] * east + np.cos(azimuth)[:, None] * north
 
 
-def flown(rows: np.ndarray, stages: int, until_s: float) -> Paths:
-    """Return flights with parameters (f, p), up to a time after their last burnouts."""
+def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S) -> Paths:
+    """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at most `step_s`."""
     up, ahead = directions(rows[:, 0], rows[:, 1], rows[:, 2])
     state = np.concatenate([ecef(rows[:, 0], rows[:, 1]), np.zeros((len(rows), 3))], axis=1)
     times, states = [rows[:, 3]], [state]
     for leg in _legs(rows, stages, until_s):
-        count = max(1, int(np.ceil(np.max(leg.end_s - leg.start_s) / STEP_S)))
+        count = max(1, int(np.ceil(np.max(leg.end_s - leg.start_s) / step_s)))
         step = (leg.end_s - leg.start_s) / count
         for number in range(count):
             now = leg.start_s + step * number

@@ -4,8 +4,8 @@ Each label has a probability of existence and one normal distribution, to which 
 matched; the marginal probabilities of association are those of loopy belief propagation (Reuter, Vo, Vo and Dietmayer,
 IEEE Trans. Signal Processing 62 (2014), 3246; Williams and Lau, IEEE Trans. Aerospace and Electronic Systems 50 (2014),
 2942). Labels are born of detections that are no label's, near the ground on their line of sight, with the prior of
-`opir_stonesoup`. Whether a label burns is a chain of two states, so that silence after burnout does not end it. Motion is
-gravity and a nearly constant specific force, as of Stone Soup's filters here. Nothing is tuned to the set.
+`opir_stonesoup`. Whether a label burns is a chain of two states, so that silence after burnout does not end it. Motion
+is gravity and a nearly constant specific force, as of Stone Soup's filters here. Nothing is tuned to the set.
 """
 
 from typing import NamedTuple
@@ -161,7 +161,9 @@ def updated(
     seen = (chance * labels.burning * labels.existence)[:, None] * density * ((distance < GATE) & is_ahead)
     missed = 1.0 - chance * labels.burning * labels.existence
     marginal = association(seen / clutter if clutter else np.full_like(seen, 1e12), missed)
-    silent = (1.0 - marginal.sum(axis=1)) * labels.existence * (1.0 - chance * labels.burning) / np.maximum(missed, 1e-12)
+    silent = (
+        (1.0 - marginal.sum(axis=1)) * labels.existence * (1.0 - chance * labels.burning) / np.maximum(missed, 1e-12)
+    )
     existence = marginal.sum(axis=1) + silent
     weight = marginal / np.maximum(existence, 1e-300)[:, None]
     hit = weight.sum(axis=1)

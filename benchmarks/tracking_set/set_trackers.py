@@ -132,7 +132,9 @@ def tracks_of(description: Mapping[str, Any], epoch: str, detections: Detections
         tracker = LmbTracker(context_of(plan, description), sensor["detection_probability"], density)
         return stepped(tracker, description["end_s"], detections)
     choice = plan.scene.tracker
-    tracker = plan.host.component(choice.hook, choice.name, choice.path).build(choice.config, context_of(plan, description))
+    tracker = plan.host.component(choice.hook, choice.name, choice.path).build(
+        choice.config, context_of(plan, description)
+    )
     return stepped(tracker, description["end_s"], detections)
 
 
@@ -161,7 +163,7 @@ def stepped(tracker: Tracker, end_s: float, detections: Detections) -> Tracks:
 
 
 def rows_of(scene: str, tracks: Tracks, tick_s: float) -> list[list[str]]:
-    """Return the rows of tracks at the set's ticks, as `HEADER` names them; P(launch) is 1 where it is not estimated."""
+    """Return the rows of tracks at the set's ticks, as `HEADER` names them; P(launch) is 1 where unknown."""
     at = np.flatnonzero(np.abs(tracks.tick_s / tick_s - np.round(tracks.tick_s / tick_s)) < 1e-6)
     at = at[np.isfinite(tracks.state[at]).all(axis=1)]
     upper = np.triu_indices(6)

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,6 +34,8 @@ from set_trackers import HEADER, TRACKERS, detections_of, rows_of, tracks_of
 from tracking_set_page import page
 
 DIGESTS = Path(__file__).with_name("digests.json")
+#: The file in the folder of a set that keeps processor times, s.
+TIMES = "processor_s.json"
 
 
 def differences(digests: Mapping[str, Mapping[str, str]]) -> list[str]:
@@ -40,31 +43,39 @@ def differences(digests: Mapping[str, Mapping[str, str]]) -> list[str]:
     kept = json.loads(DIGESTS.read_text(encoding="utf-8"))
     whole = len(digests["scenes"]) == len(kept["scenes"])
     names = ("scenes", "tables") if whole else ("scenes",)
-    return [
-        name
-        for part in names
-        for name, digest in digests[part].items()
-        if kept[part].get(name, digest) != digest
-    ]
+    return [name for part in names for name, digest in digests[part].items() if kept[part].get(name, digest) != digest]
 
 
-def run(folder: Path, names: Sequence[str]) -> dict[str, float]:
-    """Write the tracks of trackers on a set beside it; return the processor time of each, s."""
+def run(folder: Path, names: Sequence[str]) -> None:
+    """Write the tracks of trackers on a set beside it."""
     description = json.loads((folder / "set.json").read_text(encoding="utf-8"))
     seen: dict[str, list[dict[str, str]]] = {}
     for row in read_csv(folder / "lines_of_sight.csv"):
         seen.setdefault(row["scene"], []).append(row)
-    spent = {}
     for name in names:
-        began, rows = time.process_time(), []
-        for scene in description["scenes"]:
-            detections = detections_of(seen[scene["scene"]], scene)
-            tracks = tracks_of(scene, description["epoch"], detections, name)
-            rows += rows_of(scene["scene"], tracks, description["tick_s"])
-        spent[name] = time.process_time() - began
+        with timed(folder, name):
+            rows = []
+            for scene in description["scenes"]:
+                tracks = tracks_of(scene, description["epoch"], detections_of(seen[scene["scene"]], scene), name)
+                rows += rows_of(scene["scene"], tracks, description["tick_s"])
         (folder / tracks_file(name)).write_bytes(table_text(HEADER, rows))
-        sys.stdout.write(f"{name}: {spent[name]:.0f} s of processor time\n")
-    return spent
+
+
+@contextmanager
+def timed(folder: Path, name: str) -> Iterator[None]:
+    """Keep the processor time of what is done, in the folder of the set."""
+    folder.mkdir(parents=True, exist_ok=True)
+    began = time.process_time()
+    yield
+    spent = time.process_time() - began
+    (folder / TIMES).write_text(json.dumps({**times_of(folder), name: spent}, indent=1) + "\n", encoding="utf-8")
+    sys.stdout.write(f"{name}: {spent:.0f} s of processor time\n")
+
+
+def times_of(folder: Path) -> dict[str, float]:
+    """Return the processor times that were kept, s."""
+    place = folder / TIMES
+    return dict(json.loads(place.read_text(encoding="utf-8"))) if place.exists() else {}
 
 
 def tracks_file(name: str) -> str:
@@ -72,9 +83,10 @@ def tracks_file(name: str) -> str:
     return "tracks of " + name.replace(",", "") + ".csv"
 
 
-def results(folder: Path, spent: Mapping[str, float]) -> Iterator[dict[str, str]]:
-    """Yield a row of figures for each tracker and case, and for all cases."""
-    for name in spent:
+def results(folder: Path) -> Iterator[dict[str, str]]:
+    """Yield a row of figures for each tracker with tracks and each case, and for all cases."""
+    spent = times_of(folder)
+    for name in [each for each in TRACKERS if (folder / tracks_file(each)).exists()]:
         _, scores = scored_set(folder, folder / tracks_file(name))
         for case, figures in figures_by_case([each for _, each in scores]).items():
             low, high = figures.pop("cutoff_m")
@@ -83,7 +95,8 @@ def results(folder: Path, spent: Mapping[str, float]) -> Iterator[dict[str, str]
                 "tracker": name,
                 "case": case,
                 **{key: f"{value:.4g}" for key, value in figures.items()},
-                **{"cutoff_least_m": f"{low:g}", "cutoff_most_m": f"{high:g}"},
+                "cutoff_least_m": f"{low:g}",
+                "cutoff_most_m": f"{high:g}",
                 "held_95": f"{held['value']:.4f}",
                 **{f"held_95_{end}95": f"{x:.4f}" for end, x in zip(("low", "high"), held["interval_95"], strict=True)},
                 "processor_s": f"{spent[name]:.0f}" if case == "all" else "",
@@ -97,18 +110,26 @@ def version_of(name: str) -> str:
 
 
 def scored(arguments: argparse.Namespace) -> list[dict[str, str]]:
-    """Make the set, run the trackers and return the rows of figures."""
+    """Make the set where there is none, run the trackers and return the rows of figures."""
     names = arguments.trackers or [name for name in TRACKERS if "Stone" not in name or find_spec("stonesoup")]
     with tempfile.TemporaryDirectory() as folder:
-        place, began = arguments.set or Path(folder), time.process_time()
+        place = arguments.set or Path(folder)
         if not (place / "set.json").exists():
-            report(write_set(place, arguments.cases, arguments.seeds))
-        made_s = time.process_time() - began
-        spent = run(place, names)
-        began = time.process_time()
-        rows = list(results(place, spent))
-        rest = {"set": made_s, "scores": time.process_time() - began}
+            generated(place, arguments)
+        run(place, names)
+        with timed(place, "scores"):
+            rows = list(results(place))
+        rest = {name: value for name, value in times_of(place).items() if name in ("set", "scores")}
     return [*rows, *({"tracker": name, "case": "all", "processor_s": f"{value:.0f}"} for name, value in rest.items())]
+
+
+def generated(folder: Path, arguments: argparse.Namespace) -> bool:
+    """Write the set into a folder; return whether it is the published one."""
+    with timed(folder, "set"):
+        digests: Any = write_set(folder, arguments.cases, arguments.seeds)
+    if arguments.keep_digests:
+        DIGESTS.write_text(json.dumps({"version": VERSION, **digests}, indent=1) + "\n", encoding="utf-8")
+    return report(digests)
 
 
 def report(digests: Mapping[str, Mapping[str, str]]) -> bool:
@@ -124,14 +145,6 @@ def filled(rows: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
     return [{name: row.get(name, "") for name in rows[0]} for row in rows]
 
 
-def generate(arguments: argparse.Namespace) -> int:
-    """Write the set; return 1 where it is not the published one."""
-    digests: Any = write_set(arguments.generate, arguments.cases, arguments.seeds)
-    if arguments.keep_digests:
-        DIGESTS.write_text(json.dumps({"version": VERSION, **digests}, indent=1) + "\n", encoding="utf-8")
-    return 0 if report(digests) else 1
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--generate", type=Path, metavar="FOLDER", help="write the set into this folder, and no more")
@@ -144,7 +157,7 @@ def main() -> int:
     parser.add_argument("--from-csv", type=Path, help="folder with the data of an earlier run")
     arguments = parser.parse_args()
     if arguments.generate:
-        return generate(arguments)
+        return 0 if generated(arguments.generate, arguments) else 1
     folder = arguments.from_csv or arguments.write
     rows = read_csv(folder / "tracking_set.csv") if arguments.from_csv else filled(scored(arguments))
     if folder is None:

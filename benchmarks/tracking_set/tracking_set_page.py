@@ -1,6 +1,7 @@
 """The page of the tracking set, from its rows of figures."""
 
 from collections.abc import Callable, Sequence
+from math import isfinite, isnan
 
 from result_files import Row, markdown_table, number
 from set_cases import CASES, SEEDS
@@ -19,9 +20,13 @@ def page(rows: Sequence[Row]) -> str:
     spent = sum(number(row["processor_s"]) for row in rows if row["processor_s"])
     cells = {(row["tracker"], row["case"]): row for row in scored}
 
-    def by_case(text: Callable[[Row], str]) -> str:
-        head = ["case", *names]
-        return markdown_table(head, ([case, *(text(cells[name, case]) for name in names)] for case in cases))
+    def by_case(text: Callable[[Row], str], first: Callable[[Row], str] | None = None) -> str:
+        head = ["case", *(["c"] if first else []), *names]
+        lines = []
+        for case in cases:
+            own = [cells[name, case] for name in names]
+            lines.append([case, *([first(own[0])] if first else []), *(text(row) for row in own)])
+        return markdown_table(head, lines)
 
     return f"""# Tracking set
 
@@ -52,10 +57,10 @@ efficient tracker's. NEES/6: median; 0.89 is consistent. Held: states in their 9
 
 ## GOSPA by case, m
 
-Of positions, per launch, mean over ticks. The cut-off c is {CUTOFF_OF_BOUND:g} times the median bound of position in each
-scene; in `set.json`.
+Of positions, per launch, mean over ticks. The cut-off c is {CUTOFF_OF_BOUND:g} times the median bound of position in
+each scene; it is in `set.json`.
 
-{markdown_table(["case", "c", *names], ([case, cutoff(cells[names[0], case]), *(plain(cells[name, case]["gospa_m"]) for name in names)] for case in cases))}
+{by_case(lambda row: plain(row["gospa_m"]), cutoff)}
 
 ## Energy score of position over the bound's
 
@@ -65,24 +70,25 @@ scene; in `set.json`.
 
 ## States in their 95 % ellipsoids, %
 
-{by_case(lambda row: plain(f"{100.0 * number(row['held_95']):.0f}"))}
+{by_case(lambda row: f"{100.0 * number(row['held_95']):.0f}")}
 
 ## How it is made
 
-* **Flights** are point masses with thrust, drag and gravity, integrated by the set itself: no code and no curve of opir's
-  target models or trackers. One to three stages, dark times of 4 to 15 s in `gaps`, steering off the velocity in upper
-  stages; laws of all parameters in `benchmarks/tracking_set/set_flights.py`.
-* **Lines of sight** have normal errors of the stated standard deviation, isotropic across the line; a burning target above
-  the horizon is detected with P_d 0.95, a dark one never; light takes no time. In `wrong-noise` 30 % of the errors are
-  three times as large as stated, in `bias-unstated` a bias of 60 µrad is not stated.
+* **Flights** are point masses with thrust, drag and gravity, integrated by the set itself: no code and no curve of
+  opir's target models or trackers. One to three stages, dark times of 4 to 15 s in `gaps`, thrust off the velocity by a
+  constant angle in upper stages; laws of all parameters in `benchmarks/tracking_set/set_flights.py`.
+* **Lines of sight** have normal errors of the stated standard deviation, isotropic across the line; a burning target
+  above the horizon is detected with P_d 0.95, a dark one never; light takes no time. In `wrong-noise` 30 % of the
+  errors are three times as large as stated, in `bias-unstated` a bias of 60 µrad is not stated.
 * **Bounds**: the posterior Cramér–Rao bound of the flight's parameters under their laws, with biases as unknowns and
-  known association (van Trees); and one with unknown thrust. A tracker that does not know the law stays above the first.
+  known association (van Trees); and one with unknown thrust. A tracker that does not know the law stays above the
+  first.
 * **Scored** is a launch from its third detection to 20 s after its last burnout, every 5 s.
-* **Trackers** are told what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. {versions(whole)}
-  The Stone Soup trackers are those of [opir's adapter](../how-to/stone-soup.md) at its defaults. The LMB filter is a
+* **Trackers** are told what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. The
+  Stone Soup trackers are those of [opir's adapter](../how-to/stone-soup.md) at its defaults. The LMB filter is a
   labelled multi-Bernoulli filter with one normal distribution a label and belief propagation
-  (`benchmarks/tracking_set/set_lmb.py`); Stone Soup has none. Of `imm` rows with P(launch) of at most 0.5 are left out, and
-  states are scored as normal distributions, without the radii that it reports.
+  (`benchmarks/tracking_set/set_lmb.py`); Stone Soup has none. Rows of `imm` with P(launch) of at most 0.5 are left out;
+  its states are scored as normal distributions, without the radii that it reports. Versions: {versions(whole)}
 
 A full run takes {spent:.0f} s of processor time: {times(rows)}. All figures: [tracking_set.csv](tracking_set.csv).
 """
@@ -115,7 +121,9 @@ def verdict(whole: dict[str, Row]) -> str:
     held = [name for name, row in whole.items() if number(row["held_95"]) >= HELD]
     both = f"{gospa} has the least GOSPA, {energy} the least energy score" if gospa != energy else f"{gospa} is first"
     words = f"{', '.join(held)} hold" if len(held) > 1 else f"only {held[0]} holds" if held else "none holds"
-    return f"{both}; {words} at least {HELD:.0%} of the states in 95 % ellipsoids.".replace("%", " %").replace("  ", " ")
+    return f"{both}; {words} at least {HELD:.0%} of the states in 95 % ellipsoids.".replace("%", " %").replace(
+        "  ", " "
+    )
 
 
 def cutoff(row: Row) -> str:
@@ -127,9 +135,9 @@ def cutoff(row: Row) -> str:
 def plain(text: str) -> str:
     """Return a number with two digits after the point below 10, one below 100, none above; a dash for none."""
     value = number(text)
-    if value != value:
-        return "–"
-    return f"{value:.2f}" if abs(value) < 10.0 and "." in text else f"{value:.1f}" if abs(value) < 100.0 and "." in text else f"{value:.0f}"
+    if not isfinite(value):
+        return "–" if isnan(value) else "∞"
+    return f"{value:.{2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0}f}"
 
 
 def versions(whole: dict[str, Row]) -> str:

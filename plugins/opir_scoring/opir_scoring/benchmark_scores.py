@@ -16,7 +16,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import Problem, SceneError
-from opir_scoring.benchmark_tables import DESCRIPTION, STATE, SetTracks, flags, numbers, read_table
+from opir_scoring.benchmark_tables import DESCRIPTION, STATE, SetTracks, numbers, read_table
 from opir_scoring.containments import nees
 from opir_scoring.gospa_metric import gospa
 from opir_scoring.proper_scores import energy_scores, normal_log_scores
@@ -139,9 +139,7 @@ def _assigned(truth: SetTruth, state: FloatArray, tick: IntArray) -> IntArray:
     return found
 
 
-def _owners(
-    truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArray, tracks: int
-) -> tuple[IntArray, Any]:
+def _owners(truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArray, tracks: int) -> tuple[IntArray, Any]:
     """Return the launch of each track (tracks,), -1 if it is false, and which rows (n,) are scored."""
     count = np.zeros((tracks, len(truth.state)), dtype=np.int64)
     np.add.at(count, (number[assigned >= 0], assigned[assigned >= 0]), 1)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
@@ -43,7 +43,7 @@ class SetTracks:
     covariance: FloatArray
     left_out: int
 
-    def rows_of(self, scene: str) -> FloatArray:
+    def rows_of(self, scene: str) -> IntArray:
         """Return the rows of a scene."""
         return np.flatnonzero(np.array([each == scene for each in self.scene], dtype=np.bool_)).astype(np.int64)
 
@@ -144,11 +144,6 @@ def numbers(path: Path, table: Table, name: str) -> FloatArray:
         return np.array([np.nan if cell in ("", None) else float(cell) for cell in cells], dtype=np.float64)
     except ValueError as error:
         raise _error(path, name, str(error)) from error
-
-
-def flags(path: Path, table: Table, name: str) -> BoolArray:
-    """Return a column (n,) of 0 and 1."""
-    return np.asarray(numbers(path, table, name) > 0.5)
 
 
 def _require(path: Path, table: Table, names: Iterable[str]) -> None:
