@@ -171,12 +171,14 @@ class EventEncoder(Component):
     """`build(config, context) -> Encoder`: detections to message bytes.
 
     With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track and tick.
+    `schema()` returns the JSON Schema (draft 2020-12) of a message as text; `opir schema NAME` prints it.
     """
 
     hook = "opir_event_encoders"
     kind = "event encoder"
 
     encodes_tracks: bool = False
+    schema: Callable[[], str] | None = None
 
 
 @frozen(kw_only=True)

@@ -23,6 +23,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
     "opir-export": (
         "commands.export",
+        *("event_encoders.forge-c2", "event_encoders.udl"),
         *("exporters.arrow", "exporters.csv", "exporters.czml", "exporters.geojson", "exporters.kml"),
         *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
         *("run_views.pandas", "run_views.polars", "run_views.tables"),

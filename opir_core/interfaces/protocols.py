@@ -319,6 +319,11 @@ class DetectionProbability(PluginPart):
         """Whether `probability` reads the geometry columns of its exposures."""
         return True
 
+    @optional
+    def uses_seed(self) -> bool:
+        """Whether the built model depends on the scene's seed; replicates of a run share one that does not."""
+        return True
+
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return P_d (n,) of all looks of the pairs, or None if it varies from look to look."""
         return None

@@ -125,7 +125,7 @@ def read_run(
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         summary=_summary(plan, detections, detection_truth, estimates, contents),
-        manifest=contents,
+        make_manifest=lambda: contents,
         reported_types=plan.reported_types,
         plan=plan,
     )

@@ -40,6 +40,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dead-after", type=_wait_s, default=120.0, metavar="S", help="not alive after so long (default 120 s)"
     )
     parser.add_argument(
+        "--late-after",
+        type=_wait_s,
+        default=5.0,
+        metavar="S",
+        help="not ready, and launches and settings refused, if the run is so late (default 5 s)",
+    )
+    parser.add_argument(
+        "--when-late",
+        choices=("refuse", "slow"),
+        default="refuse",
+        help="refuse: launches that would make the run late; slow: the scene takes longer (default refuse)",
+    )
+    parser.add_argument(
         "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
     )
     parser.add_argument(

@@ -117,6 +117,11 @@ class SnrDetection(DetectionProbability):
     probability_tolerance: float | None
     needs_geometry: bool = True
 
+    @property
+    def uses_seed(self) -> bool:
+        """Whether its atmosphere does."""
+        return self.environment.atmosphere.uses_seed
+
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""
         return ndtr(self.response(exposures).probit)

@@ -10,24 +10,28 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, Window
-from opir_core.interfaces.viewpoints import Viewpoints
-from opir_core.output.events import FORGE_C2_VERSION
-from opir_core.output.events.encoder_input import only_encodable, require_valid
-from opir_core.output.events.rendering import Decimal, Ids, Looked, event_times, reference
-from opir_core.output.events.text import (
+from opir_core.interfaces import Viewpoints
+from opir_core.output import (
     DEGREE_DECIMALS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
+    Decimal,
+    Ids,
+    Looked,
+    event_times,
     number_texts,
+    only_encodable,
     propagated_positions,
+    reference,
+    require_valid,
     rounded_bearing_deg,
     rounded_longitude_deg,
     rounded_number,
 )
+from opir_core.plugin import Detections, Encoder, EncoderContext, Sensor, Window
+
+#: Version of the schema, in the headers of messages.
+FORGE_C2_VERSION = "forge-c2-1.0"
 
 _ID, _TIME = b'{"event_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":"OPIR","latitude":'

@@ -11,30 +11,35 @@ import msgspec
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
+from opir_core.estimation import CONTAINMENT, containment_ellipse
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Window
-from opir_core.interfaces.viewpoints import Viewpoints
-from opir_core.output.events import UDL_VERSION
-from opir_core.output.events.encoder_input import require_valid
-from opir_core.output.events.estimates import PAPER, time_texts
-from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
-from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, event_times, reference
-from opir_core.output.events.text import (
+from opir_core.interfaces import IMPACT_METHODS, Viewpoints
+from opir_core.output import (
     DEGREE_DECIMALS,
     RATIO_DECIMALS,
+    Column,
+    Decimal,
+    Ids,
+    Looked,
+    event_times,
     number_texts,
+    reference,
+    require_valid,
     rounded,
     rounded_bearing_deg,
     rounded_degrees,
     rounded_longitude_deg,
+    time_texts,
     vector_texts,
 )
-from opir_core.scene.scene import UNKNOWN_TYPE
+from opir_core.plugin import Encoder, EncoderContext, Sensor, Window
+from opir_core.scene import UNKNOWN_TYPE
+from opir_export.encoders.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 
+#: Version of the schema, in the headers of messages.
+UDL_VERSION = "udl-1.0"
+
+_PAPER = IMPACT_METHODS.index("paper")
 _ID = b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"'
 _TIME = b'","ts":"'
 _CONTAINMENT = b',"containment":%b' % msgspec.json.encode(100.0 * CONTAINMENT)
@@ -162,7 +167,7 @@ def _track_columns(window: Window, epoch_us: int) -> list[Column]:
         estimates = window.estimates.take(used)
         launch = _points(b"launch", estimates.launch, estimates.launch_covariance, epoch_us, None)
         # The sigma of the paper's law is no area of uncertainty.
-        is_paper = (estimates.impact_method == PAPER)[:, np.newaxis, np.newaxis]
+        is_paper = (estimates.impact_method == _PAPER)[:, np.newaxis, np.newaxis]
         spread = np.where(is_paper, np.nan, estimates.impact_covariance)
         impact = _points(b"impact", estimates.impact, spread, epoch_us, estimates.impact_sigmas)
         joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
