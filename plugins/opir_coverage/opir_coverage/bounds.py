@@ -146,9 +146,7 @@ def _spread(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.sqrt(np.einsum("nij,njk,nik->n", slopes, covariance, slopes, optimize=True))
 
 
-def _impact_slopes(
-    position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray
-) -> FloatArray:
+def _impact_slopes(position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray) -> FloatArray:
     """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central differences."""
     slopes = np.zeros(moved.shape)
     for column in (0, 1, 3, 4, 5):

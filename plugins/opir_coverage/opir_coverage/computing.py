@@ -1,5 +1,6 @@
 """The coverage of a scene: its layers over a grid, from geometry to bounds at burnout."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +63,10 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
     }
     used = {name for each in layers for name in each.dims}
     whole = Coverage(
-        grid, {name: values for name, values in coordinates.items() if name in used}, layers, _attributes(plan, settings)
+        grid,
+        {name: values for name, values in coordinates.items() if name in used},
+        layers,
+        _attributes(plan, settings),
     )
     return _with_shares(whole, settings.requirements)
 
@@ -70,13 +74,13 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
 def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
     """Return what a coverage is of, as text."""
     from opir_core import __version__
-    from opir_core.output import timestamp_text
 
     launched = settings.target_class or "none"
+    epoch = datetime.fromtimestamp(plan.scene.epoch_us * 1e-6, tz=UTC)
     return {
         "title": f"Coverage of {plan.scene.name}",
         "scene": plan.scene.name,
-        "epoch": timestamp_text(plan.scene.epoch_us),
+        "epoch": f"{epoch:%Y-%m-%dT%H:%M:%SZ}",
         "sensors": ", ".join(each.id for each in plan.sensors),
         "launches": f"{launched} {settings.profile}".strip(),
         "probability": f"{settings.chance:g}",

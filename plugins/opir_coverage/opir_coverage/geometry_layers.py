@@ -13,7 +13,7 @@ from opir_coverage.settings import CoverageSettings
 from opir_coverage.stereo import dilution_m, directions, stereo_angles_rad
 from opir_coverage.visibility import Fleet, SightMap, day_s
 
-#: Dilution in m/rad of a line of sight, as km of position for each microradian... in metres per microradian.
+#: Dilution of precision is given for a microradian.
 _PER_URAD = 1e-6
 
 
@@ -42,11 +42,11 @@ def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatA
     """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single precision."""
     angles, spreads = [], []
     for step in range(len(sight.bits)):
-        is_seen = sight.at(step)
-        seeing = np.flatnonzero(is_seen.any(axis=1))
+        seeing = sight.seeing(step)
+        is_seen = seeing >= 0
         direction, range_m = directions(points, fleet.position_m[seeing, step])
-        angles.append(np.degrees(stereo_angles_rad(direction, is_seen[seeing])).astype(np.float32))
-        spreads.append((dilution_m(direction, range_m, is_seen[seeing]) * _PER_URAD).astype(np.float32))
+        angles.append(np.degrees(stereo_angles_rad(direction, is_seen)).astype(np.float32))
+        spreads.append((dilution_m(direction, range_m, is_seen) * _PER_URAD).astype(np.float32))
     shape = (sight.steps, sight.cells)
     return np.broadcast_to(np.stack(angles), shape), np.broadcast_to(np.stack(spreads), shape)
 
@@ -55,7 +55,12 @@ def _access_layers(counts: ByteArray, settings: CoverageSettings, shape: tuple[i
     """Yield the layers of numbers in view (heights, T, cells)."""
     of_all = ("height", "time")
     yield Layer(
-        "in_view", "Sensors in view", "1", of_all, _on_grid(counts, shape), "N Asset Coverage: sensors that see the point"
+        "in_view",
+        "Sensors in view",
+        "1",
+        of_all,
+        _on_grid(counts, shape),
+        "N Asset Coverage: sensors that see the point",
     )
     least, most = counts.min(axis=1), counts.max(axis=1)
     mean = counts.mean(axis=1, dtype=np.float32)
@@ -126,11 +131,19 @@ def _merits(covered: "merits.BoolArray", step_s: float) -> dict[str, FloatArray]
 def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, int]) -> list[Layer]:
     layers = [
         Layer(
-            "stereo_angle", "Stereo angle", "degree", ("height", "time"), _on_grid(angles, shape),
+            "stereo_angle",
+            "Stereo angle",
+            "degree",
+            ("height", "time"),
+            _on_grid(angles, shape),
             "angle between the two lines of sight that are nearest to a right angle; nan below two sensors",
         ),
         Layer(
-            "dilution", "Dilution of precision", "m/urad", ("height", "time"), _on_grid(spreads, shape),
+            "dilution",
+            "Dilution of precision",
+            "m/urad",
+            ("height", "time"),
+            _on_grid(spreads, shape),
             "Dilution of Precision of lines of sight: rms position error for an error of 1 urad per axis",
         ),
     ]
@@ -141,7 +154,9 @@ def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, 
         known = np.isfinite(values)
         count = known.sum(axis=1)
         for word, filled, reduce in (
-            ("min", np.inf, np.min), ("mean", 0.0, np.sum), ("max", -np.inf, np.max),
+            ("min", np.inf, np.min),
+            ("mean", 0.0, np.sum),
+            ("max", -np.inf, np.max),
         ):
             found = reduce(np.where(known, values, np.float32(filled)), axis=1)
             with np.errstate(invalid="ignore", divide="ignore"):

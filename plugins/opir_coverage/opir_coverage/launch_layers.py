@@ -1,6 +1,6 @@
 """Layers of launches: P_d and least intensity, first report and track, bounds at burnout."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.layers import Layer
 from opir_coverage.looks import GridLooks, Salvo
-from opir_coverage.reports import Reports, ScanSteps, report_counts
+from opir_coverage.reports import ReportChain, Reports, ScanSteps
 from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
 
@@ -124,24 +124,13 @@ def _add_reports(
 ) -> None:
     """Add the reports of a sensor about the cells `rows` that it sees at one of the nodes."""
     sensor = salvo.plan.sensors[number]
-    nodes = np.zeros((len(looks), len(salvo.places)), dtype=np.float32)
+    nodes, steps = np.zeros((len(looks), len(rows))), ScanSteps.of(sensor.scan.period_ns * 1e-9, salvo.burn_s)
     for step, each in enumerate(looks):
-        nodes[step, each.rows] = each.chance
+        nodes[step, np.searchsorted(rows, each.rows)] = each.chance
     confirmation = salvo.detection.confirmation
     needed = (1, 1) if confirmation is None else tuple(int(each) for each in confirmation[number])
-    steps = ScanSteps.of(sensor.scan.period_ns * 1e-9, salvo.burn_s)
-    place = steps.times_s() * ((len(looks) - 1) / salvo.burn_s)
-    chances = _interpolated(nodes[:, rows].astype(np.float64), np.minimum(place, len(looks) - 1.0))
-    counts = report_counts(chances, steps.phases, (needed[0], needed[1]), reports.chance.shape[1])
-    reports.add(rows, counts, latency_s - 0.5 * steps.step_s, steps.step_s)
-
-
-def _interpolated(nodes: FloatArray, place: FloatArray) -> Iterator[FloatArray]:
-    """Yield P_d (n,) at places between nodes (K, n)."""
-    for where in place.tolist():
-        early = min(int(where), len(nodes) - 2)
-        share = where - early
-        yield nodes[early] * (1.0 - share) + nodes[early + 1] * share
+    chain = ReportChain(len(rows), steps.phases, (needed[0], needed[1]), reports.chance.shape[1])
+    reports.add(rows, chain, nodes, steps, latency_s)
 
 
 @frozen
@@ -159,13 +148,21 @@ _WORDS = {
         "Probability of detection", "1", "P_d of one look by each sensor in view, at a height of the boost", ("height",)
     ),
     "least_intensity": _Words(
-        "Least detectable intensity", "W/sr",
-        "in-band intensity at the threshold of one look of the best sensor, at a height of the boost", ("band", "height"),
+        "Least detectable intensity",
+        "W/sr",
+        "in-band intensity at the threshold of one look of the best sensor, at a height of the boost",
+        ("band", "height"),
     ),
-    "first_report": _Words("Time to the first report", "s", "from launch until a report has come with the probability"),
+    "first_report": _Words(
+        "Time to the first report", "s", "from launch until a report has come with probability {chance:g}"
+    ),
     "report_probability": _Words("Probability of a report", "1", "of any report from looks during the boost"),
-    "track": _Words("Time to a track", "s", "from launch until enough reports have come with the probability"),
-    "track_probability": _Words("Probability of a track", "1", "of enough reports from looks during the boost"),
+    "track": _Words(
+        "Time to a track", "s", "from launch until {track_reports} reports have come with probability {chance:g}"
+    ),
+    "track_probability": _Words(
+        "Probability of a track", "1", "of {track_reports} reports from looks during the boost"
+    ),
     "launch_point_bound": _Words("Bound of the launch point", "km", "Cramer-Rao bound at burnout, horizontal rms"),
     "velocity_bound": _Words("Bound of the velocity at burnout", "m/s", "Cramer-Rao bound at burnout, rms"),
     "impact_bound": _Words("Bound of the impact point", "km", "Cramer-Rao bound at burnout, horizontal rms"),
@@ -181,7 +178,5 @@ def _layer(
     first = len(leading)
     own = tuple(range(first, first + len(words.dims)))
     values = np.transpose(values, (*own, *range(first), values.ndim - 2, values.ndim - 1))
-    return Layer(name, words.title, words.unit, (*words.dims, "azimuth", "launch_time"), values, words.definition)
-
-
-LaunchLayers = Callable[[Plan, PlaceGrid, CoverageSettings], list[Layer]]
+    definition = words.definition.format(chance=settings.chance, track_reports=settings.track_reports)
+    return Layer(name, words.title, words.unit, (*words.dims, "azimuth", "launch_time"), values, definition)

@@ -45,9 +45,7 @@ class LaunchPlaces:
     def path(self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0) -> BoostPath:
         """Return the boosts of launches at a scene time, with offsets of burnout speed and flight path angle."""
         one = np.ones(len(self))
-        course = ascent(
-            [self.profile] * len(self), self.profile.burnout_flight_path_angle_rad * one + angle_rad
-        )
+        course = ascent([self.profile] * len(self), self.profile.burnout_flight_path_angle_rad * one + angle_rad)
         site = launch_site(self.latitude_rad, self.longitude_rad, 0.0 * one)
         speed = (self.profile.burnout_speed_m_s + speed_m_s) * one
         return boost_path(site, ignition_s, self.azimuth_rad * one, speed, course)

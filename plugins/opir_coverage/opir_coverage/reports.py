@@ -5,15 +5,19 @@ look is reported if it is the last of M detections in N successive scans. The nu
 over the outcomes of the last N - 1 scans, exact for looks at the steps of the chain.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 
-#: Longest step between two phases of a scan, s.
-_LONGEST_STEP_S = 2.0
+#: Longest step between two phases of a scan, s; a sensor that looks more often than every shortest step is taken to look
+#: so often: its M-th detection is at most M such steps late.
+_LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
+#: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
+#: chance, and left out if they are this share of all.
+_PRUNED_EVERY, _SURE, _WORTH_PRUNING = 8, 1e-9, 0.05
+#: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
+_IMPOSSIBLE = 1e-6
 #: Time within a look's step: its middle.
 _MIDDLE = 0.5
 
@@ -30,7 +34,7 @@ class ScanSteps:
     def of(cls, period_s: float, burn_s: float) -> "ScanSteps":
         """Return the steps of a scan period over a burn."""
         phases = max(1, round(period_s / _LONGEST_STEP_S))
-        step_s = period_s / phases
+        step_s = max(period_s / phases, _SHORTEST_STEP_S)
         return cls(step_s, phases, max(1, round(burn_s / step_s)))
 
     def times_s(self) -> FloatArray:
@@ -38,29 +42,56 @@ class ScanSteps:
         return (np.arange(self.steps) + _MIDDLE) * self.step_s
 
 
-def report_counts(
-    chances: Iterator[FloatArray], phases: int, confirmation: tuple[int, int], most: int
-) -> Iterator[FloatArray]:
-    """Yield, before the first look and after each, the chances (most, n) of 0 to most - 1 reports so far.
+class ReportChain:
+    """Chances (most, n) of 0 to most - 1 reports so far, `total`, of the launches that one sensor looks at.
 
-    `chances` are P_d (n,) of looks, one step after another, of which each belongs to one of `phases` equally likely
-    phases in turn; `confirmation` are M and N.
+    `confirmation` are M and N. Launches that surely have `most` reports are left out of further looks.
     """
-    needed, scans = confirmation
-    kinds = 1 << (scans - 1)
-    states: FloatArray | None = None
-    total: FloatArray
-    for step, chance in enumerate(chances):
-        if states is None:
-            states = np.zeros((phases, most, kinds, len(chance)))
-            states[:, 0, 0] = 1.0
-            total = states[0].sum(axis=1)
-            yield total.copy()
-        old = states[step % phases]
-        new = _after(old, chance, needed)
-        total += (new.sum(axis=1) - old.sum(axis=1)) / phases
-        states[step % phases] = new
-        yield total.copy()
+
+    def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
+        self._needed, self._phases, self._step = confirmation[0], phases, 0
+        # After so many steps without a chance of a detection past outcomes are all misses.
+        self._memory = phases * (confirmation[1] - 1)
+        self._last = np.full(rows, -self._memory - 1)
+        self._active = np.arange(rows)
+        self._states = np.zeros((phases, most, 1 << (confirmation[1] - 1), rows))
+        self._states[:, 0, 0] = 1.0
+        self.total = np.zeros((most, rows))
+        self.total[0] = 1.0
+
+    @property
+    def active(self) -> IntArray:
+        """The launches that may have fewer than `most` reports."""
+        return self._active
+
+    def look(self, chance: FloatArray) -> None:
+        """Look once more, at one of the phases in turn, with P_d (active,) of the active launches."""
+        self._last[chance > _IMPOSSIBLE] = self._step
+        rows = np.flatnonzero(self._step - self._last <= self._memory)
+        phase = self._step % self._phases
+        if len(rows):
+            old = self._states[phase][..., rows]
+            new = _after(old, chance[rows], self._needed)
+            self.total[:, self._active[rows]] += (_whole(new) - _whole(old)) / self._phases
+            self._states[phase][..., rows] = new
+        self._step += 1
+        if self._step % _PRUNED_EVERY == 0 and len(rows):
+            self._prune()
+
+    def _prune(self) -> None:
+        is_done = self.total[:, self._active].sum(axis=0) < _SURE
+        if is_done.mean() > _WORTH_PRUNING:
+            self.total[:, self._active[is_done]] = 0.0
+            self._active, self._last = self._active[~is_done], self._last[~is_done]
+            self._states = self._states[..., ~is_done]
+
+
+def _whole(states: FloatArray) -> FloatArray:
+    """Return the chances (reports, n) over all past outcomes."""
+    whole = states[:, 0].copy()
+    for past in range(1, states.shape[1]):
+        whole += states[:, past]
+    return whole
 
 
 def _after(old: FloatArray, chance: FloatArray, needed: int) -> FloatArray:
@@ -93,20 +124,27 @@ class Reports:
         self.chance = np.zeros((len(time_s), most, cells), dtype=np.float32)
         self.chance[:, 0] = 1.0
 
-    def add(self, rows: FloatArray, counts: Iterator[FloatArray], first_s: float, step_s: float) -> None:
-        """Add a sensor: `counts` as from `report_counts` for some cells, the first at `first_s`, then at each step."""
-        place = np.maximum((self.time_s - first_s) / step_s, 0.0)
-        early, wanted = None, 0
-        for number, late in enumerate(counts):
+    def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
+        """Add a sensor's chain over cells `rows`, with P_d (K, rows) at equal steps of the burn, ends included."""
+        place = (self.time_s - latency_s) / steps.step_s + _MIDDLE
+        at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
+        early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
+        for number in range(1, steps.steps + 1):
+            if len(chain.active):
+                chain.look(_interpolated(nodes, at_node[number - 1], chain.active))
+            if wanted == len(place) or place[wanted] > number + 1.0:
+                continue
+            late = chain.total
             while wanted < len(place) and place[wanted] <= number:
-                share = place[wanted] - (number - 1) if early is not None else 1.0
-                now = late if early is None else early + (late - early) * share
-                self.chance[wanted][:, rows] = joined(self.chance[wanted][:, rows], now)
+                now = early + (late - early) * max(place[wanted] - (number - 1.0), 0.0)
+                self._join(wanted, rows, now)
                 wanted += 1
-            early = late
+            early = late.copy()
         for left in range(wanted, len(place)):
-            assert early is not None
-            self.chance[left][:, rows] = joined(self.chance[left][:, rows], early)
+            self._join(left, rows, chain.total)
+
+    def _join(self, place: int, rows: IntArray, counts: FloatArray) -> None:
+        self.chance[place][:, rows] = joined(self.chance[place][:, rows], counts)
 
     def times_s(self, reports: int, probability: float) -> FloatArray:
         """Return the times (n,) since ignition by which so many reports have come with a probability; nan if never."""
@@ -123,3 +161,10 @@ class Reports:
     def probability(self, reports: int) -> FloatArray:
         """Return the probability (n,) of so many reports by the last time."""
         return 1.0 - self.chance[-1, :reports].sum(axis=0)
+
+
+def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray:
+    """Return P_d (n,) of some launches at a place between nodes (K, launches)."""
+    early = min(int(place), len(nodes) - 2)
+    share = place - early
+    return nodes[early, rows] * (1.0 - share) + nodes[early + 1, rows] * share

@@ -44,8 +44,8 @@ def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) ->
 
 
 def directions(points: SeenPoints, sensor_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (S, n, 3) from points to sensors at (S, 3), ECEF, m, and their distances (S, n), m."""
-    way = sensor_m[:, None, :] - points.position_m[None]
+    """Return unit vectors (S, n, 3) from points to sensors at (S, n, 3), ECEF, m, and their distances (S, n), m."""
+    way = sensor_m - points.position_m[None]
     distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2)
     way /= distance[..., None]
     return way, distance

@@ -6,15 +6,14 @@ position and the points, which cost a few nanoseconds a point. A point within ro
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
 
 from opir_core import Plan
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from opir_core.geometry import WGS84
-from opir_core.planning import solar_exclusions, visible_now
+from opir_core.geometry import WGS84, angle_between_rad, is_sunlit, nadir_angle_rad, sun_ecef_m
+from opir_core.planning import visible_now
 from opir_core.plugin import Sensor
 from opir_coverage.grid import SeenPoints
 
@@ -83,45 +82,45 @@ def _clear(sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: Int
 
 @frozen(eq=False)
 class Fleet:
-    """The sensors of a scene over scene times (T,), s: `position_m` (sensors, T, 3) in ECEF.
+    """The sensors of a scene over scene times (T,), s: `position_m` (sensors, T, 3) and `sun_m` (T, 3) in ECEF.
 
-    `is_still` where nothing changes: all sensors are at rest in ECEF, and the Sun is near nobody's lines of sight.
+    `is_blinded` (sensors, T) is where the Sun is so near to a sensor's field of regard that its exclusion matters.
     """
 
     sensors: tuple[Sensor, ...]
     time_s: FloatArray
     position_m: FloatArray
-    exclusions: tuple[object | None, ...]
+    sun_m: FloatArray
+    is_blinded: BoolArray
 
     @classmethod
     def of(cls, plan: Plan, time_s: FloatArray) -> "Fleet":
         """Return the sensors of a plan at scene times (T,), s, which may go on after the scene's end."""
         sensors = plan.sensors
         position = np.stack([np.asarray(sensor.orbit.position_ecef_m(time_s)) for sensor in sensors])
-        end_s = float(time_s[-1]) if len(time_s) else 0.0
-        return cls(sensors, time_s, position, solar_exclusions(sensors, plan.scene.epoch_us, end_s))
+        sun = sun_ecef_m(time_s, plan.scene.epoch_us)
+        blinded = np.zeros((len(sensors), len(time_s)), dtype=np.bool_)
+        for number, sensor in enumerate(sensors):
+            if sensor.solar_exclusion_rad > 0.0:
+                reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
+                near = nadir_angle_rad(position[number], sun) < reach_rad + _CLOSE
+                blinded[number] = near & is_sunlit(position[number], sun)
+        return cls(sensors, time_s, position, sun, blinded)
 
     @property
     def is_still(self) -> bool:
-        """Whether visibility is the same at all times."""
-        return all(each is None for each in self.exclusions) and all(one.orbit.is_stationary for one in self.sensors)
+        """Whether visibility is the same at all times: all sensors at rest in ECEF, and the Sun near nobody's field."""
+        return not self.is_blinded.any() and all(one.orbit.is_stationary for one in self.sensors)
 
     def seen(self, number: int, step: int, points: SeenPoints) -> BoolArray:
         """Return which points (n,) a sensor sees at one of the times, the Sun's exclusion included."""
         sensor, place = self.sensors[number], self.position_m[number, step]
         result = seen(sensor, place, points)
-        exclusion, now_s = self.exclusions[number], float(self.time_s[step])
-        if exclusion is not None and _matters(exclusion, now_s):
+        if self.is_blinded[number, step]:
             rows = np.flatnonzero(result)
-            sensor_m = np.broadcast_to(place, (len(rows), 3))
-            clear = exclusion.is_clear(sensor_m, points.position_m[rows], np.full(len(rows), now_s))  # type: ignore[attr-defined]
-            result[rows] = clear
+            off_rad = angle_between_rad(points.position_m[rows] - place, self.sun_m[step] - place)
+            result[rows] = off_rad > sensor.solar_exclusion_rad
         return result
-
-
-def _matters(exclusion: object, now_s: float) -> bool:
-    start_s, stop_s = exclusion.start_s, exclusion.stop_s  # type: ignore[attr-defined]
-    return bool(np.any((start_s <= now_s) & (now_s <= stop_s)))
 
 
 @frozen(eq=False)
@@ -152,12 +151,18 @@ class SightMap:
         counts = [self.at(step).sum(axis=0, dtype=np.uint8) for step in range(len(self.bits))]
         return np.broadcast_to(np.stack(counts), (self.steps, self.cells))
 
+    def seeing(self, step: int) -> IntArray:
+        """Return the sensors (most in view, cells) that see each point at a time, in order; -1 for no more."""
+        is_seen = self.at(step)
+        count = np.zeros(self.cells, dtype=np.int64)
+        table = np.full((int(is_seen.sum(axis=0).max(initial=0)), self.cells), -1)
+        for number, row in enumerate(is_seen):
+            cells = np.flatnonzero(row)
+            table[count[cells], cells] = number
+            count[cells] += 1
+        return table
+
 
 def day_s(steps: int, length_s: float = 86_400.0) -> FloatArray:
     """Return scene times (steps,), s: the middles of equal parts of a day from the scene's epoch."""
     return (np.arange(steps) + 0.5) * (length_s / steps)
-
-
-def names_of_sensors(sensors: Sequence[Sensor]) -> list[str]:
-    """Return the ids of sensors."""
-    return [sensor.id for sensor in sensors]
