@@ -1,9 +1,11 @@
-"""Cramér-Rao bounds at burnout: the least errors of launch point, velocity and impact that lines of sight allow.
+"""Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
 
 Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed and
 its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; a sensor's pointing
-bias is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d, so bounds
-are of a tracker that knows the profile: real ones, which do not, have larger errors. Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
+bias is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d. The bounds
+are of a tracker that knows the profile: real ones, which do not, have larger errors.
+
+Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
 """
 
 import numpy as np
@@ -24,7 +26,7 @@ _LEAST_INFORMATION = 1e-12
 
 @frozen(eq=False)
 class LaunchSlopes:
-    """Derivatives (n, 3, 6) of positions by the unknowns of launches in units of `_SCALES`, for times since ignition."""
+    """Derivatives (n, 3, 6) of positions by the unknowns of launches, in units of `_SCALES`."""
 
     places: LaunchPlaces
     path: BoostPath
@@ -124,7 +126,7 @@ class SensorInformation:
 
 @frozen(eq=False)
 class BurnoutBounds:
-    """Root-mean-square bounds (n,) of the horizontal launch point, m, the velocity at burnout, m/s, and the impact, m."""
+    """Root-mean-square bounds (n,): of the launch point on the ground and of the impact, m, of the velocity at burnout."""
 
     launch_m: FloatArray
     velocity_m_s: FloatArray

@@ -60,7 +60,7 @@ def _of_salvo(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSettings) ->
 
 
 def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
-    """Return P_d (heights, cells) of one look of each sensor in view, and the least intensities (bands, heights, cells)."""
+    """Return P_d (heights, cells) of one look of each sensor, and the least intensities (bands, heights, cells)."""
     sensors, bands = salvo.plan.sensors, distinct_bands(salvo.plan.sensors)
     cells, heights = len(salvo.places), settings.heights_km
     missed = np.full((len(heights), cells), np.nan)

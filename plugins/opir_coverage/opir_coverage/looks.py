@@ -1,4 +1,4 @@
-"""Looks at launches from a grid at instants of their boosts: who sees them, with which P_d, sigma and least intensity."""
+"""Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least intensities."""
 
 from collections.abc import Mapping
 from functools import cached_property

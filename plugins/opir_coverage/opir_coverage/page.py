@@ -22,8 +22,8 @@ _POLICY = (
 )
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
-#: Percentiles between which colours run where values have far outliers, and the share of the range that then is theirs.
-_LIMITS, _BULK = (1.0, 98.0), 0.6
+#: Quantiles of area between which colours run where values have far outliers, and the share of the range that then is theirs.
+_LIMITS, _BULK = (0.01, 0.99), 0.6
 
 
 def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -31,7 +31,7 @@ def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
     is_difference = "minus" in found.attributes
     names = ("PuOr_r",) if is_difference else ("viridis",)
     data = {
-        "layers": [_layer(each, is_difference=is_difference) for each in found.layers],
+        "layers": [_layer(each, found.grid.weights(), is_difference=is_difference) for each in found.layers],
         "coordinates": {name: list(own) for name, own in found.coordinates.items()},
         "dimensions": {name: list(words) for name, words in DIMENSIONS.items()},
         "rows": found.grid.shape[0],
@@ -64,7 +64,7 @@ def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
 <thead><tr>{"".join(f'<th scope="col">{head}</th>' for head in _HEAD)}</tr></thead>
 <tbody>{"".join(_row(row) for row in rows)}</tbody></table></div></section>
 </main>
-<footer><p>Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural Earth.</p></footer>
+<footer><p>{_FOOTER}</p></footer>
 <script type="application/json" id="data">{text}</script>
 <script>{(part / "coverage.js").read_text(encoding="utf-8")}</script>
 </body>
@@ -72,6 +72,7 @@ def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
 """
 
 
+_FOOTER = "Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural Earth."
 _HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
 
 
@@ -98,7 +99,7 @@ def _palette(name: str) -> str:
     return (np.round(colormaps[name](np.arange(256))[:, :3] * 255).astype(np.uint8)).tobytes().hex()
 
 
-def _layer(layer: Layer, *, is_difference: bool) -> dict[str, Any]:
+def _layer(layer: Layer, weights: FloatArray, *, is_difference: bool) -> dict[str, Any]:
     """Return a layer with its values in whole steps of a linear or logarithmic scale, compressed."""
     values = np.asarray(layer.values, dtype=np.float64)
     known = values[np.isfinite(values)]
@@ -111,7 +112,7 @@ def _layer(layer: Layer, *, is_difference: bool) -> dict[str, Any]:
     kind = np.uint8 if is_small or top <= 254 else np.uint16
     empty = np.iinfo(kind).max
     packed = np.where(np.isfinite(values), np.clip(steps, 0, top), empty).astype(kind)
-    shown = _shown(known, low, high, is_log=is_log, is_difference=is_difference)
+    shown = _shown(values.ravel(), weights, low, high, is_log=is_log, is_difference=is_difference)
     return {
         "name": layer.name,
         "title": layer.title,
@@ -147,11 +148,17 @@ def _steps(values: FloatArray, low: float, high: float, top: int, *, is_log: boo
         return np.nan_to_num(np.round(share * top))
 
 
-def _shown(known: FloatArray, low: float, high: float, *, is_log: bool, is_difference: bool) -> tuple[float, float]:
+def _shown(
+    values: FloatArray, weights: FloatArray, low: float, high: float, *, is_log: bool, is_difference: bool
+) -> tuple[float, float]:
     """Return the values between which colours run."""
-    if not known.size:
+    known = np.isfinite(values)
+    if not known.any():
         return low, high
-    bottom, upper = (float(each) for each in np.percentile(known, _LIMITS))
+    order = np.argsort(values[known])
+    share = np.cumsum(np.resize(weights, values.shape)[known][order])
+    ends = np.minimum(np.searchsorted(share, np.multiply(_LIMITS, share[-1])), len(share) - 1)
+    bottom, upper = values[known][order][ends].tolist()
     if is_difference:
         most = max(abs(bottom), abs(upper)) or high
         return -most, most

@@ -1,8 +1,8 @@
 """When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation and latency.
 
 A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks are independent; a
-look is reported if it is the last of M detections in N successive scans. The number of reports follows as a Markov chain
-over the outcomes of the last N - 1 scans, exact for looks at the steps of the chain.
+look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over the
+outcomes of the last N - 1 scans.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 
-#: Longest step between two phases of a scan, s; a sensor that looks more often than every shortest step is taken to look
-#: so often: its M-th detection is at most M such steps late.
+#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to look
+#: no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
 #: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
 #: chance, and left out if they are this share of all.
@@ -126,7 +126,7 @@ class Reports:
 
     def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
         """Add a sensor's chain over cells `rows`, with P_d (K, rows) at equal steps of the burn, ends included."""
-        place = (self.time_s - latency_s) / steps.step_s + _MIDDLE
+        place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
         early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
         for number in range(1, steps.steps + 1):

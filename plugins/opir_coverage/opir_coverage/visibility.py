@@ -55,7 +55,7 @@ def _margins(
     radius_m2 = float(sensor_m @ sensor_m)
     distance_m = np.sqrt(points.squared_m2[rows] + radius_m2 - 2.0 * along_m2)
     sine = (points.up[rows] @ sensor_m - points.along_up_m[rows]) / distance_m
-    margin = _clear(sine, sensor_m, points, rows)
+    margin = _clear(sine.copy(), sensor_m, points, rows)
     half_rad = sensor.field_of_regard_half_angle_rad
     if half_rad < math.pi:
         inside = (radius_m2 - along_m2) / (math.sqrt(radius_m2) * distance_m) - math.cos(half_rad)
