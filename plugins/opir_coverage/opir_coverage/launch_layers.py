@@ -98,7 +98,7 @@ def _reports_and_bounds(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSe
         rows = np.unique(np.concatenate([each.rows for each in looks]))
         if not len(rows):
             continue
-        _add_reports(reports, salvo, number, looks, rows, latency_s[number])
+        add_reports(reports, salvo, number, looks, rows, latency_s[number])
         parts = SensorInformation(cells)
         per_node = burn_s / settings.samples / (sensor.scan.period_ns * 1e-9)
         for step, each in enumerate(looks):
@@ -119,7 +119,7 @@ def _reports_and_bounds(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSe
     }
 
 
-def _add_reports(
+def add_reports(
     reports: Reports, salvo: Salvo, number: int, looks: Sequence[GridLooks], rows: Any, latency_s: float
 ) -> None:
     """Add the reports of a sensor about the cells `rows` that it sees at one of the nodes."""

@@ -1,4 +1,4 @@
-"""The command `opir coverage`; what it computes with is imported when the command is given."""
+"""The commands `opir coverage` and `opir physics`; what they compute with is imported when one is given."""
 
 import argparse
 from collections.abc import Callable
@@ -14,7 +14,15 @@ _Value = TypeVar("_Value")
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir coverage`."""
+    """Add `opir coverage` and `opir physics`."""
+    _add_coverage(commands)
+    from opir_coverage.bench.arguments import physics_arguments
+
+    parser = commands.add_parser("physics", help="evaluate a radiometric formula, or put a sensor on the bench")
+    physics_arguments(parser)
+
+
+def _add_coverage(commands: Any) -> None:
     parser = commands.add_parser("coverage", help=_SUMMARY)
     add_scene_arguments(parser)
     add = parser.add_argument
