@@ -29,6 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="maximum number of targets in the run (default 1000)",
     )
+    _add_health(parser)
+    parser.add_argument(
+        "--log-format",
+        choices=("text", "json"),
+        default="text",
+        help="json: all messages as JSON lines on standard error (default text)",
+    )
+
+
+def _add_health(parser: argparse.ArgumentParser) -> None:
+    """Add the times after which the service is unready, late or dead, and what follows."""
     parser.add_argument(
         "--unready-after",
         type=_wait_s,
@@ -54,12 +65,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
-    )
-    parser.add_argument(
-        "--log-format",
-        choices=("text", "json"),
-        default="text",
-        help="json: all messages as JSON lines on standard error (default text)",
     )
 
 
