@@ -143,7 +143,9 @@ def _booster(before: Leg, start_m: FloatArray, *, flies_back: bool) -> list[Leg]
 
     def flown(brake_m_s2: float) -> list[Leg]:
         turned = [thrusting(before, _BACK_S, lambda *_: -brake_m_s2 * ahead)] if flies_back else []
-        fallen = falling((turned or [before])[-1], lambda place, way: height_of(place) < _ENTRY_M and place @ way < 0.0)
+        fallen = falling(
+            (turned or [before])[-1], lambda place, way: height_of(place) < _ENTRY_M and _sinking_m_s(place, way) > 0.0
+        )
         brake = _ENTRY_SHARE * float(np.linalg.norm(fallen.velocity_m_s[-1])) / _ENTRY_S
         slowed = thrusting(fallen, _ENTRY_S, lambda _, way: -brake * way / np.linalg.norm(way))
         # A constant deceleration stops within half of the speed times the time.
