@@ -11,7 +11,6 @@ from opir_photons.radiometry import (
     pixel_temperature_k,
 )
 
-from opir_core.cli.main import main
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host.host import Host
 from opir_core.plugin import Band, SensorModel
@@ -70,13 +69,3 @@ def test_the_imagers_are_sensor_models_with_presets_by_scan(name, scans):
     periods = [preset["scan_period_ms"] for preset in model.presets.values()]
     assert max(periods) == 600_000.0
     assert min(periods) == 30_000.0
-
-
-def test_the_command_gives_a_pixel_in_kelvins(capsys):
-    """Half of 6.6e-10 W/m² over 56 µrad squared is 0.105 W/m²/sr, to which 285 K adds its own."""
-    assert main(["physics", "pixel-temperature", "--irradiance", "6.6e-10", "--behind-k", "285"]) == 0
-    shown = capsys.readouterr().out
-    kelvin = float(shown.split()[0])
-    total = 0.5 * 6.6e-10 / (56e-6) ** 2 + float(band_radiance(285.0, 3.8, 4.0))
-    assert float(band_radiance(kelvin, 3.8, 4.0)) == pytest.approx(total, rel=0.003)
-    assert shown.endswith("K over 285 K\n")
