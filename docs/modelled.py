@@ -55,7 +55,8 @@ PARTS = (
         "Plume against altitude, stage and aspect",
         "notional",
         "gases: afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; soot ends with"
-        " afterburning, alumina does not; stages of the flight, or equal shares of a single burn; projected area of a slender body",
+        " afterburning, alumina does not; stages of the flight, or equal shares of a single burn; projected area of a"
+        " slender body",
         "chemistry; plume structure; obscuration by the body; thrust tail-off; residual flame in gaps between stages",
         "Not estimated. Plumes are fully bright up to the end of a burn, and dark in gaps at once",
     ),

@@ -8,6 +8,7 @@ from opir_photons.radiometry.plume import plume_signatures
 from opir_photons.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig
 from opir_photons.radiometry.sources import bolide_sources
 
+import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import Band, SignatureContext, SourceContext
 
@@ -75,3 +76,45 @@ def test_long_wave_ground_by_day_is_not_colder_than_by_night(climate):
     for sky in ("clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"):
         for table in sky_tables(climate, sky):
             assert np.all(table.day >= 0.0), (sky, table.band)
+
+
+#: All of the launches of short-range missiles of 1991 were seen by DSP (NOVA "False Alarms"; IEEE Spectrum, 2000).
+SEEN, LAUNCHED = 88, 88
+
+
+def ranged(latitude_deg, longitude_deg, bearing_deg, range_km):
+    """Return the place at a range and bearing on a sphere, deg."""
+    angle, bearing, latitude = range_km / 6371.0, np.radians(bearing_deg), np.radians(latitude_deg)
+    sine = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(bearing)
+    across = np.sin(bearing) * np.sin(angle) * np.cos(latitude)
+    east = np.degrees(np.arctan2(across, np.cos(angle) - np.sin(latitude) * sine))
+    return {"lat_deg": float(np.degrees(np.arcsin(sine))), "lon_deg": float(longitude_deg + east)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cloud", [None, {"top_km": 3.0}, {"top_km": 10.0}], ids=["clear", "3 km", "10 km"])
+def test_short_range_missiles_on_a_winter_night_are_seen_as_in_1991(cloud):
+    """Twelve over 600 km by the sensor of the record; the share seen is within binomial chance of all of 88."""
+    rng, count = np.random.default_rng(2), 12
+    targets = []
+    for number in range(count):
+        latitude, longitude, bearing = rng.uniform([32.0, 40.0, 200.0], [34.0, 42.0, 280.0]).tolist()
+        launch = {"lat_deg": latitude, "lon_deg": longitude, "time_s": float(rng.uniform(10.0, 20.0))}
+        aim = ranged(latitude, longitude, bearing, 600.0)
+        targets.append({"id": f"T{number}", "type": "SRBM", "launch": launch, "aim": aim})
+    scene = {
+        "scene": "winter night",
+        "epoch": "1991-01-20T20:00:00Z",
+        "duration_s": 150,
+        "seed": 2,
+        "sensors": [{"model": "DSP", "id": "D", "preset": "heritage", "orbital_slot_deg": 60.0}],
+        "targets": targets,
+        "detection": {"model": "snr"},
+        "atmosphere": {"model": "lowtran", "climate": "midlat_winter", **({"cloud": cloud} if cloud else {})},
+        "background": {"model": "earth", "climate": "subarctic_winter"},
+        "outputs": [],
+    }
+    plan = opir.compile_plan(opir.scene_from_mapping(scene))
+    seen = opir.Engine(plan).advance(plan.end_ns).truth.target
+    share = len(set(seen[seen >= 0].tolist())) / count
+    assert share > SEEN / LAUNCHED - 0.05

@@ -22,7 +22,7 @@ CLASS_M_S = {30.0: 215.0, 60.0: 448.0, 140.0: 1175.0}
 
 @pytest.fixture(scope="module")
 def ascent():
-    legs = legs_of(AscentConfig(lat_deg=28.6, lon_deg=-80.6), 600.0)
+    legs = legs_of(AscentConfig(lat_deg=28.6, lon_deg=-80.6))
     times, places, speeds = (np.concatenate([leg[column] for leg in legs]) for column in range(3))
     return times, np.array([height_of(place) for place in places]) / 1e3, np.linalg.norm(speeds, axis=1)
 

@@ -29,7 +29,7 @@ Program = Callable[[float], tuple[float, float]]
 Thrust = Callable[[FloatArray, FloatArray], FloatArray]
 
 
-class Leg(NamedTuple):
+class AscentLeg(NamedTuple):
     """A smooth part of a flight: times since lift-off (n,), ECEF positions and velocities (n, 3); whether it burns."""
 
     time_s: FloatArray
@@ -46,7 +46,7 @@ def height_of(position_m: FloatArray) -> float:
 
 def powered(
     start_s: float, position_m: FloatArray, heading: FloatArray, speed_m_s: float, burn_s: float, program: Program
-) -> Leg:
+) -> AscentLeg:
     """Return a burn on the great circle from a position in a direction, by its program; speeds are over the Earth."""
     radius = float(np.linalg.norm(position_m))
     up, along = position_m / radius, heading / np.linalg.norm(heading)
@@ -66,42 +66,51 @@ def powered(
     outward = np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * along
     onward = np.cos(turn)[:, None] * along - np.sin(turn)[:, None] * up
     velocity = speed[:, None] * (np.sin(angle)[:, None] * outward + np.cos(angle)[:, None] * onward)
-    return Leg(start_s + time_s, radii[:, None] * outward, velocity, True)
+    return AscentLeg(start_s + time_s, radii[:, None] * outward, velocity, True)
 
 
-def coast(before: Leg, duration_s: float) -> Leg:
+def coast(before: AscentLeg, duration_s: float) -> AscentLeg:
     """Return a free fall on a two-body arc, in a frame at rest, from the end of a leg."""
     count = max(round(duration_s / _COAST_STEP_S), 8) + 1
     since_s = np.linspace(0.0, duration_s, count)
     position, velocity = before.position_m[-1], before.velocity_m_s[-1]
     flown, moved = propagate_kepler(position[None], (velocity + np.cross(OMEGA, position))[None], since_s)
     turned, moving = (_turned(vectors, -EARTH_ROTATION_RAD_S * since_s) for vectors in (flown, moved))
-    return Leg(before.time_s[-1] + since_s, turned, moving - np.cross(OMEGA, turned), False)
+    return AscentLeg(before.time_s[-1] + since_s, turned, moving - np.cross(OMEGA, turned), False)
 
 
-def thrusting(before: Leg, duration_s: float, thrust: Thrust) -> Leg:
+def thrusting(before: AscentLeg, duration_s: float, thrust: Thrust) -> AscentLeg:
     """Return a burn under a thrust, gravity, rotation and air, from the end of a leg."""
     time_s = np.linspace(0.0, duration_s, max(round(duration_s / _STEP_S), 8) + 1)
     states = integrated(_rate(thrust), time_s, _last(before))
-    return Leg(before.time_s[-1] + time_s, states[:, :3], states[:, 3:], True)
+    return AscentLeg(before.time_s[-1] + time_s, states[:, :3], states[:, 3:], True)
 
 
-def falling(before: Leg, is_over: Callable[[FloatArray, FloatArray], bool], longest_s: float = 1200.0) -> Leg:
+def falling(
+    before: AscentLeg, is_over: Callable[[FloatArray, FloatArray], bool], longest_s: float = 1200.0
+) -> AscentLeg:
     """Return a fall through the air from the end of a leg, until the last step before something is over."""
     rate, state, states = _rate(lambda _, velocity: 0.0 * velocity), _last(before), list[FloatArray]()
     while len(states) * _STEP_S < longest_s and not (len(states) > _LEAST and is_over(state[:3], state[3:])):
         states.append(state)
         state = integrated(rate, _ONE_STEP_S, state)[-1]
     flown = np.array(states)
-    return Leg(before.time_s[-1] + _STEP_S * np.arange(len(flown)), flown[:, :3], flown[:, 3:], False)
+    return AscentLeg(before.time_s[-1] + _STEP_S * np.arange(len(flown)), flown[:, :3], flown[:, 3:], False)
 
 
-def stopping(before: Leg, burn_s: float) -> Leg:
+def stopping(before: AscentLeg, burn_s: float) -> AscentLeg:
     """Return a burn that brings a target to rest on a straight line, at a constant deceleration."""
     share = np.linspace(0.0, 1.0, max(round(burn_s / _STEP_S), 8) + 1)[:, None]
     position, velocity = before.position_m[-1], before.velocity_m_s[-1]
     way = position + burn_s * (share - 0.5 * share * share) * velocity
-    return Leg(before.time_s[-1] + burn_s * share[:, 0], way, (1.0 - share) * velocity, True)
+    return AscentLeg(before.time_s[-1] + burn_s * share[:, 0], way, (1.0 - share) * velocity, True)
+
+
+def resting(before: AscentLeg, duration_s: float) -> AscentLeg:
+    """Return a time at rest where a leg ends."""
+    since_s = np.linspace(0.0, duration_s, _LEAST + 1)
+    place = np.broadcast_to(before.position_m[-1], (len(since_s), 3))
+    return AscentLeg(before.time_s[-1] + since_s, place, np.zeros(place.shape), False)
 
 
 def integrated(rate: Callable[[float, FloatArray], FloatArray], time_s: FloatArray, state: FloatArray) -> FloatArray:
@@ -118,7 +127,7 @@ def integrated(rate: Callable[[float, FloatArray], FloatArray], time_s: FloatArr
     return np.array(states)
 
 
-def _last(before: Leg) -> FloatArray:
+def _last(before: AscentLeg) -> FloatArray:
     """Return position and velocity (6,) at the end of a leg."""
     return np.concatenate([before.position_m[-1], before.velocity_m_s[-1]])
 

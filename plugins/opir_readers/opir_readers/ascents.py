@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from attrs import define
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import geodetic_to_ecef, local_axes
 from opir_core.plugin import StateTable, TargetContext, Trajectories
-from opir_readers.ascent_legs import OMEGA, Leg, coast, falling, height_of, powered, stopping, thrusting
+from opir_readers.ascent_legs import OMEGA, AscentLeg, coast, falling, height_of, powered, resting, stopping, thrusting
 from opir_readers.configs import AscentConfig
 from opir_readers.interpolation import interpolant
 from opir_readers.table_targets import EPHEMERIS_TOLERANCE_M, TableTargets
@@ -39,13 +39,26 @@ _BACK_S, _ENTRY_S, _LANDING_S, _ENTRY_M, _ENTRY_SHARE = 45.0, 20.0, 25.0, 60e3, 
 #: The largest thrust acceleration, m/s²: with gravity it stays below the 100 m/s² for which visibility is exact.
 MOST_M_S2 = 90.0
 
+#: How long a booster is followed on the ground, s.
+_RESTS_S = 60.0
+
 _GRAVITY_M_S2 = 9.81
 _ITERATIONS, _MISS = 40, 1e-6
 
 
 @define(eq=False)
 class AscentTargets(TableTargets):
-    """Targets on kinematic ascents, which are tables of states without a file."""
+    """Targets on kinematic ascents, which are tables of states without a file; `coast` is what follows the burns."""
+
+    coast: Ephemeris | None = None
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
+        position_m = self.flight.position_m(target, time_s)
+        late = np.flatnonzero(time_s > self.burnout_s[target])
+        if self.coast is not None and len(late):
+            position_m[late] = self.coast.position_m(target[late], time_s[late])
+        return position_m
 
     @property
     def files(self) -> Sequence[Mapping[str, str]]:
@@ -58,7 +71,7 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
     tables, problems = list[StateTable](), list[Problem]()
     for config, path in zip(configs, context.paths, strict=True):
         try:
-            tables.append(_table(config, legs_of(config, context.duration_s)))
+            tables.append(_table(config, legs_of(config)))
         except ValueError as error:
             problems.append(Problem(path, str(error)))
     if problems:
@@ -68,19 +81,22 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
     end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
     longest = max(len(table.time_s) for table in tables)
     breaks_s = np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
+    state = interpolant(tables).state
+    late = Ephemeris.build(state, burnout_s, end_s, breaks_s, EPHEMERIS_TOLERANCE_M) if context.free_flight else None
     return AscentTargets(
         type_code=np.array([context.target_class(config.type).type_code for config in configs], dtype=np.uint8),
         ignition_s=ignition_s,
         burnout_s=burnout_s,
         end_s=end_s,
         burns_s=joined_burns_s([table.burns_s[None] for table in tables]),
-        flight=Ephemeris.build(interpolant(tables).state, ignition_s, end_s, breaks_s, EPHEMERIS_TOLERANCE_M),
+        flight=Ephemeris.build(state, ignition_s, burnout_s, breaks_s, EPHEMERIS_TOLERANCE_M),
+        coast=late,
         told=tuple(_told(*row) for row in zip(context.ids, configs, tables, strict=True)),
     )
 
 
-def legs_of(config: AscentConfig, duration_s: float) -> list[Leg]:
-    """Return the legs of a flight; in orbit to `duration_s` after lift-off, or for a minute at least.
+def legs_of(config: AscentConfig) -> list[AscentLeg]:
+    """Return the legs of a flight, to the ground, or in orbit for `followed_s`.
 
     `ValueError` where the second burn reaches no orbit of the wanted height.
     """
@@ -91,10 +107,10 @@ def legs_of(config: AscentConfig, duration_s: float) -> list[Leg]:
     if config.flight == "booster":
         return [first, gap, *_booster(gap, start, flies_back=config.flies_back)]
     second = _second_burn(gap, config.second_burn_s, config.orbit_altitude_km * 1e3)
-    return [first, gap, second, coast(second, max(duration_s - float(second.time_s[-1]), 60.0))]
+    return [first, gap, second, coast(second, config.followed_s)]
 
 
-def _first_burn(start_m: FloatArray, azimuth_rad: float, burn_s: float) -> Leg:
+def _first_burn(start_m: FloatArray, azimuth_rad: float, burn_s: float) -> AscentLeg:
     growth = 1.0 - 1.0 / FIRST_GROWTH
 
     def program(time_s: float) -> tuple[float, float]:
@@ -106,14 +122,14 @@ def _first_burn(start_m: FloatArray, azimuth_rad: float, burn_s: float) -> Leg:
     return powered(0.0, start_m, np.sin(azimuth_rad) * east + np.cos(azimuth_rad) * north, 0.0, burn_s, program)
 
 
-def _second_burn(before: Leg, burn_s: float, altitude_m: float) -> Leg:
+def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentLeg:
     """Return the burn from the end of a coast into a circular orbit at an altitude above the equatorial radius."""
     position, velocity = before.position_m[-1], before.velocity_m_s[-1]
     speed = float(np.linalg.norm(velocity))
     angle = float(np.arcsin(velocity @ position / (speed * np.linalg.norm(position))))
     growth, wanted_m = 1.0 - 1.0 / SECOND_GROWTH, EARTH_EQUATORIAL_RADIUS_M + altitude_m
 
-    def flown(settings: FloatArray) -> Leg:
+    def flown(settings: FloatArray) -> AscentLeg:
         first_m_s2, exponent = settings.tolist()
 
         def program(time_s: float) -> tuple[float, float]:
@@ -135,28 +151,31 @@ def _second_burn(before: Leg, burn_s: float, altitude_m: float) -> Leg:
     return flown(found)
 
 
-def _booster(before: Leg, start_m: FloatArray, *, flies_back: bool) -> list[Leg]:
+def _booster(before: AscentLeg, start_m: FloatArray, *, flies_back: bool) -> list[AscentLeg]:
     """Return the way of a booster from the end of its dark gap to the ground: to the launch site, or down the range."""
     velocity, up = before.velocity_m_s[-1], before.position_m[-1] / np.linalg.norm(before.position_m[-1])
     ahead = velocity - (velocity @ up) * up
     ahead /= np.linalg.norm(ahead)
 
-    def flown(brake_m_s2: float) -> list[Leg]:
+    def flown(brake_m_s2: float) -> list[AscentLeg]:
         turned = [thrusting(before, _BACK_S, lambda *_: -brake_m_s2 * ahead)] if flies_back else []
-        fallen = falling((turned or [before])[-1], lambda place, way: height_of(place) < _ENTRY_M and place @ way < 0.0)
+        fallen = falling(
+            (turned or [before])[-1], lambda place, way: height_of(place) < _ENTRY_M and _sinking_m_s(place, way) > 0.0
+        )
         brake = _ENTRY_SHARE * float(np.linalg.norm(fallen.velocity_m_s[-1])) / _ENTRY_S
         slowed = thrusting(fallen, _ENTRY_S, lambda _, way: -brake * way / np.linalg.norm(way))
         # A constant deceleration stops within half of the speed times the time.
         last = falling(slowed, lambda place, way: height_of(place) < 0.5 * _LANDING_S * _sinking_m_s(place, way))
         place, way = last.position_m[-1], last.velocity_m_s[-1]
-        return [*turned, fallen, slowed, last, stopping(last, 2.0 * height_of(place) / _sinking_m_s(place, way))]
+        landing = stopping(last, 2.0 * height_of(place) / _sinking_m_s(place, way))
+        return [*turned, fallen, slowed, last, landing, resting(landing, _RESTS_S)]
 
-    def beyond_m(brake_m_s2: FloatArray) -> FloatArray:
+    def beyond_km(brake_m_s2: FloatArray) -> FloatArray:
         return np.array([(flown(float(brake_m_s2[0]))[-1].position_m[-1] - start_m) @ ahead / 1e3])
 
     if not flies_back:
         return flown(0.0)
-    return flown(float(_solved(beyond_m, np.array([40.0]), "no way back to the launch site")[0]))
+    return flown(float(_solved(beyond_km, np.array([40.0]), "no way back to the launch site")[0]))
 
 
 def _sinking_m_s(position_m: FloatArray, velocity_m_s: FloatArray) -> float:
@@ -179,7 +198,7 @@ def _solved(miss: Callable[[FloatArray], FloatArray], guess: FloatArray, words: 
     raise ValueError(words)
 
 
-def _table(config: AscentConfig, legs: Sequence[Leg]) -> StateTable:
+def _table(config: AscentConfig, legs: Sequence[AscentLeg]) -> StateTable:
     """Return the states of legs in scene time; each leg is a run of smooth motion."""
     burns = [(leg.time_s[0], leg.time_s[-1]) for leg in legs if leg.burns]
     return StateTable(

@@ -66,4 +66,11 @@ class AscentConfig:
     orbit_altitude_km: float = number(
         default=200.0, unit="km", minimum=150.0, maximum=400.0, help="altitude of the orbit above the equatorial radius"
     )
+    followed_s: float = number(
+        default=1500.0,
+        unit="s",
+        minimum=60.0,
+        maximum=86_400.0,
+        help="how long it is followed in orbit, by sensors that follow bodies",
+    )
     flies_back: bool = flag(default=True, help="whether a booster lands at the launch site, not down the range")
