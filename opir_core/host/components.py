@@ -219,8 +219,9 @@ class FileReader(Component):
     """`build(config, context) -> StateTable`, or what else `yields` names: the content of a file.
 
     `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one of `FILE_CONTENTS`:
-    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM. `example` is a small file of
-    the format, for the documentation and the conformance tests.
+    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM, of detections by the keys of
+    an event. `example` is a small file of the format, for the documentation and the conformance tests.
+    `orbit(path, satellite, epoch_us, readers)`, of one reader, returns the orbit of a sensor from any file.
     """
 
     hook = "opir_readers"
@@ -229,6 +230,7 @@ class FileReader(Component):
     recognises: Callable[[str], bool]
     yields: str = "trajectories"
     example: str
+    orbit: Callable[..., Any] | None = None
 
 
 @frozen(kw_only=True)

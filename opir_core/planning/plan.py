@@ -208,7 +208,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     problems, made = BuildProblems(), list[Sensor]()
     for chosen in scene.sensors:
         with problems.of(chosen.model.path):
-            made.append(_sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)))
+            made.append(
+                _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers))
+            )
     sensors, sources = tuple(made), tuple["Sources", ...]()
     with problems.of("sources"):
         sources = _sources(scene, host, sensors)

@@ -87,6 +87,7 @@ class Gate:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        scope = in_origin_form(scope)
         guarded = self._log.watched(scope, _with_headers(send, is_open=_is_open(scope["path"])))
         try:
             body = await self._admitted(scope, receive)
@@ -118,6 +119,9 @@ class Gate:
         if scope["method"] in _WRITES:
             self._check_site(headers)
             _require_now(self._rates.wait_s(client, self._settings().writes_per_s))
+        if headers.get(b"content-encoding", b"identity").strip().lower() not in (b"", b"identity"):
+            encoded = "send the body as it is, without Content-Encoding"
+            raise ProblemError(415, encoded, headers={"Accept-Encoding": "identity"})
         if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers):
             raise ProblemError(415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')")
         return await _body(headers, receive)
@@ -160,6 +164,23 @@ def _host_name(host: bytes) -> str:
     """Return the name or address of a `Host` header, without port and brackets; "" for one that is malformed."""
     found = _HOST.fullmatch(host.decode("latin-1").lower())
     return "" if found is None else found["address"] or found["name"]
+
+
+def in_origin_form(scope: Scope) -> Scope:
+    """Return a request to `http://host/path`, as to a proxy, as one to `/path` of that host (RFC 9112, 3.2.2)."""
+    scheme, mark, rest = scope["path"].partition("://")
+    if not mark or scheme.lower() not in ("http", "https"):
+        return scope
+    authority, slash, path = rest.partition("/")
+    raw = bytes(scope.get("raw_path", b"")).partition(b"://")[2].partition(b"/")[2]
+    headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
+    host = authority.partition("?")[0].encode("latin-1", "replace")
+    return {
+        **scope,
+        "path": f"/{path}" if slash else "/",
+        "raw_path": b"/" + raw,
+        "headers": [(b"host", host), *headers],
+    }
 
 
 def _is_open(path: str) -> bool:
@@ -247,7 +268,7 @@ def health_only(app: App) -> App:
                 message["headers"] = [*_given(message), (b"connection", b"close")]
             await send(message)
 
-        if scope["path"] in _HEALTH:
+        if in_origin_form(scope)["path"] in _HEALTH:
             await app(scope, receive, closing)
         else:
             problem = ProblemError(503, "too many connections", headers={"Retry-After": "5"})

@@ -7,7 +7,7 @@ from opir_core.live import LATE_EDGES_S, LiveStatus
 from opir_core.output import SinkStatus
 from opir_http.service import Service
 
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+CONTENT_TYPE = "text/plain; version=0.0.4"
 
 
 def metrics_text(service: Service) -> str:

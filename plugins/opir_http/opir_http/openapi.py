@@ -204,13 +204,16 @@ def _tracks() -> Schema:
 
 def _stream() -> Schema:
     view = _parameter("view", {"type": "string", "enum": ["full", "brief"], "default": "full"})
+    last = {"name": "Last-Event-ID", "in": "header", "schema": TEXT, "description": "id of the last frame that arrived"}
     responses = {"200": {"description": "Server-sent events", "content": {"text/event-stream": {"schema": TEXT}}}}
     return {
         "operationId": "stream",
         "summary": "Live detections, tracks and status",
         "description": "Server-sent events: `detections` (of each cycle, with their `count`; the brief view has a"
-        " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client), `end`.",
-        "parameters": [view],
+        " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client, or detections that are no"
+        " longer in the history), `end`. The `id` of `detections` is the number of the last one; with `Last-Event-ID`"
+        " the stream goes on after that one.",
+        "parameters": [view, last],
         "responses": responses | _problems(503),
     }
 

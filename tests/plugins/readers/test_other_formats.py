@@ -95,7 +95,7 @@ def test_geodetic_places_of_stk_are_those_of_proj():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (stk(frame="TrueOfDate"), "CoordinateSystem is TrueOfDate; read are fixed, j2000"),
+        (stk(frame="MeanOfDate"), "CoordinateSystem is MeanOfDate; read are fixed, j2000"),
         (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
         (stk(kind="EphemerisTimePosVelAcc"), "line 11: has 7 values; a state has 10"),
         (stk(kind="CovarianceTimePos"), "has no states of a kind that is read"),
