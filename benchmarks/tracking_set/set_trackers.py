@@ -1,6 +1,6 @@
 """Trackers of opir on the tracking set: a scene with the set's sensors, and the set's detections instead of its own.
 
-What a tracker is told is in `set.json`: sensors, noise, bias, P_d and the density of clutter. Nothing is tuned to it.
+A tracker knows what `set.json` says: sensors, noise, bias, P_d and the density of clutter. Nothing is tuned to it.
 """
 
 from collections.abc import Mapping, Sequence
