@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from set_lmb import LmbTracker
 
 import opir_core as opir
 from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
@@ -127,6 +126,8 @@ def tracks_of(description: Mapping[str, Any], epoch: str, detections: Detections
     """Return the tracks of a tracker on a scene, at every tick of its own."""
     plan = opir.compile_plan(opir_scene(description, epoch, TRACKERS[name](description)))
     if name == LMB:
+        from set_lmb import LmbTracker  # making the set needs no Stone Soup
+
         sensor = description["sensors"][0]
         density = sensor["clutter_per_look"] / solid_angle(sensor["clutter_half_angle_rad"])
         tracker = LmbTracker(context_of(plan, description), sensor["detection_probability"], density)
