@@ -47,11 +47,10 @@ opir score tracking-set --tracks my_tracks.csv
 
 `kepler-arc` fits free flights: while a target burns it is off by more than c, so most of its tracks are false here.
 
-Covered: share of scored launches and ticks with a track. False: tracks of no launch; missed: launches without a track,
-of {next(iter(whole.values()))["launches"]}. GOSPA/c: of positions, per launch, over the cut-off (p = 2, α = 2; a launch
-missed at a tick costs 0.71). /bound: root mean square of position error over the bound that knows the law of flights;
-the energy score of position over that which an efficient tracker expects. Log: log score of the state, nats above an
-efficient tracker's. NEES/6: median; 0.89 is consistent. Held: states in their 95 % ellipsoids, with its 95 % interval.
+False: tracks of no launch; missed: launches without a track, of {next(iter(whole.values()))["launches"]}. GOSPA/c: over the
+cut-off; a launch missed at a tick costs 0.71. /bound: RMS of the error over the bound that knows the law of flights,
+and mean energy score over an efficient tracker's. Log: log score of the state, nats above that. NEES/6: median; 0.89 is
+consistent. [All definitions](../how-to/enter-the-tracking-benchmark.md#score).
 
 ## Cases
 
