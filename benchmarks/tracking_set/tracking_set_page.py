@@ -49,7 +49,7 @@ opir score tracking-set --tracks my_tracks.csv
 
 False: tracks of no launch; missed: launches without a track, of {next(iter(whole.values()))["launches"]}. GOSPA/c:
 over the cut-off; a launch missed at a tick costs 0.71. /bound: RMS of the error over the bound that knows the law of
-flights, and mean energy score over an efficient tracker's. Log: log score of the state, nats above that. NEES/6: median;
+flights, and mean energy score over an efficient tracker's. Log: log score of the state, nats above it. NEES/6: median;
 0.89 is consistent. [All definitions](../how-to/enter-the-tracking-benchmark.md#score).
 
 ## Cases
