@@ -1,13 +1,12 @@
 """Trackers of opir on the tracking set: a scene with the set's sensors, and the set's detections instead of its own.
 
-What a tracker is told is in `set.json`: sensors, noise, bias, P_d and the density of clutter. Nothing is tuned to it.
+A tracker knows what `set.json` says: sensors, noise, bias, P_d and the density of clutter. Nothing is tuned to it.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from set_lmb import LmbTracker
 
 import opir_core as opir
 from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
@@ -127,6 +126,8 @@ def tracks_of(description: Mapping[str, Any], epoch: str, detections: Detections
     """Return the tracks of a tracker on a scene, at every tick of its own."""
     plan = opir.compile_plan(opir_scene(description, epoch, TRACKERS[name](description)))
     if name == LMB:
+        from set_lmb import LmbTracker  # making the set needs no Stone Soup
+
         sensor = description["sensors"][0]
         density = sensor["clutter_per_look"] / solid_angle(sensor["clutter_half_angle_rad"])
         tracker = LmbTracker(context_of(plan, description), sensor["detection_probability"], density)

@@ -111,7 +111,9 @@ def version_of(name: str) -> str:
 
 def scored(arguments: argparse.Namespace) -> list[dict[str, str]]:
     """Make the set where there is none, run the trackers and return the rows of figures."""
-    names = arguments.trackers or [name for name in TRACKERS if "Stone" not in name or find_spec("stonesoup")]
+    names = arguments.trackers
+    if names is None:
+        names = [name for name in TRACKERS if "Stone" not in name or find_spec("stonesoup")]
     with tempfile.TemporaryDirectory() as folder:
         place = arguments.set or Path(folder)
         if not (place / "set.json").exists():
@@ -152,7 +154,12 @@ def main() -> int:
     parser.add_argument("--set", type=Path, metavar="FOLDER", help="a set that was written before; tracks go there too")
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE")
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="odd ones are free to tune on")
-    parser.add_argument("--trackers", nargs="+", choices=list(TRACKERS), metavar="TRACKER")
+    parser.add_argument(
+        "--trackers",
+        nargs="*",
+        metavar="TRACKER",
+        help="run these alone (of " + "; ".join(TRACKERS) + "); all with tracks in the folder of the set are scored",
+    )
     parser.add_argument("--write", type=Path, help="folder for the page and the data")
     parser.add_argument("--from-csv", type=Path, help="folder with the data of an earlier run")
     arguments = parser.parse_args()

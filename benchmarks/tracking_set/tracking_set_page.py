@@ -45,11 +45,12 @@ opir score tracking-set --tracks my_tracks.csv
 
 {verdict(whole)}
 
-Covered: share of scored launches and ticks with a track. False: tracks of no launch; missed: launches without a track,
-of {next(iter(whole.values()))["launches"]}. GOSPA/c: of positions, per launch, over the cut-off (p = 2, α = 2; a launch
-missed at a tick costs 0.71). /bound: root mean square of position error over the bound that knows the law of flights;
-the energy score of position over that which an efficient tracker expects. Log: log score of the state, nats above an
-efficient tracker's. NEES/6: median; 0.89 is consistent. Held: states in their 95 % ellipsoids, with its 95 % interval.
+`kepler-arc` fits free flights: while a target burns it is mostly off by more than c, and its tracks are false.
+
+False: tracks of no launch; missed: launches without a track, of {next(iter(whole.values()))["launches"]}. GOSPA/c:
+over the cut-off; a launch missed at a tick costs 0.71. /bound: RMS of the error over the bound that knows the law of
+flights, and mean energy score over an efficient tracker's. Log: log score of the state, nats above it. NEES/6: median;
+0.89 is consistent. [All definitions](../how-to/enter-the-tracking-benchmark.md#score).
 
 ## Cases
 
@@ -70,7 +71,7 @@ each scene; it is in `set.json`.
 
 ## States in their 95 % ellipsoids, %
 
-{by_case(lambda row: f"{100.0 * number(row['held_95']):.0f}")}
+{by_case(lambda row: share(row["held_95"]))}
 
 ## How it is made
 
@@ -84,7 +85,7 @@ each scene; it is in `set.json`.
   known association (van Trees); and one with unknown thrust. A tracker that does not know the law stays above the
   first.
 * **Scored** is a launch from its third detection to 20 s after its last burnout, every 5 s.
-* **Trackers** are told what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. The
+* **Trackers** know what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. The
   Stone Soup trackers are those of [opir's adapter](../how-to/stone-soup.md) at its defaults. The LMB filter is a
   labelled multi-Bernoulli filter with one normal distribution a label and belief propagation
   (`benchmarks/tracking_set/set_lmb.py`); Stone Soup has none. Rows of `imm` with P(launch) of at most 0.5 are left out;
@@ -108,7 +109,7 @@ def overall(row: Row) -> list[str]:
         *(row[name] for name in ("false_tracks", "missed_launches")),
         f"{number(row['gospa_over_cutoff']):.2f}",
         *(plain(row[name]) for name in ("error_over_bound", "energy_over_bound", "log_score_above_bound")),
-        f"{number(row['nees_over_6_median']):.2f}",
+        plain(row["nees_over_6_median"]),
         f"{100.0 * number(row['held_95']):.0f} [{low:.0f}, {high:.0f}]",
     ]
 
@@ -138,6 +139,11 @@ def plain(text: str) -> str:
     if not isfinite(value):
         return "–" if isnan(value) else "∞"
     return f"{value:.{2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0}f}"
+
+
+def share(text: str) -> str:
+    """Return a share in per cent; a dash for none."""
+    return "–" if isnan(number(text)) else f"{100.0 * number(text):.0f}"
 
 
 def versions(whole: dict[str, Row]) -> str:

@@ -16,15 +16,15 @@ from opir_scoring.containments import proportion
 from opir_scoring.figure_text import number_text
 
 HEAD = (
-    *("case", "covered, %", "false", "missed", "c, m", "GOSPA, m", "error, m", "/bound", "/unknown"),
+    *("case", "covered, %", "false", "missed", "c, m", "GOSPA, m", "/c", "error, m", "/bound", "/unknown"),
     *("energy, m", "/bound", "log", "NEES/6", "held, %"),
 )
 LEGEND = """\
 Covered: share of scored launches and ticks with a track; false: tracks of no launch, missed: launches without any.
-GOSPA: per launch, of positions, p = 2, alpha = 2, c the cut-off, 10 x the median bound of a scene. Error: median of
+GOSPA: per launch, of positions, p = 2, alpha = 2, c the cut-off of a scene, 10 x its median bound. Error: median of
 position; /bound: RMS of error over the Cramér-Rao bound that knows the law of flights, 1 is efficient; /unknown: over
-the bound with unknown thrust. Energy: mean energy score of position; /bound: over that of the bound. Log: mean log
-score of the state, nats above that of the bound. NEES/6: median; 0.89 is consistent. Held: states in their 95 %
+the bound with unknown thrust. Energy: mean energy score of position; /bound: mean over that of the bound. Log: mean
+log score of the state, nats above that of the bound. NEES/6: median; 0.89 is consistent. Held: states in their 95 %
 ellipsoids. All of these over covered ticks."""
 
 
@@ -69,7 +69,7 @@ def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
         "error_over_bound": _rms(states["position_m"] / states["bound_m"]),
         "error_over_unknown_thrust_bound": _rms(states["position_m"] / states["free_bound_m"]),
         "position_energy_m": _mean(states["energy_m"]),
-        "energy_over_bound": _mean(states["energy_m"]) / _mean(states["bound_energy_m"]),
+        "energy_over_bound": _mean(states["energy_m"] / states["bound_energy_m"]),
         "log_score_above_bound": _mean(states["log_score"] - states["bound_log_score"]),
         "nees_over_6_median": _median(value) / 6.0,
         "held_95": {"value": held, "interval_95": [low, high]},
@@ -91,6 +91,11 @@ def set_text(about: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
     if about["rows_left_out"]:
         head += f"; {about['rows_left_out']} rows left out (at no tick, or P(launch) at most 0.5)"
     rows = [[name, *figure_cells(own)] for name, own in figures.items()]
+    # Metres of cases with one sensor in high orbit and three in low orbit have no common mean.
+    rows = [
+        [cell if row[0] != "all" or not unit.endswith(", m") else "" for cell, unit in zip(row, HEAD, strict=True)]
+        for row in rows
+    ]
     return "\n\n".join([head, table(HEAD, rows, numbers=range(1, len(HEAD))), LEGEND])
 
 
@@ -103,6 +108,7 @@ def figure_cells(figures: Mapping[str, Any]) -> list[str]:
         str(figures["missed_launches"]),
         f"{low:.0f}" if low == high else f"{low:.0f}–{high:.0f}",
         number_text(figures["gospa_m"], 0),
+        number_text(figures["gospa_over_cutoff"], 2),
         number_text(figures["position_median_m"], 0),
         number_text(figures["error_over_bound"], 2),
         number_text(figures["error_over_unknown_thrust_bound"], 2),

@@ -65,8 +65,8 @@ def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
     kept = np.flatnonzero((np.abs(time_s - tick * tick_s) <= TICK_ROUNDING_S) & (chance > LEAST_PROBABILITY))
     found = SetTracks(
         name=path.name,
-        scene=[scene[row] for row in kept],
-        track=[str(table["track"][row]) for row in kept],
+        scene=[scene[row] for row in kept.tolist()],
+        track=[str(table["track"][row]) for row in kept.tolist()],
         time_s=tick[kept] * tick_s,
         state=state[kept],
         covariance=_covariances(path, table, len(time_s))[kept],
