@@ -17,6 +17,7 @@ from focal_plane_images import Floats, Images, Outputs, centroid_errors, filtere
 from opir_photons.detection import cfar_loss, cfar_probability_of_detection, cfar_threshold
 from opir_photons.radiometry import (
     FrameDifference,
+    PointSpread,
     SpatialTransfer,
     centroid_sigma_rad,
     filter_weights,
@@ -115,7 +116,7 @@ def images_of(
     """Return frames with clutter `ratio` times the noise and targets of a mean SNR."""
     frames = None if temporal is None else FrameDifference(1.0, *temporal)
     registration, drift = temporal or (0.0, 0.0)
-    left = float(SpatialTransfer.of(weights, spot, 3.0).variance(scale, exponent, frames))
+    left = float(SpatialTransfer.of(weights, PointSpread(np.inf, spot), 3.0).variance(scale, exponent, frames))
     counted = noise_gain(weights) * (1 if temporal is None else 2)
     background_e, structure_e = LEAST_BACKGROUND_E, 0.0
     for _ in range(200):
@@ -144,7 +145,7 @@ class Noise:
 
     def __init__(self, images: Images) -> None:
         self._images = images
-        self._transfer = SpatialTransfer.of(images.weights, images.spot, 6.0)
+        self._transfer = SpatialTransfer.of(images.weights, PointSpread(np.inf, images.spot), 6.0)
         self.white = noise_gain(images.weights) * (images.background_e + images.read_e**2) * (1 + images.is_difference)
         self._table = np.linspace(0.0, 6.0 * images.registration + images.drift + 1e-9, 400)
         self._left = np.array([self._variance(0.0, moved) for moved in self._table]) if images.is_difference else None

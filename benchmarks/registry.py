@@ -294,6 +294,13 @@ BENCHMARKS = (
         needs=("opir_trackers",),
     ),
     Benchmark(
+        "tracking_set",
+        "How do trackers compare on the published set of lines of sight of boosts?",
+        "tracking_set/tracking_set.py",
+        ("--cases", "one-launch", "--seeds", "2", "--trackers", "imm", "LMB filter"),
+        needs=("opir_trackers", "opir_stonesoup", "stonesoup"),
+    ),
+    Benchmark(
         "salvos",
         "How far apart must launches of a salvo be to have tracks of their own?",
         "salvos.py",

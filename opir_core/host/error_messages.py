@@ -19,6 +19,7 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: The packages of this project and what they advertise, for messages about what is not installed. A test compares this
 #: table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
+    "opir-coverage": ("commands.coverage", "commands.physics"),
     "opir-dask": ("executors.dask",),
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
     "opir-export": (
@@ -41,7 +42,6 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "atmosphere_models.lowtran",
         "background_models.earth",
         "classifiers.spectral",
-        "commands.physics",
         "detection_models.snr",
         "signature_models.plume",
         *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),

@@ -25,30 +25,19 @@ class AlignedScan:
 
 
 @define
-class RandomScan:
-    """Looks at all targets are at one offset, uniformly random in the period."""
-
-    period_ns: int
-
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return for targets (n, 3) the offset at fraction `uniform`, in [0, 1), of the period."""
-        start_ns = min(math.floor(uniform * self.period_ns), self.period_ns - 1)
-        return np.full(len(target_ecef_m), start_ns, dtype=np.int64)
-
-
-@define
 class SpinSweep:
-    """A spinning telescope: the sweep points north at whole periods of scene time and turns eastward about nadir."""
+    """A spinning telescope: the sweep points north at a random start of the period and turns eastward about nadir."""
 
     period_ns: int
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) proportional to the azimuth about nadir; 0 at nadir and where a position is not finite.
+        """Return offsets (n,) proportional to the azimuth about nadir after the start, which is `uniform` periods.
 
-        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3).
+        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). The start at nadir and where a position is not
+        finite.
         """
         east, north, _ = _east_north_down(sensor_ecef_m, target_ecef_m)
-        return _phase_at(np.arctan2(east, north) / (2.0 * np.pi), self.period_ns)
+        return _phase_at(np.arctan2(east, north) / (2.0 * np.pi), uniform, self.period_ns)
 
 
 @define
@@ -56,51 +45,55 @@ class StepStareSweep:
     """A step-stare: the field of regard is a raster of stares of one length each, taken row by row in serpentine order.
 
     The raster is the square of `half_angle_rad` about nadir; its first cell is the north-west one. Every second row
-    runs backward, so that each stare is next to the previous one.
+    runs backward, so that each stare is next to the previous one. In each stare the array is read out line by line,
+    from north to south. With `is_staring` the cells are arrays side by side, which are all read at once.
     """
 
     period_ns: int
     half_angle_rad: float
     rows: int
     columns: int
+    is_staring: bool = False
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) of the stares that contain the targets; those off the raster count to its edge.
+        """Return offsets (n,) at which the lines of targets are read, after a start at `uniform` periods.
 
-        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). 0 where a position is not finite.
+        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). Targets off the raster count to its edge. The start
+        where a position is not finite.
         """
         east, north, down = _east_north_down(sensor_ecef_m, target_ecef_m)
-        row = self._cell(-np.arctan2(north, down), self.rows)
-        column = self._cell(np.arctan2(east, down), self.columns)
+        place = self._place(-np.arctan2(north, down), self.rows)
+        row, column = np.floor(place), np.floor(self._place(np.arctan2(east, down), self.columns))
         along = np.where(row % 2 == 0, column, self.columns - 1 - column)
-        cell = row * self.columns + along
-        return np.where(np.isfinite(east + north + down), cell * self.period_ns // (self.rows * self.columns), 0)
+        line, cells = place - row, self.rows * self.columns
+        turn = line if self.is_staring else (row * self.columns + along + line) / cells
+        return _phase_at(np.where(np.isfinite(east + north + down), turn, 0.0), uniform, self.period_ns)
 
-    def _cell(self, angle_rad: FloatArray, count: int) -> IntArray:
-        """Return the number of the cell of an angle, of `count` equal ones across the raster."""
+    def _place(self, angle_rad: FloatArray, count: int) -> FloatArray:
+        """Return the place of an angle across the raster in cells, in [0, count)."""
         fraction = (np.nan_to_num(angle_rad) / self.half_angle_rad + 1.0) / 2.0
-        return np.clip(np.floor(fraction * count), 0, count - 1).astype(np.int64)
+        return np.clip(fraction * count, 0.0, count * (1.0 - 1e-12))
 
 
 def scan_pattern(
     pattern: str, phase: str, *, period_ns: int, half_angle_rad: float, rows: int, columns: int
 ) -> ScanPattern:
-    """Return the scan of a pattern (spin, step-stare or staring) and a phase (aligned, random or swept)."""
-    if phase == "random":
-        return RandomScan(period_ns)
-    if phase == "swept" and pattern == "spin":
+    """Return the scan of a pattern (spin, step-stare or staring) and a phase (aligned, or random: as swept)."""
+    if phase == "aligned":
+        return AlignedScan(period_ns)
+    if pattern == "spin":
         return SpinSweep(period_ns)
-    if phase == "swept" and pattern == "step-stare":
-        return StepStareSweep(period_ns, half_angle_rad, rows, columns)
-    return AlignedScan(period_ns)
+    return StepStareSweep(period_ns, half_angle_rad, rows, columns, pattern == "staring")
 
 
-def _phase_at(turn: FloatArray, period_ns: int) -> IntArray:
-    """Return offsets in [0, period) at fractions of a turn, of any sign; 0 where these are nan."""
+def _phase_at(turn: FloatArray, start: float, period_ns: int) -> IntArray:
+    """Return offsets in [0, period) at fractions of a turn, of any sign, after a start; the start where these are nan.
+
+    Turn and start are rounded down to ns one by one, so that another start moves all offsets alike.
+    """
     known = np.nan_to_num(turn)
-    phase = np.floor((known - np.floor(known)) * period_ns).astype(np.int64)
-    # A negative rounding error becomes a whole turn.
-    return np.where(phase >= period_ns, 0, phase)
+    place = np.floor((known - np.floor(known)) * period_ns).astype(np.int64)
+    return (place + math.floor(start * period_ns)) % period_ns
 
 
 def _east_north_down(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

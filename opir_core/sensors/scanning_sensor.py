@@ -22,7 +22,7 @@ SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
 SUSCEPTIBILITIES = ("high", "moderate", "low")
 #: How many bands each kind of spectral discrimination compares.
-DISCRIMINATION_BANDS = {"none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
+DISCRIMINATION_BANDS = {"likelihood": 1, "none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
 
 
 def _bands_complaint(bands: Any) -> str | None:
@@ -84,15 +84,15 @@ class ScanningSensorConfig(RadiometerConfig):
         choices=SCAN_PHASES,
         source="random: a launch does not wait for a scan. aligned: the convention behind the latencies of the"
         " opir-simulator paper (2026), section 5.1",
-        help="when in the period a look falls: at an offset drawn once a sensor (random); where the pattern reaches the"
-        " target (swept); at whole periods of scene time, so that a launch on a scan instant is first seen a full"
-        " period after ignition (aligned)",
+        help="when in the period a look falls: where the pattern reaches the target's place at ignition, from a start"
+        " drawn once a sensor and run (random; swept is an older word for it); at whole periods of scene time, so that"
+        " a launch on a scan instant is first seen a full period after ignition (aligned)",
     )
     raster_rows: int = number(
-        default=8, minimum=1, maximum=100, help="rows of a step-stare raster, for scan_phase: swept"
+        default=8, minimum=1, maximum=100, help="rows of stares, or of arrays that stare side by side"
     )
     raster_columns: int = number(
-        default=8, minimum=1, maximum=100, help="columns of a step-stare raster, for scan_phase: swept"
+        default=8, minimum=1, maximum=100, help="columns of stares, or of arrays that stare side by side"
     )
     detection_probability: Mapping[str, float] = nested(
         minimum=0.0,
@@ -152,7 +152,9 @@ class ScanningSensorConfig(RadiometerConfig):
         default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"
     )
     spectral_discrimination: str = text(
-        default="none", choices=tuple(DISCRIMINATION_BANDS), help="how bands are compared to tell plumes from clutter"
+        default="none",
+        choices=tuple(DISCRIMINATION_BANDS),
+        help="which bands detect: the sum of all, weighed by likelihood; any (none); or all, in plausible ratios",
     )
     follows_bodies: bool = flag(
         default=False,

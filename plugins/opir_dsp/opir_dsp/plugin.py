@@ -39,7 +39,6 @@ PAPER_PRESET = {"scan_phase": "aligned"}
 HERITAGE = {
     "bands": {"SWIR": (2.5, 3.0), "MWIR": (4.2, 4.45)},
     "scan_period_ms": 10_000.0,
-    "scan_phase": "swept",
     "confirmation_detections": 3,
     "confirmation_scans": 4,
 }

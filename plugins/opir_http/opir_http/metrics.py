@@ -27,6 +27,7 @@ def metrics_text(service: Service) -> str:
             [({}, status.late_cycles)],
         ),
         _late(status),
+        _metric("opir_late_seconds", "gauge", "How late the last cycle ended", [({}, status.late_s)]),
         _metric("opir_cycle_age_seconds", "gauge", "Time since the last finished cycle", [({}, status.cycle_age_s)]),
         _metric("opir_looks_total", "counter", "Looks processed", [({}, status.looks)]),
         _metric("opir_detections_total", "counter", "Detections", sensors),

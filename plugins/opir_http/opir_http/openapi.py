@@ -139,7 +139,7 @@ def _trigger() -> Schema:
         "parameters": [key],
         "requestBody": {"required": True, "content": {_JSON: _media("Trigger", LAUNCH_EXAMPLE)}},
         "responses": {"202": _answer("The target is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
-        | _problems(409, 415, 422, 429),
+        | _problems(403, 409, 415, 422, 429),
     }
 
 
@@ -154,7 +154,7 @@ def _retry() -> Schema:
         " later; this makes it try at once.",
         "parameters": [output],
         "responses": {"202": _answer("It tries again, if it was parked", "Retried", headers=headers, links={})}
-        | _problems(404, 429),
+        | _problems(403, 404, 429),
     }
 
 
@@ -221,7 +221,7 @@ def _stream() -> Schema:
 def _health(name: str, schema: Schema) -> Schema:
     words = {
         "live": "Whether the simulation is alive: it has not failed and no call is stuck",
-        "ready": "Whether cycles end, no sink has failed and no backlog grows",
+        "ready": "Whether cycles end in time, no sink has failed and no backlog grows",
     }
     content = {_JSON: {"schema": schema}}
     answers = {

@@ -113,7 +113,7 @@ def _health_routes(service: Service) -> list[Any]:
             is_ready, reasons = await asyncio.wait_for(readiness.get(), _STATUS_S)
         except TimeoutError:
             is_ready, reasons = False, [f"the status is not available within {_STATUS_S:g} s"]
-        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503)
+        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503, headers=_lateness(service))
 
     @get("/metrics")
     async def metrics(request: AnyRequest) -> Response[bytes]:
@@ -218,9 +218,14 @@ def _trigger_route(service: Service, documents: Documents) -> Any:
             documents.forget()
             if key:
                 service.answers.end(key, answer)
-        return _json(answer, 202, headers={"Location": "/status"})
+        return _json(answer, 202, headers={"Location": "/status", **_lateness(service)})
 
     return trigger
+
+
+def _lateness(service: Service) -> dict[str, str]:
+    """Return the header that states how late the last cycle was, s."""
+    return {"Opir-Late": f"{service.run.late_s:.3f}"}
 
 
 def _retry_route(service: Service) -> Any:

@@ -76,10 +76,10 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     ifov_urad=200.0,
     threshold_sigma=6.5,
     false_alarm_susceptibility="moderate",
-    spectral_discrimination="dual-band-ratio",
+    spectral_discrimination="likelihood",
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25)},
+    plausible_ratios={"SWIR": (0.25, 2.4)},
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_WIDE_FOCAL_PLANE),
 )
@@ -99,7 +99,7 @@ class WideConfig(ScanningSensorConfig):
     ifov_urad=50.0,
     threshold_sigma=7.0,
     false_alarm_susceptibility="low",
-    spectral_discrimination=cited("none", "notional: a warm body shows in LWIR alone"),
+    spectral_discrimination=cited("likelihood", "a warm body shows in LWIR alone: then MWIR weighs nothing"),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_MEDIUM_FOCAL_PLANE),
 )

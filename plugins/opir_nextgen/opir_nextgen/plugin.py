@@ -27,8 +27,9 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.005, "IRBM": 0.025, "SRBM": 0.95, "UNKNOWN": 0.02},
 }
 
-#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
-PAPER_PRESET = {"scan_phase": "aligned"}
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and the rule over bands
+#: and the threshold of sections 3.4 and 2.4.
+PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "triple-coincidence", "threshold_sigma": 5.0}
 
 
 #: Made up so that the noise that follows is about `nei_w_m2`.
@@ -57,9 +58,12 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     collection_m2_s=0.02,
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25), "LWIR": (0.005, 0.3)},
+    plausible_ratios={"SWIR": (0.25, 2.4), "LWIR": (0.005, 0.3)},
     false_alarm_susceptibility=cited("low", PAPER),
-    spectral_discrimination=cited("triple-coincidence", "opir-simulator paper (2026), section 3.4"),
+    spectral_discrimination=cited(
+        "likelihood", "no band is a veto; preset paper: triple-coincidence, opir-simulator paper (2026), section 3.4"
+    ),
+    threshold_sigma=cited(5.75, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
 )

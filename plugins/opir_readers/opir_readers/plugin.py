@@ -5,13 +5,19 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from opir_core.plugin import FileReader, TargetModel, hookimpl
-from opir_readers.configs import TableConfig
+from opir_readers.configs import AscentConfig, TableConfig
 from opir_readers.formats import READERS
 
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `table`."""
+    """Yield `table` and `ascent`."""
+    yield TargetModel(
+        name="ascent",
+        summary="a space launch: two burns with a dark gap into orbit, or the booster of one that lands",
+        config=AscentConfig,
+        build=_ascent,
+    )
     yield TargetModel(
         name="table",
         summary="a trajectory from a file: a table of states, CSV or CCSDS OEM",
@@ -94,6 +100,12 @@ def _import(arguments: argparse.Namespace) -> int:
     from opir_readers.import_command import import_file
 
     return import_file(arguments)
+
+
+def _ascent(configs: Sequence[AscentConfig], context: Any) -> Any:
+    from opir_readers.ascents import ascent_targets
+
+    return ascent_targets(configs, context)
 
 
 def _table(configs: Sequence[TableConfig], context: Any) -> Any:

@@ -27,8 +27,9 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.03, "IRBM": 0.10, "SRBM": 0.77, "UNKNOWN": 0.10},
 }
 
-#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
-PAPER_PRESET = {"scan_phase": "aligned"}
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and the rule over bands
+#: and the threshold of sections 3.4 and 2.4.
+PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "dual-band-ratio", "threshold_sigma": 5.0}
 
 
 #: Made up so that the noise that follows is about `nei_w_m2`.
@@ -55,9 +56,12 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     nei_w_m2=1e-12,
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25)},
+    plausible_ratios={"SWIR": (0.25, 2.4)},
     false_alarm_susceptibility=cited("moderate", PAPER),
-    spectral_discrimination=cited("dual-band-ratio", "opir-simulator paper (2026), section 3.4"),
+    spectral_discrimination=cited(
+        "likelihood", "no band is a veto; preset paper: dual-band-ratio, opir-simulator paper (2026), section 3.4"
+    ),
+    threshold_sigma=cited(5.5, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
 )

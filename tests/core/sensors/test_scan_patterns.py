@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.sensors.scan_patterns import AlignedScan, RandomScan, SpinSweep, StepStareSweep, scan_pattern
+from opir_core.sensors.scan_patterns import AlignedScan, SpinSweep, StepStareSweep, scan_pattern
 
 PERIOD_NS = 200_000_000
 HALF_ANGLE_RAD = math.radians(10.0)
@@ -22,9 +22,9 @@ uniforms = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
 def all_patterns(period_ns=PERIOD_NS):
     return (
         AlignedScan(period_ns),
-        RandomScan(period_ns),
         SpinSweep(period_ns),
         StepStareSweep(period_ns, HALF_ANGLE_RAD, 5, 7),
+        StepStareSweep(period_ns, HALF_ANGLE_RAD, 8, 8, is_staring=True),
     )
 
 
@@ -72,11 +72,28 @@ def test_aligned_looks_fall_on_whole_periods():
     assert AlignedScan(PERIOD_NS).phase_ns(GEO_AT_0, beside_nadir([0.0, 0.1], 0.05), 0.7).tolist() == [0, 0]
 
 
-def test_a_random_start_is_one_for_the_sensor_and_goes_with_its_uniform():
-    targets = beside_nadir([0.0, 0.1], 0.05)
-    assert RandomScan(PERIOD_NS).phase_ns(GEO_AT_0, targets, 0.25).tolist() == [PERIOD_NS // 4] * 2
-    last = RandomScan(3).phase_ns(GEO_AT_0, targets, math.nextafter(1.0, 0.0))
-    assert last.tolist() == [2, 2]
+@given(uniforms, st.integers(min_value=0, max_value=3))
+def test_another_start_moves_all_looks_alike(uniform, number):
+    targets = beside_nadir(np.linspace(-0.1, 0.1, 9), np.linspace(0.1, -0.08, 9))
+    pattern = all_patterns()[1:][number % 3]
+    moved = (pattern.phase_ns(GEO_AT_0, targets, uniform) - pattern.phase_ns(GEO_AT_0, targets, 0.0)) % PERIOD_NS
+    np.testing.assert_array_equal(moved, math.floor(uniform * PERIOD_NS))
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_places_a_kilometre_apart_are_looked_at_at_different_times(number):
+    pattern, north = all_patterns()[number], 0.03 + np.arange(24) * 28e-6
+    assert len(set(pattern.phase_ns(GEO_AT_0, beside_nadir(0.02, north), 0.3).tolist())) == 24
+
+
+def test_staring_arrays_are_read_at_once_from_north_to_south():
+    pattern = StepStareSweep(PERIOD_NS, HALF_ANGLE_RAD, 4, 3, is_staring=True)
+    share = np.array([0.01, 0.25, 0.5, 0.9])
+    for row, east in ((0, -0.04), (2, 0.05), (3, 0.0)):
+        north = (1.0 - 2.0 * (row + share) / 4.0) * HALF_ANGLE_RAD
+        np.testing.assert_allclose(
+            pattern.phase_ns(GEO_AT_0, beside_nadir(east, north), 0.0), share * PERIOD_NS, atol=2
+        )
 
 
 @pytest.mark.parametrize(
@@ -120,7 +137,9 @@ def test_a_step_stare_goes_through_its_raster_like_a_serpent():
     heights = 1 - (np.arange(rows) + 0.5) / rows * 2
     east, north = (grid.ravel() for grid in np.meshgrid(centres * HALF_ANGLE_RAD, heights * HALF_ANGLE_RAD))
     phase = pattern.phase_ns(GEO_AT_0, beside_nadir(east, north), 0.0).reshape(rows, columns)
-    assert phase.tolist() == [[0, 1000, 2000, 3000], [7000, 6000, 5000, 4000], [8000, 9000, 10000, 11000]]
+    # Cells are 1000 ns long; the line through a cell's centre is read at half of that.
+    begun = np.array([[0, 1000, 2000, 3000], [7000, 6000, 5000, 4000], [8000, 9000, 10000, 11000]])
+    np.testing.assert_allclose(phase, begun + 500, atol=1)
 
 
 def test_each_stare_lies_beside_the_one_before():
@@ -135,23 +154,23 @@ def test_each_stare_lies_beside_the_one_before():
 
 
 def test_targets_off_the_raster_count_to_its_edge():
-    pattern = StepStareSweep(4, HALF_ANGLE_RAD, 2, 2)
+    pattern = StepStareSweep(40, HALF_ANGLE_RAD, 2, 2)
     beyond = beside_nadir([-0.5, 0.5, 0.5, -0.5], [0.5, 0.5, -0.5, -0.5])
-    assert pattern.phase_ns(GEO_AT_0, beyond, 0.0).tolist() == [0, 1, 2, 3]
+    assert pattern.phase_ns(GEO_AT_0, beyond, 0.0).tolist() == [0, 10, 29, 39]
 
 
 @pytest.mark.parametrize(
     ("pattern", "phase", "kind"),
     [
-        ("spin", "aligned", AlignedScan),
-        ("step-stare", "random", RandomScan),
-        ("staring", "random", RandomScan),
-        ("spin", "swept", SpinSweep),
-        ("step-stare", "swept", StepStareSweep),
-        ("staring", "swept", AlignedScan),
+        ("spin", "aligned", AlignedScan(7)),
+        ("spin", "random", SpinSweep(7)),
+        ("spin", "swept", SpinSweep(7)),
+        ("step-stare", "random", StepStareSweep(7, 0.1, 2, 3)),
+        ("step-stare", "swept", StepStareSweep(7, 0.1, 2, 3)),
+        ("staring", "aligned", AlignedScan(7)),
+        ("staring", "random", StepStareSweep(7, 0.1, 2, 3, True)),
+        ("staring", "swept", StepStareSweep(7, 0.1, 2, 3, True)),
     ],
 )
 def test_pattern_and_phase_choose_the_scan(pattern, phase, kind):
-    scan = scan_pattern(pattern, phase, period_ns=7, half_angle_rad=0.1, rows=2, columns=3)
-    assert type(scan) is kind
-    assert scan.period_ns == 7
+    assert scan_pattern(pattern, phase, period_ns=7, half_angle_rad=0.1, rows=2, columns=3) == kind

@@ -162,6 +162,9 @@ def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
 def noise_chance(sensor: Any) -> float:
     """Return the chance that noise alone passes a sensor's rule, by SciPy's quadrature of its definition."""
     light = sensor.radiometer
+    if sensor.spectral_discrimination == "likelihood":
+        # A weighted sum of unit length.
+        return float(norm.sf(light.threshold))
     if sensor.spectral_discrimination == "none":
         return float(-np.expm1(len(sensor.bands) * norm.logcdf(light.threshold)))
 

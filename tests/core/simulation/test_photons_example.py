@@ -39,9 +39,9 @@ def test_plumes_are_detected_each_by_the_sensors_that_can(run: Run, ids: tuple[s
     for sensor in (SBIRS, NEXTGEN):
         found = counts(run, ids, sensor)
         assert min(found["T1"], found["T2"]) > 100
-    # One band of long waves sees the bright plume only.
+    # One band of long waves sees the dim plume for less of its flight.
     assert counts(run, ids, DSP)["T1"] > 100
-    assert counts(run, ids, DSP).get("T2", 0) < 10
+    assert counts(run, ids, DSP).get("T2", 0) < 0.5 * counts(run, ids, DSP)["T1"]
 
 
 def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, ...]) -> None:
@@ -54,7 +54,7 @@ def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, 
 
 
 def test_long_waves_tell_fires_from_plumes_and_ratios_of_short_ones_do_not(run: Run, ids: tuple[str, ...]) -> None:
-    """SWIR/MWIR is 0.57 for plumes and 0.45 to 1 for fires; LWIR/MWIR is 0.04 for plumes and 0.5 to 0.8 for fires."""
+    """SWIR/MWIR is 0.6 to 1.7 for plumes, 0.45 to 1 for fires; LWIR/MWIR 0.03 to 0.17, and 0.5 to 0.8 for fires."""
     shares = []
     for sensor in (DSP, SBIRS, NEXTGEN):
         found = counts(run, ids, sensor)

@@ -15,7 +15,8 @@ SCENE = {
     "epoch": "2026-04-01T12:00:00Z",
     "duration_s": 20.0,
     "seed": 3,
-    "sensors": [{"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0}],
+    # Aligned scans: looks at both targets are at the same time.
+    "sensors": [{"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0, "scan_phase": "aligned"}],
     "targets": [
         {
             "id": name,

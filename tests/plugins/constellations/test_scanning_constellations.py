@@ -82,7 +82,10 @@ def test_a_model_has_the_papers_values(name):
     assert sensor.scan.period_ns == period_ms * 1_000_000
     assert sensor.detection_probability["ICBM"] == probability
     assert sensor.false_alarm_susceptibility == susceptibility
-    assert sensor.spectral_discrimination == discrimination
+    by_name = sensor_of(name, **model_of(name).presets["paper"])
+    assert by_name.spectral_discrimination == discrimination
+    assert by_name.radiometer.threshold == 5.0
+    assert sensor.spectral_discrimination == ("none" if len(bands) == 1 else "likelihood")
 
 
 @ALL
@@ -183,8 +186,8 @@ def test_the_heritage_preset_has_the_public_figures():
 
 @ALL
 def test_the_paper_preset_aligns_scans_which_are_random_by_default(name):
-    assert isinstance(sensor_of(name).scan, scan_patterns.RandomScan)
-    assert model_of(name).presets["paper"] == {"scan_phase": "aligned"}
+    assert isinstance(sensor_of(name).scan, scan_patterns.SpinSweep | scan_patterns.StepStareSweep)
+    assert model_of(name).presets["paper"]["scan_phase"] == "aligned"
     assert isinstance(sensor_of(name, **model_of(name).presets["paper"]).scan, scan_patterns.AlignedScan)
 
 

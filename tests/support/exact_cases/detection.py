@@ -406,6 +406,7 @@ CASES = (
 
 LEFT_OUT = {
     "detection": {
+        "FusedBands": "a dot product and a normal distribution (tests/plugins/photons/detection/test_fused_bands.py)",
         "RatioGates": "an integral to a stated tolerance (tests/plugins/photons/detection/test_band_rules.py)",
     },
     "scoring": {

@@ -470,10 +470,14 @@ BOUNDS = (
 )
 
 LEFT_OUT = {
+    "FilteredSpot": "a quadrature of images to 1e-3 (tests/against/test_against_displaced_spots.py)",
     "FrameDifference": "through SpatialTransfer",
+    "OwnPast": "a table of FilteredSpot",
     "Paths": "a record",
+    "PointSpread": "through FilteredSpot",
     "SpatialTransfer": "a quadrature of images to 1e-4 (tests/against/test_against_focal_plane_images.py)",
     "Temperature": "a record",
     "Views": "a record",
+    "ensquared_airy_energy": "FilteredSpot of a square of ones",
     "filter_weights": "weights of whole numbers; the matched ones through mean_shares",
 }

@@ -24,8 +24,9 @@ def source_detections(
     receiver, width = detection.receivers[number], bank.width
     row = np.tile(np.arange(len(seen)), _DRAWS)
     noise, exposures = response.noise_w_m2[row, :width], shining.exposures.take(row)
-    measured = response.snr[row, :width] + ndtri(low_discrepancy_points(len(row), width))
-    slopes = receiver.slopes(noise, exposures.elevation_sine)
+    snr = response.snr[row, :width]
+    measured = snr + ndtri(low_discrepancy_points(len(row), width))
+    slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
     found = np.flatnonzero(seen[row] & receiver.rule.passes(measured, slopes))
     counts = np.geomspace(bank.rates.needed, max(bank.most_looks, bank.rates.needed), _COUNTS)
     count, found = np.repeat(np.ceil(counts), len(found)), np.tile(found, _COUNTS)
@@ -41,7 +42,7 @@ def source_detections(
         band_count=none,
         band_total=none + width,
         detection_count=count.astype(np.int32),
-        snr=measured[found].max(axis=1, initial=0.0),
+        snr=receiver.rule.strength(measured[found], slopes[found]),
         band_irradiance_w_m2=measured[found] * noise[found],
         band_noise_w_m2=noise[found],
     )

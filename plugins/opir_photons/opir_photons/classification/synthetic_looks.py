@@ -7,7 +7,7 @@ measurements use the scene's own atmosphere and background.
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from attrs import frozen
@@ -30,6 +30,7 @@ from opir_core.plugin import (
     SignatureContext,
     Signatures,
     TargetClass,
+    Trajectories,
 )
 from opir_core.scene import MAXIMUM_BANDS
 from opir_photons.radiometry.configs import PlumeConfig
@@ -91,12 +92,12 @@ class SourceKind(NamedTuple):
 
 #: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with notional spreads.
 #: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s. Bolides are
-#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026).
+#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026), with 6.2e10 J, half of them.
 KINDS = (
     SourceKind("fire", "ground", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
     SourceKind("flare", "ground", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
     SourceKind("glint", "ground", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
-    SourceKind("bolide", "bolide", 3000.0, 6000.0, 30.0, 2.0, 22e3, 61e3, 2.0),
+    SourceKind("bolide", "bolide", 3000.0, 6000.0, 670.0, 2.0, 22e3, 61e3, 2.0),
 )
 
 
@@ -152,6 +153,19 @@ class SyntheticSources(Signatures):
 
 
 @frozen(eq=False)
+class SyntheticPaths:
+    """Where synthetic objects are: on the paths of launches, or at places (n, 3)."""
+
+    of: BoostPath | FloatArray
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3), m."""
+        if isinstance(self.of, BoostPath):
+            return self.of.state(target.astype(np.int64), time_s)[0]
+        return self.of[target]
+
+
+@frozen(eq=False)
 class SyntheticLooks:
     """Synthetic looks with signatures; `number` (n,) is the profile or kind, `share` (n,) the relative frequency of a
     look among those of its number. Looks at launches are launch by launch, `MOMENTS` each, in order of time.
@@ -183,7 +197,7 @@ def synthetic_launches(
     return SyntheticLooks(
         exposures=_exposures(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
         signatures=SyntheticPlumes(plumes=plumes, profile=profile, path=path),
-        targets=_targets(len(flown)),
+        targets=_targets(SyntheticPaths(path), np.zeros(len(flown))),
         number=number,
         share=step_s / count[number],
         step_s=step_s,
@@ -243,7 +257,7 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
     columns = np.array([kind[2:] for kind in KINDS], dtype=np.float64)[number].T
-    coldest, hottest, area, sigma, lowest, highest, _ = columns
+    coldest, hottest, area, sigma, lowest, highest, shining_s = columns
     sensor_m, site = _sites(radius_m, drawn[:, :3])
     height_m = lowest + (highest - lowest) * drawn[:, 3]
     temperature_k = coldest + (hottest - coldest) * drawn[:, 4]
@@ -254,7 +268,7 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     return SyntheticLooks(
         exposures=_exposures(rows, none, place_m, sensor_m),
         signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
-        targets=_targets(len(number)),
+        targets=_targets(SyntheticPaths(place_m), -0.5 * shining_s),
         number=number,
         share=np.full(len(number), 1.0 / count),
         step_s=none,
@@ -330,8 +344,10 @@ def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor
     )
 
 
-def _targets(count: int) -> Targets:
-    """Return the columns of targets that a radiometric environment needs, all ignited at 0."""
-    zeros, none = np.zeros(count), np.zeros(count, dtype=np.int32)
-    code = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8)
-    return Targets((), code, zeros, np.full(count, math.inf), np.full(count, math.inf), (), none, none)
+def _targets(paths: "SyntheticPaths", ignition_s: FloatArray) -> Targets:
+    """Return the columns of targets that a radiometric environment needs, ignited at times (n,)."""
+    count = len(ignition_s)
+    code, none = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8), np.zeros(count, dtype=np.int32)
+    forever, place = np.full(count, math.inf), np.arange(count, dtype=np.int32)
+    # Only positions are asked for.
+    return Targets((), code, ignition_s, forever, forever, (cast(Trajectories, paths),), none, place)

@@ -276,9 +276,9 @@ def _measured(
     place, stretch = elevation_bin(exposures.elevation_sine), _stretch(looks)
     parts = list[_Samples]()
     receiver, (needed, scans) = detection.receivers[number], detection.confirmation[number].tolist()
-    slopes = receiver.slopes(noise, exposures.elevation_sine)
     for factor in factors:
         snr = response.snr[:, :width] * factor[exposures.target]
+        slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
         chance = np.where(seen, np.exp(receiver.rule.log_chances(snr, slopes, _SLACK)[0]), 0.0)
         count, variance = _counts(chance, looks.step_s, sensor.scan.period_ns / _NS_PER_S)
         share = looks.share / len(factors) * np.maximum(m_of_n_probability(chance, needed - 1, scans - 1), _LEAST_SHARE)

@@ -10,6 +10,9 @@ from opir_photons.detection.cfar import (
 from opir_photons.detection.correlated_looks import (
     effective_looks as effective_looks,
 )
+from opir_photons.detection.fused_bands import (
+    FusedBands as FusedBands,
+)
 from opir_photons.detection.latency import (
     cumulative_probability as cumulative_probability,
     latency_cdf as latency_cdf,

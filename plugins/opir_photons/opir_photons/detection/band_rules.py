@@ -1,4 +1,4 @@
-"""Rules over the bands of a sensor: which measured signals are a detection.
+"""The paper's rules over the bands of a sensor: which measured signals are a detection.
 
 `AnyBand`: the signal crosses the threshold in at least one band.
 
@@ -74,7 +74,11 @@ class AnyBand:
             bands |= (measured[:, band] >= self.threshold).view(np.uint8) << np.uint8(band)
         return bands
 
-    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def strength(self, measured: FloatArray, _slopes: FloatArray) -> FloatArray:
+        """Return the SNR (n,) of measurements (n, B): that of the brightest band."""
+        return brightest(measured)
+
+    def proposed(self, snr: FloatArray, _slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) that detect, from numbers (n, B + 1) in [0, 1)."""
         return self.conditional(snr, snr, uniforms)
 
@@ -111,6 +115,14 @@ class AnyBand:
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
         passed = np.cumsum(share, axis=1)
         return np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
+
+
+def brightest(measured: FloatArray) -> FloatArray:
+    """Return the largest signal (n,) of rows (n, B), band by band."""
+    best: FloatArray = measured[:, 0].copy()
+    for band in range(1, measured.shape[1]):
+        np.maximum(best, measured[:, band], out=best)
+    return best
 
 
 def _row_sum(columns: FloatArray) -> FloatArray:
@@ -174,7 +186,11 @@ class RatioGates(Gates):
         """Return masks (n,) of the confirming bands of measurements (n, B) that detect: all."""
         return np.full(len(measured), (1 << measured.shape[1]) - 1, dtype=np.uint8)
 
-    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def strength(self, measured: FloatArray, _slopes: FloatArray) -> FloatArray:
+        """Return the SNR (n,) of measurements (n, B): that of the brightest band."""
+        return brightest(measured)
+
+    def proposed(self, snr: FloatArray, _slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) above each band's own threshold, from numbers (n, B + 1) in [0, 1)."""
         measured = np.empty(snr.shape)
         for band in range(snr.shape[1]):

@@ -19,18 +19,19 @@ from opir_core.interfaces import Radiometer, Structure
 from opir_core.plugin import Background, Band, FocalPlaneConfig
 from opir_photons.detection.cfar import cfar_loss
 from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
+from opir_photons.radiometry.filtered_spots import FilteredSpot, OwnPast, ensquared_airy_energy
 from opir_photons.radiometry.focal_plane import (
     airy_sigma_rad,
     blurred_sigma_rad,
     centroid_factor_rad,
     electrons_per_w_m2,
-    ensquared_energy,
     joined_centroid_variance,
     noise_electrons,
     noise_equivalent_irradiance,
     photon_centroid_variance,
 )
-from opir_photons.radiometry.pixel_filters import filter_weights, noise_gain, signal_gain
+from opir_photons.radiometry.pixel_filters import filter_weights, noise_gain
+from opir_photons.radiometry.point_spread import PointSpread
 
 #: Logarithms of the ranges, m, of a clutter table: its middle, and half its width, for scenes 10 km to 1e6 km away.
 _MIDDLE, _HALF = 0.5 * math.log(1e9 * 1e4), 0.5 * math.log(1e9 / 1e4)
@@ -71,7 +72,8 @@ class FocalPlaneTerms:
     are `pixel_rad` wide.
     `photon_gain` is the factor on the variance of background photons, `clutter_gain` that on the amplitude of clutter
     in a pixel; `clutter` (B, structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of
-    which a source puts `peak_share` into one pixel. A centroid in noise alone is off by `centroid_rad` over the SNR,
+    which a source puts `peak_share` into one pixel. `own_past` is what the temporal filter subtracts of a source's own
+    light; empty without one. A centroid in noise alone is off by `centroid_rad` over the SNR,
     one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
     """
 
@@ -88,6 +90,7 @@ class FocalPlaneTerms:
     centroid_rad: FloatArray
     spot_rad: FloatArray
     electron_w_m2: FloatArray
+    own_past: tuple[OwnPast, ...]
 
     def clutter_w_m2_sr(self, rms: FloatArray, structure: IndexArray, range_m: FloatArray) -> FloatArray:
         """Return clutter (B, n), W m⁻² sr⁻¹ in a pixel, of structures (n,) of radiances' rms (B, n) at ranges (n,)."""
@@ -152,10 +155,12 @@ def _terms(
     radiometer: Radiometer, plane: FocalPlaneConfig, middle_um: tuple[float, ...], structures: tuple[Structure, ...]
 ) -> FocalPlaneTerms:
     pixel, time_s, frames = radiometer.ifov_rad, plane.integration_time_ms * 1e-3, _frames(plane, radiometer.ifov_rad)
-    sigma = _sigma_rad(plane, np.array(middle_um))
+    blur = _blur_rad(plane)
+    sigma = blurred_sigma_rad(airy_sigma_rad(np.array(middle_um), plane.aperture_m), blur)
     filters = [filter_weights(plane.spatial_filter, plane.core_pixels, one, pixel) for one in sigma.tolist()]
-    spots = list(zip(filters, sigma.tolist(), strict=True))
-    passed = np.array([signal_gain(weights, one, pixel, plane.phase) for weights, one in spots])
+    spreads = [PointSpread.of(one, plane.aperture_m, blur, pixel) for one in middle_um]
+    spots = [FilteredSpot.of(*pair, plane.phase) for pair in zip(filters, spreads, strict=True)]
+    passed = np.array([float(spot.response()) for spot in spots])
     noise = np.array([noise_gain(weights) for weights in filters])
     frame_noise, loss = noise * (1.0 if frames is None else 2.0), _loss(radiometer.threshold, plane)
     per_unit = electrons_per_w_m2(
@@ -165,7 +170,7 @@ def _terms(
     pixel_e = noise_electrons(dark_e=dark_e, read_e=plane.read_noise_e * math.sqrt(plane.subframes))
     computed = noise_equivalent_irradiance(pixel_e, per_unit, passed, frame_noise)
     nei = computed if plane.nei == "computed" else np.array(radiometer.nei_w_m2)
-    transfers = [SpatialTransfer.of(weights, one / pixel) for weights, one in spots]
+    transfers = [SpatialTransfer.of(*pair) for pair in zip(filters, spreads, strict=True)]
     return FocalPlaneTerms(
         pixel_rad=pixel,
         filters=tuple(transfers),
@@ -176,10 +181,11 @@ def _terms(
         clutter_gain=loss / passed,
         clutter=tuple(tuple(ClutterTable.of(one, pixel, each, frames) for one in structures) for each in transfers),
         well_w_m2=np.maximum(plane.well_capacity_e * plane.subframes - dark_e, 0.0) / per_unit,
-        peak_share=ensquared_energy(sigma, pixel, 1, plane.phase),
+        peak_share=np.array([ensquared_airy_energy(spread, 1, plane.phase) for spread in spreads]),
         centroid_rad=centroid_factor_rad(sigma, pixel) * passed / (loss * np.sqrt(noise)),
         spot_rad=np.sqrt(photon_centroid_variance(sigma, pixel)),
         electron_w_m2=1.0 / per_unit,
+        own_past=() if frames is None else tuple(spot.own_past(frames) for spot in spots),
     )
 
 
@@ -193,11 +199,10 @@ def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
     return 1.0 if plane.reference_cells is None else float(cfar_loss(ndtr(-threshold), plane.reference_cells))
 
 
-def _sigma_rad(plane: FocalPlaneConfig, wavelength_um: FloatArray) -> FloatArray:
-    """Return the widths (B,) of spots, rad: diffraction, blur, jitter and drift."""
+def _blur_rad(plane: FocalPlaneConfig) -> float:
+    """Return the width of spots besides diffraction, rad: blur, jitter and drift."""
     smear = plane.drift_urad_s * plane.integration_time_ms * 1e-3
-    blur = math.hypot(plane.blur_urad, plane.jitter_urad)
-    return blurred_sigma_rad(airy_sigma_rad(wavelength_um, plane.aperture_m), blur * 1e-6, smear * 1e-6)
+    return float(blurred_sigma_rad(plane.blur_urad * 1e-6, plane.jitter_urad * 1e-6, smear * 1e-6))
 
 
 def _frames(plane: FocalPlaneConfig, pixel_rad: float) -> FrameDifference | None:

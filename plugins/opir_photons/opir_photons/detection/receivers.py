@@ -20,6 +20,7 @@ from opir_photons.detection.air_ratios import AirRatios
 from opir_photons.detection.band_rules import AnyBand, RatioGates
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.focal_planes import FocalPlaneTerms, focal_plane_terms
+from opir_photons.detection.fused_bands import FusedBands
 from opir_photons.detection.threshold import probit
 from opir_photons.environment import RadiometricEnvironment
 
@@ -59,12 +60,14 @@ REFERENCE_RANGE_M = 3.6e7
 #: Search range of the factor: powers of ten on either side of 1.
 _DECADES = 20.0
 _HALVINGS = 64
+#: Least share of a band in the weights of noise alone: a direction for reference targets that show nothing.
+_FAINT = 1e-6
 #: Accuracy of probabilities during the search.
 _SLACK = 1e-13
 
 
 def calibrated(
-    radiometer: Radiometer, rule: AnyBand | RatioGates, intensity_w_sr: FloatArray, wanted: float, owner: str
+    radiometer: Radiometer, rule: "Rule", intensity_w_sr: FloatArray, wanted: float, owner: str
 ) -> Radiometer:
     """Return a radiometer with noise scaled so that the reference target is detected with the probability `wanted`.
 
@@ -76,7 +79,8 @@ def calibrated(
 
     def misses(log_factor: float) -> bool:
         noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
-        return float(probit(*rule.log_chances(signal[None, :] / noise, rule.slopes(noise), _SLACK))[0]) < quantile
+        snr = signal[None, :] / noise
+        return float(probit(*rule.log_chances(snr, slopes_of(rule, snr, noise), _SLACK))[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
         values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
@@ -98,7 +102,13 @@ def _turn(misses: Callable[[float], bool]) -> float:
     return low
 
 
-Rule = AnyBand | RatioGates
+Rule = AnyBand | RatioGates | FusedBands
+
+
+def slopes_of(rule: Rule, snr: FloatArray, noise: FloatArray, air: FloatArray | None = None) -> FloatArray:
+    """Return the slopes (n, k) that a rule's methods take, of looks with expected signals and noise (n, B)."""
+    return rule.directions(snr, noise) if isinstance(rule, FusedBands) else rule.slopes(noise, air)
+
 
 #: The elevation for which false alarms of noise are computed; within 1 % noise passes gates everywhere alike, since
 #: the tolerance of their sides is several standard deviations.
@@ -140,10 +150,10 @@ class Receiver:
         gain = 1.0 if self.plane is None else float(self.plane.photon_gain[place])
         return self.photon_j[place] / self.radiometer.collection_m2_s * gain
 
-    def slopes(self, noise: FloatArray, elevation_sine: FloatArray | None) -> FloatArray:
-        """Return the slopes of the rule's gates for looks with noise (n, B) at elevations (n,)."""
+    def slopes(self, snr: FloatArray, noise: FloatArray, elevation_sine: FloatArray | None) -> FloatArray:
+        """Return the rule's slopes for looks with expected signals and noise (n, B) at elevations (n,)."""
         air = None if self.air is None or elevation_sine is None else self.air.at(elevation_sine)
-        return self.rule.slopes(noise, air)
+        return slopes_of(self.rule, snr, noise, air)
 
     def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
@@ -153,7 +163,8 @@ class Receiver:
 def noise_chance(receiver: Receiver) -> float:
     """Return the logarithm of the false-alarm probability per resolution cell and look."""
     noise = noise_w_m2(receiver.nei_w_m2)[None, :]
-    return float(receiver.rule.log_chances(np.zeros(noise.shape), receiver.slopes(noise, _OVERHEAD))[0][0])
+    nothing = np.zeros(noise.shape)
+    return float(receiver.rule.log_chances(nothing, receiver.slopes(nothing, noise, _OVERHEAD))[0][0])
 
 
 def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
@@ -184,7 +195,7 @@ def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
     if plane is not None:
         radiometer = evolve(radiometer, nei_w_m2=plane.nei_w_m2, collection_m2_s=plane.collection_m2_s)
     bands = np.array([environment.bands.index(band) for band in sensor.bands])
-    rule = rule_of(sensor, radiometer)
+    rule = rule_of(sensor, radiometer, environment.reference_intensity_w_sr[bands])
     return Receiver(
         bands=bands,
         radiometer=radiometer,
@@ -201,8 +212,13 @@ def _air(environment: RadiometricEnvironment, bands: IntArray, rule: RatioGates)
     return None if ratios.is_clear else ratios
 
 
-def rule_of(sensor: Sensor, radiometer: Radiometer) -> Rule:
-    """Return the rule over a sensor's bands, by its `spectral_discrimination`."""
+def rule_of(sensor: Sensor, radiometer: Radiometer, design: FloatArray) -> Rule:
+    """Return the rule over a sensor's bands, by its `spectral_discrimination`.
+
+    `design` (B,) are the intensities of the reference target, by which noise alone is weighed.
+    """
+    if sensor.spectral_discrimination == "likelihood":
+        return FusedBands(radiometer.threshold, np.maximum(design, _FAINT * design.max()), radiometer.coincidence)
     if sensor.spectral_discrimination == "none":
         return AnyBand(radiometer.threshold)
     lower, upper = np.array(radiometer.ratios, dtype=np.float64).T

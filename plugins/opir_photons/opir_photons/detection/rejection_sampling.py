@@ -67,7 +67,7 @@ class Rule(Protocol):
     def passes(self, measured: FloatArray, slopes: FloatArray) -> BoolArray:
         """Return which measurements detect."""
 
-    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def proposed(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) that meet some of the conditions, from numbers (n, B + 1) in [0, 1)."""
 
     def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
@@ -82,7 +82,7 @@ def accepted_draws(
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks with P_d (n,)."""
     # Most rows pass at once, without an acceptance rate.
-    measured = rule.proposed(snr, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
+    measured = rule.proposed(snr, slopes, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
     left = np.flatnonzero(~rule.passes(measured, slopes))
     if len(left):
         again = snr[left], slopes[left], probability[left], seeds[left]
@@ -129,8 +129,9 @@ def _turn(
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
-    drawn = rule.proposed(snr.take(row, axis=0), _uniforms(seeds.take(row), number, snr.shape[1] + 1))
-    good = np.flatnonzero(rule.passes(drawn, slopes.take(row, axis=0)))
+    sides = slopes.take(row, axis=0)
+    drawn = rule.proposed(snr.take(row, axis=0), sides, _uniforms(seeds.take(row), number, snr.shape[1] + 1))
+    good = np.flatnonzero(rule.passes(drawn, sides))
     rows = row[good]
     first = np.flatnonzero(np.diff(rows, prepend=-1))
     passed = np.zeros(len(tries), dtype=np.bool_)

@@ -25,6 +25,7 @@ from opir_core.plugin import (
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError
+from opir_photons.detection.own_past import subtract_own_past
 from opir_photons.detection.radiometric_columns import (
     checked_intensities,
     checked_radiances_and_clutter,
@@ -70,12 +71,11 @@ class MeasuredColumns:
         measured: FloatArray,
         noise: FloatArray,
         rule: Rule,
+        slopes: FloatArray,
         error: LineOfSightError,
     ) -> None:
         """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the noise (n, B)."""
-        width, best = measured.shape[1], measured[:, 0].copy()
-        for band in range(1, width):
-            np.maximum(best, measured[:, band], out=best)
+        width, best = measured.shape[1], rule.strength(measured, slopes)
         self.bands[rows], self.snr[rows] = rule.confirming(measured), best
         self.sigma_rad[rows] = error.sigma_rad(measured, noise, best)
         for band in range(width):
@@ -130,19 +130,25 @@ class SnrDetection(DetectionProbability):
         """Return the expected measurements of looks, with P_d to within `slack`."""
         rows_of_kind = by_number(self.alike[exposures.sensor], len(self.receivers))
         signal = self._irradiance_w_m2(exposures, rows_of_kind)
+        self._subtract_own_past(signal, exposures, rows_of_kind)
         noise = self._noise_w_m2(exposures, rows_of_kind, signal)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
         for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            slopes = receiver.slopes(noise[:width, rows].T, exposures.elevation_sine[rows])
-            quantile[rows] = receiver.quantile(snr[:width, rows].T, slopes, slack)
+            expected = snr[:width, rows].T
+            slopes = receiver.slopes(expected, noise[:width, rows].T, exposures.elevation_sine[rows])
+            quantile[rows] = receiver.quantile(expected, slopes, slack)
         return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend."""
-        return self.environment.breakpoints_s()
+        known_s = self.environment.breakpoints_s()
+        begins_s = self.environment.targets.ignition_s[:, None]
+        # From one lag after ignition on a frame difference subtracts a target's own light.
+        lags_s = {one.plane.frames.lag_s for one in self.receivers if one.plane is not None and one.plane.frames}
+        return np.concatenate([known_s, *(begins_s + lag_s for lag_s in sorted(lags_s))], axis=1)
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray:
         """Return the transmittances (n,) in a band between the targets and the sensors of looks."""
@@ -165,19 +171,20 @@ class SnrDetection(DetectionProbability):
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
-                measured = rng.take(part).normals("measurement", width)
-                measured += response.snr[part, :width]
-                again = np.flatnonzero(~rule.passes(measured, receiver.slopes(noise, response.sine(part))))
-                found.put(part, measured, noise, rule, spread)
+                measured, snr = rng.take(part).normals("measurement", width), response.snr[part, :width]
+                measured += snr
+                slopes = receiver.slopes(snr, noise, response.sine(part))
+                again = np.flatnonzero(~rule.passes(measured, slopes))
+                found.put(part, measured, noise, rule, slopes, spread)
                 failed.append(_rows_of(part, again))
             left = np.concatenate(failed)
             if len(left):
                 # The bits of a uniform number are exact on every platform, those of a normal number are not.
                 seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
                 snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
-                slopes = receiver.slopes(noise, response.sine(left))
+                slopes = receiver.slopes(snr, noise, response.sine(left))
                 measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
-                found.put(left, measured, noise, rule, spread)
+                found.put(left, measured, noise, rule, slopes, spread)
         return found.measured(response.noise_w_m2)
 
     @property
@@ -194,9 +201,9 @@ class SnrDetection(DetectionProbability):
             nothing = np.zeros((len(seeds), len(receiver.bands)))
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
-            slopes = receiver.slopes(noise, np.ones(len(seeds)))
+            slopes = receiver.slopes(nothing, noise, np.ones(len(seeds)))
             measured = accepted_draws(receiver.rule, nothing, slopes, chance, seeds)
-            found.put(rows, measured, noise, receiver.rule, self._line_of_sight_error(number))
+            found.put(rows, measured, noise, receiver.rule, slopes, self._line_of_sight_error(number))
         return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
@@ -214,6 +221,30 @@ class SnrDetection(DetectionProbability):
             lit[:, shining] = own
             irradiance[: len(bands), rows] = lit
         return irradiance
+
+    def _subtract_own_past(self, signal: FloatArray, exposures: Exposures, rows_of_kind: RowsOfKind) -> None:
+        """Subtract from signals (B, n), in place, what frame differences do of the targets themselves."""
+        for number, rows in rows_of_kind:
+            plane = self.receivers[number].plane
+            if plane is None or plane.frames is None:
+                continue
+            looks, own = exposures.take(rows), signal[:, rows]
+
+            def irradiance_of(earlier: Exposures, number: int = number) -> FloatArray:
+                return self._irradiance_w_m2(earlier, [(number, slice(0, len(earlier)))])
+
+            subtract_own_past(own, looks, plane, self.environment, irradiance_of)
+            signal[:, rows] = own
+
+    def line_of_sight_sigma_rad(self, response: Response, sensor: IndexArray) -> FloatArray:
+        """Return the standard deviations (n,) per axis of lines of sight with the expected signals; inf without one."""
+        sigma_rad = np.empty(len(sensor))
+        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
+            width = len(self.receivers[number].bands)
+            snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
+            with np.errstate(divide="ignore"):
+                sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(snr, noise, snr.max(axis=1))
+        return sigma_rad
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
         return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)

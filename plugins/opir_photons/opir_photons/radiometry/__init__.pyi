@@ -14,6 +14,11 @@ from opir_photons.radiometry.clutter import (
     structure_correlation as structure_correlation,
     structure_spectrum as structure_spectrum,
 )
+from opir_photons.radiometry.filtered_spots import (
+    FilteredSpot as FilteredSpot,
+    OwnPast as OwnPast,
+    ensquared_airy_energy as ensquared_airy_energy,
+)
 from opir_photons.radiometry.focal_plane import (
     airy_sigma_rad as airy_sigma_rad,
     blurred_sigma_rad as blurred_sigma_rad,
@@ -38,6 +43,12 @@ from opir_photons.radiometry.pixel_filters import (
     noise_gain as noise_gain,
     signal_gain as signal_gain,
 )
+from opir_photons.radiometry.pixels import (
+    Parallax as Parallax,
+    brightness_temperature_k as brightness_temperature_k,
+    parallax as parallax,
+    pixel_temperature_k as pixel_temperature_k,
+)
 from opir_photons.radiometry.planck import (
     Temperature as Temperature,
     band_photon_radiance as band_photon_radiance,
@@ -48,6 +59,9 @@ from opir_photons.radiometry.planck import (
     planck_photon_radiance as planck_photon_radiance,
     planck_radiance as planck_radiance,
     two_colour_temperature as two_colour_temperature,
+)
+from opir_photons.radiometry.point_spread import (
+    PointSpread as PointSpread,
 )
 from opir_photons.radiometry.sunlight import (
     lambert_phase as lambert_phase,

@@ -20,17 +20,10 @@ from numpy.typing import ArrayLike
 from scipy.special import gamma, j0, kv
 
 from opir_core.arrays import FloatArray
+from opir_photons.radiometry.point_spread import EVEN, PointSpread, radial_nodes
 
-#: Nodes of a panel of Gauss-Legendre quadrature.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
-#: Range of wavenumbers, per pixel: below the first a field is uniform, up to the second panels are even in logarithm.
-_LEAST, _EVEN = 1e-9, 0.25
-#: exp(-x²) beyond this is no part of a double's sum.
-_FAR = 6.0
 #: Distances, in outer scales, below which two terms of the series of a correlation are exact to rounding.
 _VERY_NEAR = 1e-20
-#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
-_MOST_PANELS = 1500
 
 
 def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
@@ -101,13 +94,13 @@ class SpatialTransfer:
     weight: FloatArray
 
     @classmethod
-    def of(cls, weights: FloatArray, sigma: float, farthest: float = 0.0) -> "SpatialTransfer":
-        """Return the transfer of a filter (m, m) behind spots of width `sigma`, pixels.
+    def of(cls, weights: FloatArray, spread: PointSpread, farthest: float = 0.0) -> "SpatialTransfer":
+        """Return the transfer of a filter (m, m) behind spots.
 
         `farthest` is the largest displacement, pixels, that is looked at.
         """
-        most = max(_FAR / max(sigma, 0.05), 2.0 * _EVEN)
-        wavenumber, step = _radial_nodes(most, len(weights) + farthest)
+        most = max(spread.most, 2.0 * EVEN)
+        wavenumber, step = radial_nodes(most, len(weights) + farthest)
         count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
         angle = np.pi * np.arange(count) / count
         x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
@@ -115,7 +108,7 @@ class SpatialTransfer:
         along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
         passed = np.abs(((along @ weights) * across).sum(axis=-1))
         passed *= np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
-        window = np.square(passed).mean(axis=1) * np.exp(-np.square(wavenumber * sigma))
+        window = np.square(passed).mean(axis=1) * np.square(spread.transfer(wavenumber))
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi))
 
     def variance(self, scale: ArrayLike, exponent: float, frames: FrameDifference | None = None) -> FloatArray:
@@ -159,13 +152,3 @@ class SpatialTransfer:
     def _integral(self, scale: ArrayLike, exponent: float, weight: FloatArray) -> FloatArray:
         outer = np.asarray(scale, dtype=np.float64)[..., None]
         return np.asarray((structure_spectrum(self.wavenumber, outer, exponent) * weight).sum(axis=-1))
-
-
-def _radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a distance, pixels."""
-    folds = math.ceil(math.log(_EVEN / _LEAST))
-    low = np.geomspace(_LEAST, _EVEN, 2 * folds + 1)
-    panels = min(math.ceil((most - _EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)
-    edges = np.concatenate([low, np.linspace(_EVEN, most, panels + 1)[1:]])
-    half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
-    return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel()

@@ -152,7 +152,7 @@ def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) 
         signal, ones = np.tile(snr, (rows, 1)), np.ones((rows, 3))
         chance = np.exp(rule.log_chances(signal[:1], rule.slopes(ones[:1]))[0])
         share = float(rule.passing(signal[:1], chance)[0])
-        passed = rule.passes(rule.proposed(signal, rng.random((rows, 4))), rule.slopes(ones)).sum()
+        passed = rule.passes(rule.proposed(signal, rule.slopes(ones), rng.random((rows, 4))), rule.slopes(ones)).sum()
         assert abs(passed - rows * share) <= 3.29 * np.sqrt(rows * share * (1.0 - share)) + 1.0
 
 
@@ -160,9 +160,9 @@ def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> N
     proposed = []
 
     class Counted(RatioGates):
-        def proposed(self, snr: np.ndarray, uniforms: np.ndarray) -> np.ndarray:
+        def proposed(self, snr: np.ndarray, slopes: np.ndarray, uniforms: np.ndarray) -> np.ndarray:
             proposed.append(len(snr))
-            return super().proposed(snr, uniforms)
+            return super().proposed(snr, slopes, uniforms)
 
     rule = Counted(5.0, 3.0, np.array([-INF, 0.3]), np.array([INF, 3.0]))
     rng, ones = np.random.default_rng(9), np.ones((5_000, 2))

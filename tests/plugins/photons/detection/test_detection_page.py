@@ -58,8 +58,7 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
         rows = np.zeros(1, dtype=np.int32)
         intensity = np.array([signatures.intensity_w_sr(band, rows, *place)[0] for band in range(len(sensor.bands))])
         noise = receiver.nei_w_m2
-        log_hit, _ = receiver.rule.log_chances(
-            (intensity / 3.6e7**2 / noise)[None, :], receiver.rule.slopes(noise[None, :])
-        )
+        snr = (intensity / 3.6e7**2 / noise)[None, :]
+        log_hit, _ = receiver.rule.log_chances(snr, receiver.slopes(snr, noise[None, :], None))
         found.append(float(np.exp(log_hit[0])))
     assert shown(kind) == pytest.approx(found, rel=0.05)

@@ -102,7 +102,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     reads.clear()
     window = engine.advance(plan.end_ns)
     measured = int((window.truth.target >= 0).sum())
-    assert measured > 500
+    assert measured > 150
     noise = [place for place in reads if place[0] is not engine._streams._reader]
     pairs = int((plan.pairs.looks > 0).sum())
     # Whether it detects, and where it lies: what it measures is spun from that.
@@ -145,7 +145,7 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     parted = Engine(plan).advance(plan.end_ns)
     seen, kinds = int((whole.truth.target >= 0).sum()), len(set(plan.detection.alike.tolist()))
     assert measured == [seen]
-    assert seen > 100 * kinds
+    assert seen > 50 * kinds
     # Of each kind what targets' draws left, and the exceedances of noise.
     assert kinds < len(again) <= 2 * kinds
     assert len(placed) == 1

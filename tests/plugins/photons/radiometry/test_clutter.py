@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from opir_photons.radiometry import (
     FrameDifference,
+    PointSpread,
     SpatialTransfer,
     filter_weights,
     signal_gain,
@@ -61,14 +62,14 @@ def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(kind: str, pixels: i
     apart, which = np.unique((place[:, None] - place[None]).reshape(-1, 2), axis=0, return_inverse=True)
     pairs = (weights.ravel()[:, None] * weights.ravel()).ravel()
     expected = float((pairs * smoothed_correlation(apart, sigma, scale)[which.ravel()]).sum())
-    found = float(SpatialTransfer.of(weights, sigma).variance(scale, 3.0))
+    found = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
     assert found == pytest.approx(expected, rel=3e-3)
 
 
 def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation() -> None:
     """Of the directions of a drift the mean is taken, here over 64 of them."""
     sigma, scale, drift = 0.5, 6.0, 1.3
-    transfer = SpatialTransfer.of(np.ones((1, 1)), sigma, drift)
+    transfer = SpatialTransfer.of(np.ones((1, 1)), PointSpread(math.inf, sigma), drift)
     turn = 2 * np.pi * (np.arange(64) + 0.5) / 64
     apart = smoothed_correlation(drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale).mean()
     here = smoothed_correlation(np.zeros((1, 2)), sigma, scale)[0]
@@ -78,7 +79,7 @@ def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation
 
 def test_small_displacements_leave_gradient_times_displacement_and_large_ones_both_frames() -> None:
     weights = filter_weights("matched", 1, 0.4, 1.0)
-    transfer = SpatialTransfer.of(weights, 0.4, 100.0)
+    transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.4), 100.0)
     alone = float(transfer.variance(8.0, 3.0))
     gradient = float(
         (structure_spectrum(transfer.wavenumber, 8.0, 3.0) * transfer.weight * transfer.wavenumber**2).sum()
@@ -94,14 +95,14 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
 def test_structure_far_larger_than_the_filter_leaves_less_by_the_power_law() -> None:
     """High-pass filters see k^-α alone: variance goes as ℓ^(2 - α)."""
     for exponent in (8 / 3, 3.0, 3.5):
-        transfer = SpatialTransfer.of(filter_weights("surround", 1, 0.35, 1.0), 0.35)
+        transfer = SpatialTransfer.of(filter_weights("surround", 1, 0.35, 1.0), PointSpread(math.inf, 0.35))
         near, far = transfer.variance([1e3, 1e4], exponent)
         assert far / near == pytest.approx(10.0 ** (2.0 - exponent), rel=0.02)
 
 
 def test_correlation_of_looks() -> None:
     weights = filter_weights("matched", 1, 0.35, 1.0)
-    transfer = SpatialTransfer.of(weights, 0.35, 50.0)
+    transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.35), 50.0)
     registered, drifting = FrameDifference(5.0, 0.02, 0.0), FrameDifference(5.0, 0.0, 0.002)
     # Registration errors are new in each frame; a frame is in two differences, a lag apart.
     jittered = transfer.correlation(10.0, 3.0, [0.0, 0.1, 5.0, 7.0], registered)
@@ -122,8 +123,7 @@ def test_leaks_by_filter_are_less_than_of_a_single_pixel_per_signal() -> None:
     left = {}
     for kind in ("sum", "surround", "matched"):
         weights = filter_weights(kind, 1, 0.35, 1.0)
-        left[kind] = math.sqrt(float(SpatialTransfer.of(weights, 0.35).variance(10.0, 3.0))) / signal_gain(
-            weights, 0.35, 1
-        )
+        variance = SpatialTransfer.of(weights, PointSpread(math.inf, 0.35)).variance(10.0, 3.0)
+        left[kind] = math.sqrt(float(variance)) / signal_gain(weights, 0.35, 1)
     assert left["surround"] < 0.4 * left["sum"]
     assert left["matched"] < 0.4 * left["sum"]

@@ -4,24 +4,24 @@ import argparse
 import sys
 from contextlib import suppress
 
-from opir_photons.radiometry import minimum_detectable_intensity
-
 UNITS = {"W/m2": 1.0, "W/cm2": 1e4}
 
 
-def physics_arguments(parser: argparse.ArgumentParser) -> None:
+def least_intensity_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the quantities."""
-    quantities = parser.add_subparsers(metavar="QUANTITY", required=True)
-    least = quantities.add_parser("min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance")
-    least.add_argument("--nei", type=_positive, default=5e-14, help="noise-equivalent irradiance (default 5e-14)")
-    least.add_argument("--unit", choices=UNITS, help="unit of --nei (default: print the result for each unit)")
-    least.add_argument("--range-km", type=_positive, default=36_000.0, help="range (default 36000)")
-    least.add_argument("--transmittance", type=_fraction, default=1.0, help="of the atmosphere, (0, 1] (default 1)")
-    least.add_argument("--snr", type=_positive, default=5.0, help="signal-to-noise ratio at the threshold (default 5)")
+    add = parser.add_argument
+    add("--nei", type=_positive, default=5e-14, help="noise-equivalent irradiance (default 5e-14)")
+    add("--unit", choices=UNITS, help="unit of --nei (default: print the result for each unit)")
+    add("--range-km", type=_positive, default=36_000.0, help="range (default 36000)")
+    add("--transmittance", type=_fraction, default=1.0, help="of the atmosphere, (0, 1] (default 1)")
+    add("--snr", type=_positive, default=5.0, help="signal-to-noise ratio at the threshold (default 5)")
+    parser.set_defaults(run=least_intensity)
 
 
-def physics(arguments: argparse.Namespace) -> int:
+def least_intensity(arguments: argparse.Namespace) -> int:
     """Print the minimum intensity for each unit that the NEI may have."""
+    from opir_photons.radiometry import minimum_detectable_intensity
+
     for unit in [arguments.unit] if arguments.unit else UNITS:
         nei_w_m2 = arguments.nei * UNITS[unit]
         least = minimum_detectable_intensity(nei_w_m2, arguments.range_km * 1e3, arguments.transmittance, arguments.snr)

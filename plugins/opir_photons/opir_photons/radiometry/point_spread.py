@@ -1,0 +1,58 @@
+"""The point spread of a diffraction-limited, blurred telescope, in wavenumbers.
+
+The Airy pattern of a circular aperture is exact there and ends at the cutoff k_c = 2π D p / λ (radians per pixel of
+width p): its transfer is (2/π) (acos x - x √(1 - x²)) with x = k / k_c (J. W. Goodman, Introduction to Fourier Optics,
+3rd ed., 2005, section 6.3). Blur and jitter multiply it by a Gaussian. Lengths are in pixels.
+"""
+
+import math
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+
+#: Nodes of a panel of Gauss-Legendre quadrature.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+#: Least wavenumber of a quadrature, per pixel: a field is uniform below it.
+_LEAST = 1e-9
+#: Wavenumber, per pixel, up to which panels are even in logarithm.
+EVEN = 0.25
+#: A Gaussian transfer beyond this many widths is no part of a result; the least blur that is resolved, pixels.
+_FAR, _LEAST_BLUR = 6.0, 0.05
+#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
+_MOST_PANELS = 1500
+
+
+@frozen
+class PointSpread:
+    """A spot: the cutoff of its aperture, radians per pixel (inf for a perfect one), and a Gaussian blur, pixels."""
+
+    cutoff: float
+    blur: float
+
+    @classmethod
+    def of(cls, wavelength_um: float, aperture_m: float, blur_rad: float, pixel_rad: float) -> "PointSpread":
+        """Return the spot of an aperture and a Gaussian blur per axis on pixels of an angular width."""
+        return cls(2.0 * math.pi * aperture_m * pixel_rad / (wavelength_um * 1e-6), blur_rad / pixel_rad)
+
+    @property
+    def most(self) -> float:
+        """The wavenumber, radians per pixel, beyond which nothing is passed."""
+        return min(self.cutoff, _FAR / max(self.blur, _LEAST_BLUR))
+
+    def transfer(self, wavenumber: FloatArray) -> FloatArray:
+        """Return the transfer at wavenumbers, radians per pixel: 1 at 0."""
+        share = np.minimum(wavenumber / self.cutoff, 1.0)
+        airy = (2.0 / np.pi) * (np.arccos(share) - share * np.sqrt(1.0 - share * share))
+        return np.asarray(airy * np.exp(-0.5 * np.square(wavenumber * self.blur)))
+
+
+def radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
+    """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a distance, pixels."""
+    folds = math.ceil(math.log(EVEN / _LEAST))
+    low = np.geomspace(_LEAST, EVEN, 2 * folds + 1)
+    panels = min(math.ceil((most - EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)
+    edges = np.concatenate([low, np.linspace(EVEN, most, panels + 1)[1:]])
+    half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+    return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel()

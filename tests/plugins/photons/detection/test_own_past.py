@@ -1,0 +1,71 @@
+"""What a frame difference subtracts of a target: nothing before one lag, much of a slow one, all of a steady source."""
+
+from typing import Any
+
+import numpy as np
+from opir_photons.radiometry import FilteredSpot, FrameDifference, PointSpread, filter_weights
+from snr_scene import SBIRS, scene
+
+import opir_core as opir
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.looks import Looks
+
+LAG_S = 10.0
+FIRE = {"model": "fires", "id": "F", "at": [{"lat_deg": 3.0, "lon_deg": -150.0}]}
+
+
+def looks_of(plan: Any, step: int = 5) -> Exposures:
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    exposed: Exposures = plan.look_geometry().exposures(looks.pair[::step], looks.scan[::step])
+    return exposed
+
+
+def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
+    """Return the plan, the looks and the signals (n, B) of a sensor with or without a frame difference."""
+    plane = {"temporal_filter": temporal, "lag_s": LAG_S, "registration_urad": 0.0, "drift_urad_s": 0.0}
+    plan = opir.compile_plan(scene([{**SBIRS, "focal_plane": plane}], "IS", **changes))
+    looks = looks_of(plan)
+    response = plan.detection.response(looks)
+    return plan, looks, response.snr * response.noise_w_m2
+
+
+def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earlier() -> None:
+    plan, looks, left = signals("difference")
+    whole = signals("none")[2]
+    since_s = looks.emission_time_s - plan.targets.ignition_s[looks.target]
+    early = since_s < LAG_S
+    np.testing.assert_allclose(left[early], whole[early], rtol=1e-12)
+    # The ring of a matched filter is negative: a spot that has left its core adds.
+    assert (left <= whole * 1.2).all()
+    # Light of the same targets, seen alone a lag earlier.
+    config, pixel_rad = plan.sensors[0].radiometer.focal_plane, plan.sensors[0].radiometer.ifov_rad
+    later = np.flatnonzero((since_s > LAG_S + 0.5) & (since_s < 30.0))[::4]
+    assert len(later) >= 20
+    for row in later.tolist():
+        then = np.flatnonzero(
+            (looks.target == looks.target[row])
+            & (np.abs(looks.emission_time_s - looks.emission_time_s[row] + LAG_S) < 0.3)
+        )
+        near = then[np.argmin(np.abs(looks.emission_time_s[then] - looks.emission_time_s[row] + LAG_S))]
+        rays = [looks.target_ecef_m[each] - looks.sensor_ecef_m[each] for each in (row, near)]
+        rays = [ray / np.linalg.norm(ray) for ray in rays]
+        moved = np.linalg.norm(rays[0] - rays[1]) / pixel_rad
+        for place, band in enumerate(plan.sensors[0].bands):
+            middle_um = 0.5 * (band.lower_um + band.upper_um)
+            blur = np.hypot(config.blur_urad, config.jitter_urad) * 1e-6
+            sigma = np.hypot(np.sqrt(2.0) / np.pi * middle_um * 1e-6 / config.aperture_m, blur)
+            weights = filter_weights("matched", 1, float(sigma), pixel_rad)
+            spot = FilteredSpot.of(weights, PointSpread.of(middle_um, config.aperture_m, float(blur), pixel_rad))
+            share = float(spot.response(moved, FrameDifference(LAG_S, 0.0, 0.0)) / spot.response())
+            expected = max(whole[row, place] - share * whole[near, place], 0.0)
+            # Looks a lag apart are up to 0.25 s from a lag.
+            assert abs(left[row, place] - expected) < 0.05 * whole[row, place]
+
+
+def test_steady_sources_are_removed() -> None:
+    plan, looks, left = signals("difference", sources=[FIRE])
+    whole = signals("none", sources=[FIRE])[2]
+    fire = looks.target == len(plan.scene.targets)
+    assert fire.sum() > 20
+    assert whole[fire].max() > 0.0
+    assert left[fire].max() < 1e-9 * whole[fire].max()
