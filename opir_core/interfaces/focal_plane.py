@@ -18,11 +18,9 @@ class FocalPlaneConfig:
     aperture_m: float = number(
         default=0.6, unit="m", above=0.0, maximum=100.0, plausible=(0.01, 10.0), help="diameter of the aperture"
     )
-    optics_transmission: float = number(
-        default=0.7, above=0.0, maximum=1.0, help="share of in-band light that the optics pass"
-    )
+    optics_transmission: float = number(default=0.7, above=0.0, maximum=1.0, help="share of light that the optics pass")
     optics_temperature_k: float = number(
-        default=250.0, unit="K", minimum=0.0, maximum=1e4, help="of the optics, of emissivity 1 - transmission"
+        default=250.0, unit="K", minimum=0.0, maximum=1e4, help="of optics of emissivity 1 - transmission"
     )
     f_number: float = number(
         default=2.0, above=0.0, maximum=100.0, help="focal length over aperture: sets the pitch of pixels, ifov · f · D"
@@ -55,7 +53,7 @@ class FocalPlaneConfig:
         default=100.0, unit="e⁻", minimum=0.0, maximum=1e9, help="standard deviation of reading a pixel of a subframe"
     )
     well_capacity_e: float = number(
-        default=2e7, unit="e⁻", above=0.0, maximum=1e18, help="electrons that a pixel holds in a subframe"
+        default=2e7, unit="e⁻", above=0.0, maximum=1e18, help="electrons that a pixel holds"
     )
     bits: int = number(default=16, minimum=1, maximum=64, help="of the converter, over the well's capacity")
     blur_urad: float = number(
@@ -102,7 +100,7 @@ class FocalPlaneConfig:
         help="difference: of a frame and one lag_s earlier, with twice the variance of noise; none: a single frame",
     )
     lag_s: float = number(
-        default=10.0, unit="s", above=0.0, maximum=1e5, help="age of the earlier frame, a scan period at least"
+        default=10.0, unit="s", above=0.0, maximum=1e5, help="age of the earlier frame, at least a scan period"
     )
     reference_cells: int | None = number(
         default=None,

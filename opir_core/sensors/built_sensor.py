@@ -109,10 +109,11 @@ def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiom
 
 def _focal_planes(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> tuple[FocalPlaneConfig, ...]:
     """Return the focal planes by band, with integration times and lags that fit the scan period; none without one."""
+    period_ms = config.scan_period_ms
     if config.focal_plane is None:
         return ()
-    period_ms = config.scan_period_ms
-    own = [evolve(config.focal_plane, **config.band_focal_plane.get(band.name, {})) for band in bands]
+    changes: Any = config.band_focal_plane
+    own = [evolve(config.focal_plane, **changes.get(band.name, {})) for band in bands]
     times = [(min(one.integration_time_ms, period_ms), max(one.lag_s, period_ms * 1e-3)) for one in own]
     return tuple(evolve(one, integration_time_ms=ms, lag_s=s) for one, (ms, s) in zip(own, times, strict=True))
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from attrs import Factory, fields, fields_dict, frozen
+from attrs import Factory, evolve, fields, fields_dict, frozen
 
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.scene.fields import nested, number, text
@@ -141,9 +141,12 @@ def focal_plane_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str
     known = {name for name, each in fields_dict(FocalPlaneConfig).items() if each.type in (float, int, float | None)}
     # Frames are subtracted from one another in all bands alike.
     known -= {"lag_s", "registration_urad", "drift_urad_s"}
-    strange = sorted({key for settings in config.band_focal_plane.values() for key in settings} - known)
-    if strange:
-        return f"band_focal_plane: {strange[0]} is not a number of focal_plane: {', '.join(sorted(known))}"
+    changes: Any = config.band_focal_plane
+    for settings in changes.values():
+        if strange := sorted(set(settings) - known):
+            return f"band_focal_plane: {strange[0]} is not a number of focal_plane: {', '.join(sorted(known))}"
+        # A value out of range is a `ValueError` with its name.
+        evolve(FocalPlaneConfig(), **settings)
     if config.focal_plane is not None or config.nei_w_m2 is not None or config.nei_w_cm2 is not None:
         return None
     return None if set(bands) <= set(config.band_nei_w_m2) else "focal_plane: without one set the noise, nei_w_m2"
