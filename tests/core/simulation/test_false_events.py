@@ -13,12 +13,12 @@ from opir_core.planning.plan import compile_plan
 from opir_core.simulation.engine import Engine
 
 DURATION_S, RISK = 300.0, 1e-3
+REGION = {"south_deg": 20, "north_deg": 45, "west_deg": -121, "east_deg": -95}
 SOURCES = [
-    {"id": "fires", "model": "fires", "field": {"region": {"south_deg": 20, "north_deg": 45, "west_deg": -121,
-     "east_deg": -95}, "per_million_km2": 8}},
-    {"id": "flares", "model": "flares", "at": [{"lat_deg": 32.0, "lon_deg": -102.0}, {"lat_deg": 40.0, "lon_deg": -99.0}]},
+    {"id": "fires", "model": "fires", "field": {"region": REGION, "per_million_km2": 8}},
+    {"id": "flares", "model": "flares", "at": [{"lat_deg": 32, "lon_deg": -102}, {"lat_deg": 40, "lon_deg": -99}]},
     {"id": "meteor", "model": "bolides", "at": [{"lat_deg": 30.0, "lon_deg": -100.0, "start_s": 60.0}]},
-]  # fmt: skip
+]
 SENSORS = (
     {"model": "DSP", "preset": "heritage", "scan_period_ms": 1000.0},
     {"model": "SBIRS-GEO", "scan_period_ms": 500.0},
