@@ -50,7 +50,7 @@ class RadiometerConfig:
         help="by band the noise-equivalent irradiance of bands that have their own",
     )
     ifov_urad: float = number(
-        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a resolution cell: 1 km at nadir"
+        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a pixel; 28 are 1 km from 36 000 km"
     )
     collection_m2_s: float = number(
         default=0.007,
