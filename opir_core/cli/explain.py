@@ -72,7 +72,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
         parts.append(table(heads, [_eclipse_cells(row) for row in plan["eclipses"]], numbers=(1, 2, 3, 4)))
     if plan["noise"]:
         noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_day']:.3g}") for row in plan["noise"]]
-        parts.append(table(("sensor", "reported false alarms per scan", "per day"), noise, numbers=(1, 2)))
+        parts.append(table(("sensor", "false alarms of noise and clutter per scan", "per day"), noise, numbers=(1, 2)))
     if plan["focal_planes"]:
         columns = ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2")
         parts.append(table(columns, [_focal_plane_cells(row) for row in plan["focal_planes"]], numbers=(2, 3, 4, 5)))

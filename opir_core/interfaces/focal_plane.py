@@ -18,9 +18,14 @@ class FocalPlaneConfig:
     aperture_m: float = number(
         default=0.6, unit="m", above=0.0, maximum=100.0, plausible=(0.01, 10.0), help="diameter of the aperture"
     )
-    optics_transmission: float = number(
-        default=0.7, above=0.0, maximum=1.0, help="share of in-band light that the optics pass"
+    optics_transmission: float = number(default=0.7, above=0.0, maximum=1.0, help="share of light that the optics pass")
+    optics_temperature_k: float = number(
+        default=250.0, unit="K", minimum=0.0, maximum=1e4, help="of optics of emissivity 1 - transmission"
     )
+    f_number: float = number(
+        default=2.0, above=0.0, maximum=100.0, help="focal length over aperture: sets the pitch of pixels, ifov · f · D"
+    )
+    fill_factor: float = number(default=0.9, above=0.0, maximum=1.0, help="share of a pixel that detects")
     quantum_efficiency: float = number(default=0.7, above=0.0, maximum=1.0, help="electrons per photon on a pixel")
     integration_time_ms: float = number(
         default=10.0,
@@ -28,24 +33,29 @@ class FocalPlaneConfig:
         above=0.0,
         maximum=1e6,
         plausible=(0.001, 10_000.0),
-        help="integration time of a frame, all its subframes together",
+        help="integration time of a frame, all its subframes together; a scan period at most",
     )
     subframes: int = number(
         default=16, minimum=1, maximum=1_000_000, help="subframes added up to a frame, each read out by itself"
     )
-    dark_current_e_s: float = number(
-        default=5e9,
+    detector_temperature_k: float = number(
+        default=110.0, unit="K", above=0.0, maximum=1e4, plausible=(3.0, 350.0), help="temperature of the detectors"
+    )
+    dark_current_e_s: float | None = number(
+        default=None,
         unit="e⁻/s",
         minimum=0.0,
         maximum=1e15,
-        help="electrons of a pixel without light from outside: dark current and warm optics",
+        source="Rule 07 (W. E. Tennant, J. Electron. Mater. 39, 2010, 1030), cut off at the long edge of the band",
+        help="electrons of a pixel without any light",
     )
     read_noise_e: float = number(
         default=100.0, unit="e⁻", minimum=0.0, maximum=1e9, help="standard deviation of reading a pixel of a subframe"
     )
     well_capacity_e: float = number(
-        default=2e7, unit="e⁻", above=0.0, maximum=1e18, help="electrons that a pixel holds in a subframe"
+        default=2e7, unit="e⁻", above=0.0, maximum=1e18, help="electrons that a pixel holds"
     )
+    bits: int = number(default=16, minimum=1, maximum=64, help="of the converter, over the well's capacity")
     blur_urad: float = number(
         default=9.0,
         unit="urad",
@@ -90,7 +100,7 @@ class FocalPlaneConfig:
         help="difference: of a frame and one lag_s earlier, with twice the variance of noise; none: a single frame",
     )
     lag_s: float = number(
-        default=10.0, unit="s", above=0.0, maximum=1e5, help="age of the frame that temporal_filter: difference takes"
+        default=10.0, unit="s", above=0.0, maximum=1e5, help="age of the earlier frame, at least a scan period"
     )
     reference_cells: int | None = number(
         default=None,
@@ -103,9 +113,4 @@ class FocalPlaneConfig:
         default="mean",
         choices=("mean", "worst"),
         help="where on its pixel a point source is: the mean over all places, or on the corner of four pixels",
-    )
-    nei: str = text(
-        default="computed",
-        choices=("computed", "given"),
-        help="computed: NEI from the focal plane; given: the sensor's nei_w_m2",
     )

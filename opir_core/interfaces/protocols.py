@@ -37,15 +37,16 @@ class Band:
 class Radiometer:
     """Radiometric properties of a sensor, by band in the order of its `bands`.
 
-    `nei_w_m2` are noise-equivalent irradiances per look; `ifov_rad` is the angle across a resolution cell;
-    `collection_m2_s` the product of aperture area, efficiency and integration time, which gives photons from
-    irradiance. A look detects above `threshold` standard deviations of its noise. For rules over several bands that
-    is the threshold of the band `reference`, and `coincidence` that of the others; `ratios` bound their intensity over
-    that of the reference band at the source, and `ratio_tolerance` is how far noise may carry a measurement beyond
-    these bounds, in standard deviations. `confirmation` are the detections M that a sensor needs in N successive scans
-    to report the last of them, within the distance that a source moves at `confirmation_speed_m_s`.
+    `nei_w_m2` are noise-equivalent irradiances per look, nan where they follow from the focal plane; `ifov_rad` is the
+    angle across a resolution cell; `collection_m2_s` the product of aperture area, efficiency and integration time,
+    which gives photons from irradiance. A look detects above `threshold` standard deviations of its noise. For rules
+    over several bands that is the threshold of the band `reference`, and `coincidence` that of the others; `ratios`
+    bound their intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise may
+    carry a measurement beyond these bounds, in standard deviations. `confirmation` are the detections M that a sensor
+    needs in N successive scans to report the last of them, within the distance that a source moves at
+    `confirmation_speed_m_s`.
 
-    With a `focal_plane`, noise, collection, clutter, saturation and the accuracy of lines of sight follow from it, in
+    With `focal_planes`, by band, noise, clutter, saturation and the accuracy of lines of sight follow from them, in
     pixels of `ifov_rad`.
     """
 
@@ -55,7 +56,7 @@ class Radiometer:
     threshold: float
     coincidence: float
     ratios: tuple[tuple[float, float], ...]
-    focal_plane: FocalPlaneConfig | None = None
+    focal_planes: tuple[FocalPlaneConfig, ...] = ()
     ratio_tolerance: float = 0.0
     reference: int = 0
     confirmation: tuple[int, int] = (1, 1)

@@ -185,8 +185,10 @@ class FieldReader:
         default, info = self.attribute.default, info_of(self.attribute)
         if info.named_values and isinstance(node.value, str):
             return self._named(info, node)
-        if isinstance(self.read, ClassReader) and isinstance(default, self.read.config_class):
-            value = self.read.made(node, (), base=default)
+        # Of an optional block, the reader of the block itself.
+        inner = self.read.args[0] if isinstance(self.read, partial) and node.value is not None else self.read
+        if isinstance(inner, ClassReader) and isinstance(default, inner.config_class):
+            value = inner.made(node, (), base=default)
         else:
             value = self.read(node, None)
         if METADATA_KEY in self.attribute.metadata and self.attribute.validator is not None:

@@ -335,7 +335,7 @@ class Cited:
 
 @frozen
 class Named:
-    """Texts that stand for whole values of a nested field; its default stays as it is."""
+    """Texts that stand for whole values of a nested field; the first is its default."""
 
     values: Mapping[str, Any]
 
@@ -346,10 +346,7 @@ def cited(value: Any, source: str) -> Cited:
 
 
 def named(**values: Any) -> Named:
-    """Return the values that texts stand for in a model's nested field, `notional` for instance, for `with_defaults`.
-
-    The field's own default stays.
-    """
+    """Return the values that texts stand for in a model's nested field, the first its default, for `with_defaults`."""
     return Named(values)
 
 
@@ -379,7 +376,8 @@ def _redefaulted(defaults: dict[str, Any], heir: type, attributes: "list[Attribu
 def _with_default(attribute: "Attribute[Any]", default: Any) -> "Attribute[Any]":
     if isinstance(default, Named):
         info = evolve(info_of(attribute), named_values=default.values)
-        return attribute.evolve(metadata={**attribute.metadata, METADATA_KEY: info})
+        first = next(iter(default.values.values()))
+        return attribute.evolve(default=first, metadata={**attribute.metadata, METADATA_KEY: info})
     chosen = default if isinstance(default, Cited) else Cited(default, "notional")
     info = evolve(info_of(attribute), source=chosen.source)
     # Attribute.evolve is attrs' own way to change an attribute in a field transformer.

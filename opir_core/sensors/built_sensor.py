@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from attrs import asdict, fields_dict
+from attrs import asdict, evolve, fields_dict
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import SensorContext
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ReportingStage, ScanPattern, Sensor
 from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
 from opir_core.sensors.reporting import ReportingConfig
@@ -113,9 +114,9 @@ def _bands(edges: Mapping[str, tuple[float, float]]) -> tuple[Band, ...]:
 
 def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiometer:
     """Return the radiometer of a configuration."""
-    nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * W_M2_PER_W_CM2
+    nei = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * W_M2_PER_W_CM2
     return Radiometer(
-        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),
+        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, math.nan if nei is None else nei) for band in bands),
         ifov_rad=config.ifov_urad * 1e-6,
         collection_m2_s=config.collection_m2_s,
         threshold=_threshold(config),
@@ -125,8 +126,19 @@ def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiom
         reference=_reference(config, bands),
         ratio_tolerance=config.ratio_tolerance_sigma,
         ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
-        focal_plane=config.focal_plane,
+        focal_planes=_focal_planes(config, bands),
     )
+
+
+def _focal_planes(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> tuple[FocalPlaneConfig, ...]:
+    """Return the focal planes by band, with integration times and lags that fit the scan period; none without one."""
+    period_ms = config.scan_period_ms
+    if config.focal_plane is None:
+        return ()
+    changes: Any = config.band_focal_plane
+    own = [evolve(config.focal_plane, **changes.get(band.name, {})) for band in bands]
+    times = [(min(one.integration_time_ms, period_ms), max(one.lag_s, period_ms * 1e-3)) for one in own]
+    return tuple(evolve(one, integration_time_ms=ms, lag_s=s) for one, (ms, s) in zip(own, times, strict=True))
 
 
 def _reference(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> int:

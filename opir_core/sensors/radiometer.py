@@ -1,10 +1,9 @@
 """The radiometric part of a scanning sensor's configuration."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from attrs import Factory, fields, frozen
+from attrs import Factory, evolve, fields, fields_dict, frozen
 
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.scene.fields import nested, number, text
@@ -24,12 +23,14 @@ def _ratios_complaint(ratios: Any) -> str | None:
 class RadiometerConfig:
     """What a scene may set of how a sensor measures light, for models that reckon with it (detection: snr)."""
 
-    nei_w_m2: float = number(
-        default=1e-12,
+    nei_w_m2: float | None = number(
+        default=None,
         unit="W/m²",
         minimum=0.0,
         maximum=1e6,
-        help="noise-equivalent irradiance of a look, in each band, for detection: snr",
+        source="no default: computed from the focal plane",
+        help="noise-equivalent irradiance of a look without background, in each band, in place of what dark current,"
+        " warm optics, reading and conversion come to",
     )
     nei_w_cm2: float | None = number(
         default=None,
@@ -49,14 +50,14 @@ class RadiometerConfig:
         help="by band the noise-equivalent irradiance of bands that have their own",
     )
     ifov_urad: float = number(
-        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a resolution cell: 1 km at nadir"
+        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a pixel; 28 are 1 km from 36 000 km"
     )
     collection_m2_s: float = number(
         default=0.007,
         unit="m² s",
         above=0.0,
         maximum=1e6,
-        help="aperture times efficiency times integration time: with it background light has photon noise",
+        help="aperture times efficiency times integration time, for focal_plane: null",
     )
     threshold_sigma: float = number(
         default=5.0,
@@ -122,45 +123,33 @@ class RadiometerConfig:
         help="speed that a source may have for detections of several scans to be taken for one source",
     )
     focal_plane: FocalPlaneConfig | None = nested(
-        default=None,
+        default=FocalPlaneConfig(),
         named_values={"notional": FocalPlaneConfig()},
-        source="no default: nei_w_m2 and collection_m2_s as they are",
         help="optics, detectors, filters and jitter, from which NEI, clutter, saturation and the accuracy of lines of"
-        " sight follow; notional: the sensor model's own made-up values",
+        " sight follow; notional: the sensor model's own made-up values; null: nei_w_m2 and collection_m2_s alone, and"
+        " the background's clutter_residual",
+    )
+    band_focal_plane: Mapping[str, Mapping[str, float]] = nested(
+        default=Factory(dict),
+        source="no default: focal_plane",
+        help="by band, numbers of focal_plane that differ in it",
     )
 
 
-#: Thresholds, standard deviations, at which a CFAR loss is worked out: a P_fa of 0.16 to 8e-24.
-_CFAR_THRESHOLDS = (1.0, 10.0)
-
-
-def focal_plane_complaint(config: RadiometerConfig, scan_period_ms: float) -> str | None:
+def focal_plane_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
     """Return the error in a focal plane beside the sensor's other settings, or None."""
-    plane = config.focal_plane
-    if plane is None:
+    known = {name for name, each in fields_dict(FocalPlaneConfig).items() if each.type in (float, int, float | None)}
+    # Frames are subtracted from one another in all bands alike.
+    known -= {"lag_s", "registration_urad", "drift_urad_s"}
+    changes: Any = config.band_focal_plane
+    for settings in changes.values():
+        if strange := sorted(set(settings) - known):
+            return f"band_focal_plane: {strange[0]} is not a number of focal_plane: {', '.join(sorted(known))}"
+        # A value out of range is a `ValueError` with its name.
+        evolve(FocalPlaneConfig(), **settings)
+    if config.focal_plane is not None or config.nei_w_m2 is not None or config.nei_w_cm2 is not None:
         return None
-    if plane.integration_time_ms > scan_period_ms:
-        return (
-            f"focal_plane.integration_time_ms: {plane.integration_time_ms:g} is longer than scan_period_ms,"
-            f" {scan_period_ms:g}"
-        )
-    if plane.temporal_filter == "difference" and plane.lag_s * 1e3 < scan_period_ms:
-        return f"focal_plane.lag_s: {plane.lag_s:g} is shorter than a scan period, {scan_period_ms * 1e-3:g} s"
-    if plane.reference_cells is not None and not _is_cfar_threshold(config):
-        low, high = _CFAR_THRESHOLDS
-        return (
-            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g} standard deviations"
-            " is not worked out; change threshold_sigma or false_alarm_probability"
-        )
-    return None
-
-
-def _is_cfar_threshold(config: RadiometerConfig) -> bool:
-    """Return whether the threshold is one at which a CFAR loss is worked out."""
-    chances = [0.5 * math.erfc(sigma / math.sqrt(2.0)) for sigma in _CFAR_THRESHOLDS]
-    if config.false_alarm_probability is not None:
-        return chances[1] <= config.false_alarm_probability <= chances[0]
-    return _CFAR_THRESHOLDS[0] <= config.threshold_sigma <= _CFAR_THRESHOLDS[1]
+    return None if set(bands) <= set(config.band_nei_w_m2) else "focal_plane: without one set the noise, nei_w_m2"
 
 
 def confirmation_complaint(config: RadiometerConfig) -> str | None:
@@ -181,7 +170,7 @@ def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
     """
     if config.reference_band not in ("", *bands) and config.reference_band != _default(config, "reference_band"):
         return f"reference_band: {config.reference_band} is not one of the sensor's bands, {', '.join(bands)}"
-    for name in ("band_nei_w_m2", "plausible_ratios"):
+    for name in ("band_nei_w_m2", "band_focal_plane", "plausible_ratios"):
         given = getattr(config, name)
         strange = [band for band in given if band not in bands]
         if strange and given != _default(config, name):

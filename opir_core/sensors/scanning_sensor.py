@@ -188,7 +188,7 @@ class ScanningSensorConfig(RadiometerConfig):
             self._raster_complaint(),
             self._discrimination_complaint(),
             strange_band_complaint(self, list(self.bands)),
-            focal_plane_complaint(self, self.scan_period_ms),
+            focal_plane_complaint(self, list(self.bands)),
             confirmation_complaint(self),
         ]
 

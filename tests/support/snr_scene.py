@@ -12,15 +12,18 @@ LAUNCHES = (
     {"id": "R", "type": "IRBM", "lat": -3.0, "lon": -140.0, "at": 5.0, "aim": (-28.0, -170.0)},
     {"id": "S", "type": "SRBM", "lat": 2.0, "lon": -135.0, "at": 4.0, "aim": (5.4, -132.0)},
 )
-#: Each detection is reported: confirmation over scans has tests of its own.
-DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, "confirmation_detections": 1}
-SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, "confirmation_detections": 1}
+#: Each detection is reported: confirmation over scans has tests of its own. Noise is given, without a focal plane.
+PLAIN = {"confirmation_detections": 1, "focal_plane": None}
+DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **PLAIN, "nei_w_m2": 5e-13}
+SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, **PLAIN, "nei_w_m2": 1e-12}
 NEXTGEN = {
     "model": "NEXTGEN-GEO",
     "id": "N",
     "orbital_slot_deg": -120.0,
     "scan_period_ms": 100.0,
-    "confirmation_detections": 1,
+    **PLAIN,
+    "nei_w_m2": 1e-13,
+    "collection_m2_s": 0.02,
 }
 
 

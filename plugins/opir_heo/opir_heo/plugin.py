@@ -37,7 +37,6 @@ NOTIONAL_CONFUSION = {
     ),
     line_of_sight_sigma_urad=25.0,
     false_alarm_susceptibility="moderate",
-    nei_w_m2=1e-12,
     spectral_discrimination="likelihood",
     threshold_sigma=cited(5.5, "as SBIRS-GEO: about three false alarms of noise reported a day"),
     coincidence_sigma=2.0,

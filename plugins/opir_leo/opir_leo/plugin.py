@@ -36,12 +36,11 @@ NOTIONAL_CONFUSION = {
 }
 
 
-#: Made up so that the noise that follows is about `nei_w_m2`.
+#: Notional.
 NOTIONAL_WIDE_FOCAL_PLANE = FocalPlaneConfig(
     aperture_m=0.1,
     integration_time_ms=20.0,
     subframes=8,
-    dark_current_e_s=7e7,
     read_noise_e=50.0,
     well_capacity_e=2e7,
     blur_urad=65.0,
@@ -54,7 +53,6 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     aperture_m=0.2,
     integration_time_ms=20.0,
     subframes=64,
-    dark_current_e_s=3.4e8,
     read_noise_e=50.0,
     well_capacity_e=5e7,
     blur_urad=14.0,
@@ -72,7 +70,6 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     detection_probability={"ICBM": 0.95, "IRBM": 0.93, "SRBM": 0.9},
     field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
     line_of_sight_sigma_urad=100.0,
-    nei_w_m2=3e-12,
     ifov_urad=200.0,
     threshold_sigma=6.5,
     false_alarm_susceptibility="moderate",
@@ -95,7 +92,7 @@ class WideConfig(ScanningSensorConfig):
     detection_probability={"ICBM": 0.9, "IRBM": 0.88, "SRBM": 0.85},
     field_of_regard_half_angle_deg=cited(110.0, UP_TO_SPACE),
     line_of_sight_sigma_urad=30.0,
-    nei_w_m2=1e-12,
+    band_focal_plane={"LWIR": {"detector_temperature_k": 55.0, "well_capacity_e": 2e8}},
     ifov_urad=50.0,
     threshold_sigma=7.0,
     false_alarm_susceptibility="low",

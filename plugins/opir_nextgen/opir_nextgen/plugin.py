@@ -32,12 +32,13 @@ NOTIONAL_CONFUSION = {
 PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "triple-coincidence", "threshold_sigma": 5.0}
 
 
-#: Made up so that the noise that follows is about `nei_w_m2`.
+#: Notional.
 NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     aperture_m=1.0,
     integration_time_ms=10.0,
     subframes=64,
-    dark_current_e_s=4e8,
+    optics_temperature_k=220.0,
+    detector_temperature_k=100.0,
     read_noise_e=50.0,
     well_capacity_e=4e7,
     blur_urad=4.0,
@@ -53,9 +54,11 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     scan_period_ms=cited(50.0, PAPER),
     detection_probability=cited({"ICBM": 0.95, "IRBM": 0.92, "SRBM": 0.85}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
     line_of_sight_sigma_urad=10.0,
-    nei_w_m2=1e-13,
     ifov_urad=14.0,
-    collection_m2_s=0.02,
+    band_focal_plane={
+        "SWIR": {"well_capacity_e": 4e6},
+        "LWIR": {"detector_temperature_k": 55.0, "well_capacity_e": 2e8},
+    },
     coincidence_sigma=2.0,
     reference_band="MWIR",
     plausible_ratios={"SWIR": (0.25, 2.4), "LWIR": (0.005, 0.3)},

@@ -32,12 +32,12 @@ NOTIONAL_CONFUSION = {
 PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "dual-band-ratio", "threshold_sigma": 5.0}
 
 
-#: Made up so that the noise that follows is about `nei_w_m2`.
+#: Notional.
 NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     aperture_m=0.6,
     integration_time_ms=10.0,
     subframes=16,
-    dark_current_e_s=5e9,
+    detector_temperature_k=110.0,
     read_noise_e=100.0,
     well_capacity_e=2e7,
     blur_urad=9.0,
@@ -53,7 +53,6 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     scan_period_ms=cited(100.0, PAPER),
     detection_probability=cited({"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.60}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
     line_of_sight_sigma_urad=20.0,
-    nei_w_m2=1e-12,
     coincidence_sigma=2.0,
     reference_band="MWIR",
     plausible_ratios={"SWIR": (0.25, 2.4)},

@@ -61,7 +61,7 @@ def built(config):
         ({"minimum_elevation_deg": -91.0}, "outside"),
         ({"line_of_sight_sigma_urad": -1.0}, "outside"),
         ({"false_alarm_susceptibility": "none"}, "not one of high, moderate, low"),
-        ({"spectral_discrimination": "ratio"}, "not one of none, dual-band-ratio, triple-coincidence"),
+        ({"spectral_discrimination": "ratio"}, "not one of likelihood, none, dual-band-ratio, triple-coincidence"),
         ({"spectral_discrimination": "triple-coincidence"}, "compares 3 bands and the sensor has 2"),
         ({"confusion": {"ICBM": {"ICBM": 0.9}}}, "sums to 0.9, not to 1"),
         ({"confusion": {"ICBM": {"ICBM": 1.0 + 2e-9}}}, "not a probability"),

@@ -39,28 +39,34 @@ def test_plumes_are_detected_each_by_the_sensors_that_can(run: Run, ids: tuple[s
     for sensor in (SBIRS, NEXTGEN):
         found = counts(run, ids, sensor)
         assert min(found["T1"], found["T2"]) > 100
-    # One band of long waves sees the dim plume for less of its flight.
-    assert counts(run, ids, DSP)["T1"] > 100
-    assert counts(run, ids, DSP).get("T2", 0) < 0.5 * counts(run, ids, DSP)["T1"]
+    # Long waves see no plume before the structure of the ground: docs/explanation/focal-plane.md.
+    assert counts(run, ids, DSP).keys() <= {"meteor-1", "noise"}
 
 
 def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, ...]) -> None:
-    found = counts(run, ids, DSP)
-    for block in ("fires", "flares", "sea", "meteor"):
+    example = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    # Single frames see what is steady; the example's frame differences remove most of it.
+    single = {"temporal_filter": "none"}
+    sensors = [{**sensor, "focal_plane": single} for sensor in example["sensors"]]
+    changes = {"sensors": sensors, "targets": [], "duration_s": 2, "outputs": []}
+    steady = opir.simulate(opir.scene_from_mapping({**example, **changes}))
+    found = counts(steady, ids[2:], NEXTGEN)
+    for block in ("fires", "flares"):
         assert any(name.startswith(f"{block}-") for name in found), block
+    assert counts(run, ids, NEXTGEN)["meteor-1"] > 10
     # The meteor flashes for two seconds, and nothing is seen of it outside them.
     meteor = run.truth.target == ids.index("meteor-1")
     assert np.all(np.abs(run.truth.emission_time_s[meteor] - 61.0) <= 1.0)
 
 
-def test_long_waves_tell_fires_from_plumes_and_ratios_of_short_ones_do_not(run: Run, ids: tuple[str, ...]) -> None:
-    """SWIR/MWIR is 0.6 to 1.7 for plumes, 0.45 to 1 for fires; LWIR/MWIR 0.03 to 0.17, and 0.5 to 0.8 for fires."""
-    shares = []
-    for sensor in (DSP, SBIRS, NEXTGEN):
-        found = counts(run, ids, sensor)
-        shares.append((found.get("T1", 0) + found.get("T2", 0)) / sum(found.values()))
-    assert max(shares[DSP], shares[SBIRS]) < 0.2
-    assert shares[NEXTGEN] > 0.98
+def test_frame_differences_remove_most_of_what_is_steady(run: Run, ids: tuple[str, ...]) -> None:
+    """What is left of a fire is the registration error's share of its light: a thousandth of its signal."""
+    steady = [number for number, name in enumerate(ids) if name.startswith(("fires", "flares", "sea"))]
+    for sensor in (SBIRS, NEXTGEN):
+        own = run.detections.sensor == sensor
+        left = run.detections.snr[own & np.isin(run.truth.target, steady)]
+        assert len(left) == 0 or np.median(left) < 30.0
+        assert np.median(run.detections.snr[own & (run.truth.target == 0)]) > 500.0
 
 
 def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
@@ -68,7 +74,8 @@ def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
     for sensor in (SBIRS, NEXTGEN):
         own = reported & (run.detections.sensor == sensor)
         assert own.sum() > 1000
-        assert np.isin(run.truth.target[own], (0, 1)).mean() > 0.999
+        # The sensors report a type from a probability of 1/2.
+        assert np.isin(run.truth.target[own], (0, 1)).mean() > 0.99
     assert not np.any(reported & ~np.isin(run.truth.target, (0, 1)) & (run.detections.sensor == DSP))
 
 

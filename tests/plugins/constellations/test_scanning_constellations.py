@@ -21,6 +21,7 @@ from opir_core.builtin.detection import constant_detection
 from opir_core.host.components import CATALOGUE
 from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.fields import field_infos
@@ -174,8 +175,9 @@ def test_no_two_satellites_share_a_slot_or_an_id():
 
 
 def test_the_heritage_preset_has_the_public_figures():
-    heritage = model_of("DSP").presets["heritage"]
-    sensor = sensor_of("DSP", **heritage)
+    heritage = dict(model_of("DSP").presets["heritage"])
+    sensor = sensor_of("DSP", **{**heritage, "focal_plane": FocalPlaneConfig(**heritage["focal_plane"])})
+    assert sensor.radiometer.focal_planes[0].detector_temperature_k == 193.0
     assert sensor.scan.period_ns == 10_000_000_000
     assert isinstance(sensor.scan, scan_patterns.SpinSweep)
     (short, middle) = sensor.bands

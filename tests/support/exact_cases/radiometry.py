@@ -478,6 +478,15 @@ LEFT_OUT = {
     "SpatialTransfer": "a quadrature of images to 1e-4 (tests/against/test_against_focal_plane_images.py)",
     "Temperature": "a record",
     "Views": "a record",
+    **dict.fromkeys(
+        (
+            "conversion_noise_electrons",
+            "dark_current_density_a_cm2",
+            "dark_electrons_per_s",
+            "warm_optics_photons_per_s",
+        ),
+        "products and one exponential (tests/plugins/photons/radiometry/test_detector.py)",
+    ),
     "ensquared_airy_energy": "FilteredSpot of a square of ones",
     "filter_weights": "weights of whole numbers; the matched ones through mean_shares",
 }

@@ -15,10 +15,16 @@ from numpy.polynomial import chebyshev
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.errors import ModelError
 from opir_core.interfaces import Radiometer, Structure
 from opir_core.plugin import Background, Band, FocalPlaneConfig
 from opir_photons.detection.cfar import cfar_loss
 from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
+from opir_photons.radiometry.detector import (
+    conversion_noise_electrons,
+    dark_electrons_per_s,
+    warm_optics_photons_per_s,
+)
 from opir_photons.radiometry.filtered_spots import FilteredSpot, OwnPast, ensquared_airy_energy
 from opir_photons.radiometry.focal_plane import (
     airy_sigma_rad,
@@ -37,6 +43,8 @@ from opir_photons.radiometry.point_spread import PointSpread
 _MIDDLE, _HALF = 0.5 * math.log(1e9 * 1e4), 0.5 * math.log(1e9 / 1e4)
 #: Degree of a clutter table: to within 2e-4 of the amplitude.
 _DEGREE = 24
+#: Thresholds, standard deviations, at which a CFAR loss is worked out: a P_fa of 0.16 to 8e-24.
+_CFAR_THRESHOLDS = (1.0, 10.0)
 #: Least signal over noise, and least irradiance, W/m², of a centroid: no division by zero.
 _LEAST = 1e-30
 
@@ -143,60 +151,118 @@ class LineOfSightError:
 
 
 def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background: Background) -> FocalPlaneTerms | None:
-    """Return the figures of a radiometer's focal plane in its bands, or None without one."""
-    if radiometer.focal_plane is None:
+    """Return the figures of a radiometer's focal planes in its bands, or None without one."""
+    if not radiometer.focal_planes:
         return None
-    middle_um = tuple(0.5 * (band.lower_um + band.upper_um) for band in bands)
-    return _terms(radiometer, radiometer.focal_plane, middle_um, tuple(background.structures))
+    return _terms(radiometer, tuple(bands), tuple(background.structures))
 
 
 @lru_cache(maxsize=64)
-def _terms(
-    radiometer: Radiometer, plane: FocalPlaneConfig, middle_um: tuple[float, ...], structures: tuple[Structure, ...]
-) -> FocalPlaneTerms:
-    pixel, time_s, frames = radiometer.ifov_rad, plane.integration_time_ms * 1e-3, _frames(plane, radiometer.ifov_rad)
-    blur = _blur_rad(plane)
-    sigma = blurred_sigma_rad(airy_sigma_rad(np.array(middle_um), plane.aperture_m), blur)
-    filters = [filter_weights(plane.spatial_filter, plane.core_pixels, one, pixel) for one in sigma.tolist()]
-    spreads = [PointSpread.of(one, plane.aperture_m, blur, pixel) for one in middle_um]
-    spots = [FilteredSpot.of(*pair, plane.phase) for pair in zip(filters, spreads, strict=True)]
-    passed = np.array([float(spot.response()) for spot in spots])
-    noise = np.array([noise_gain(weights) for weights in filters])
-    frame_noise, loss = noise * (1.0 if frames is None else 2.0), _loss(radiometer.threshold, plane)
-    per_unit = electrons_per_w_m2(
-        middle_um, plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency, time_s
-    )
-    dark_e = plane.dark_current_e_s * time_s
-    pixel_e = noise_electrons(dark_e=dark_e, read_e=plane.read_noise_e * math.sqrt(plane.subframes))
-    computed = noise_equivalent_irradiance(pixel_e, per_unit, passed, frame_noise)
-    nei = computed if plane.nei == "computed" else np.array(radiometer.nei_w_m2)
-    transfers = [SpatialTransfer.of(*pair) for pair in zip(filters, spreads, strict=True)]
+def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[Structure, ...]) -> FocalPlaneTerms:
+    pixel, planes = radiometer.ifov_rad, radiometer.focal_planes
+    frames = _frames(planes[0], pixel)
+    each = [_BandTerms.of(plane, band, pixel) for plane, band in zip(planes, bands, strict=True)]
+    per_unit, passed, noise = np.array([(one.per_unit, one.passed, one.noise) for one in each]).T
+    sigma = np.array([one.sigma_rad for one in each])
+    frame_noise = noise * (1.0 if frames is None else 2.0)
+    loss = np.array([_loss(radiometer.threshold, plane) for plane in planes])
+    computed = noise_equivalent_irradiance(np.array([one.noise_e for one in each]), per_unit, passed, frame_noise)
+    given = np.array(radiometer.nei_w_m2)
+    collection = np.array([_collection_m2_s(plane) for plane in planes])
+    transfers = [SpatialTransfer.of(one.weights, one.spread) for one in each]
     return FocalPlaneTerms(
         pixel_rad=pixel,
         filters=tuple(transfers),
         frames=frames,
-        nei_w_m2=tuple((nei * loss).tolist()),
-        collection_m2_s=math.pi / 4.0 * plane.aperture_m**2 * _efficiency(plane) * time_s,
-        photon_gain=frame_noise * np.square(loss / passed),
+        nei_w_m2=tuple((np.where(np.isnan(given), computed, given) * loss).tolist()),
+        collection_m2_s=float(collection[0]),
+        photon_gain=frame_noise * np.square(loss / passed) * collection[0] / collection,
         clutter_gain=loss / passed,
-        clutter=tuple(tuple(ClutterTable.of(one, pixel, each, frames) for one in structures) for each in transfers),
-        well_w_m2=np.maximum(plane.well_capacity_e * plane.subframes - dark_e, 0.0) / per_unit,
-        peak_share=np.array([ensquared_airy_energy(spread, 1, plane.phase) for spread in spreads]),
+        clutter=tuple(tuple(ClutterTable.of(one, pixel, kind, frames) for one in structures) for kind in transfers),
+        well_w_m2=np.array([one.room_e for one in each]) / per_unit,
+        peak_share=np.array([ensquared_airy_energy(one.spread, 1, one.phase) for one in each]),
         centroid_rad=centroid_factor_rad(sigma, pixel) * passed / (loss * np.sqrt(noise)),
         spot_rad=np.sqrt(photon_centroid_variance(sigma, pixel)),
         electron_w_m2=1.0 / per_unit,
-        own_past=() if frames is None else tuple(spot.own_past(frames) for spot in spots),
+        own_past=() if frames is None else tuple(one.spot.own_past(frames) for one in each),
     )
 
 
-def _efficiency(plane: FocalPlaneConfig) -> float:
-    """Return the electrons per photon at the aperture."""
-    return plane.optics_transmission * plane.quantum_efficiency
+@frozen(eq=False)
+class _BandTerms:
+    """What one band's focal plane comes to; `noise_e` is of a pixel and frame without background, `room_e` its well."""
+
+    phase: str
+    sigma_rad: float
+    spread: PointSpread
+    weights: FloatArray
+    spot: FilteredSpot
+    passed: float
+    noise: float
+    per_unit: float
+    noise_e: float
+    room_e: float
+
+    @classmethod
+    def of(cls, plane: FocalPlaneConfig, band: Band, pixel: float) -> "_BandTerms":
+        """Return the terms of a focal plane in a band, for pixels of an angular width."""
+        middle_um, time_s, blur = (
+            0.5 * (band.lower_um + band.upper_um),
+            plane.integration_time_ms * 1e-3,
+            _blur_rad(plane),
+        )
+        sigma = float(blurred_sigma_rad(airy_sigma_rad(middle_um, plane.aperture_m), blur))
+        weights = filter_weights(plane.spatial_filter, plane.core_pixels, sigma, pixel)
+        spread = PointSpread.of(middle_um, plane.aperture_m, blur, pixel)
+        spot = FilteredSpot.of(weights, spread, plane.phase)
+        efficiency = plane.quantum_efficiency * plane.fill_factor
+        unlit_e = _unlit_e_s(plane, band, pixel) * time_s
+        read_e = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
+        return cls(
+            phase=plane.phase,
+            sigma_rad=sigma,
+            spread=spread,
+            weights=weights,
+            spot=spot,
+            passed=float(spot.response()),
+            noise=noise_gain(weights),
+            per_unit=float(
+                electrons_per_w_m2(middle_um, plane.aperture_m, plane.optics_transmission, efficiency, time_s)
+            ),
+            noise_e=float(noise_electrons(dark_e=unlit_e, read_e=read_e * math.sqrt(plane.subframes))),
+            room_e=max(plane.well_capacity_e * plane.subframes - unlit_e, 0.0),
+        )
+
+
+def _unlit_e_s(plane: FocalPlaneConfig, band: Band, pixel_rad: float) -> float:
+    """Return the electrons per s of a pixel without light from outside: dark current and warm optics."""
+    pitch_m = pixel_rad * plane.f_number * plane.aperture_m
+    dark = plane.dark_current_e_s
+    if dark is None:
+        dark = float(dark_electrons_per_s(band.upper_um, plane.detector_temperature_k, pitch_m, plane.fill_factor))
+    edges = band.lower_um, band.upper_um
+    emissivity = 1.0 - plane.optics_transmission
+    warm = warm_optics_photons_per_s(plane.optics_temperature_k, *edges, emissivity, plane.f_number, pitch_m)
+    return dark + float(warm) * plane.quantum_efficiency * plane.fill_factor
+
+
+def _collection_m2_s(plane: FocalPlaneConfig) -> float:
+    """Return aperture times electrons per photon at it times integration time."""
+    efficiency = plane.optics_transmission * plane.quantum_efficiency * plane.fill_factor
+    return math.pi / 4.0 * plane.aperture_m**2 * efficiency * plane.integration_time_ms * 1e-3
 
 
 def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
     """Return the CFAR loss at a threshold, standard deviations; 1 where the noise is known."""
-    return 1.0 if plane.reference_cells is None else float(cfar_loss(ndtr(-threshold), plane.reference_cells))
+    if plane.reference_cells is None:
+        return 1.0
+    low, high = _CFAR_THRESHOLDS
+    if not low <= threshold <= high:
+        raise ModelError(
+            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g} standard deviations"
+            " is not worked out; change threshold_sigma or false_alarm_probability"
+        )
+    return float(cfar_loss(ndtr(-threshold), plane.reference_cells))
 
 
 def _blur_rad(plane: FocalPlaneConfig) -> float:

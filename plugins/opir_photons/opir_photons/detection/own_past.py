@@ -4,7 +4,7 @@ A target that has hardly moved since the earlier frame is subtracted from itself
 E(t) - E(t - lag) g(d) / g(0), with the response g of the spatial filter to a spot that is displaced by d
 (`opir_photons.radiometry.FilteredSpot`). Frames are registered to the ground: d is the angle between the directions to
 the target now and then, both from where the sensor is now. Before ignition there is nothing to subtract; sources that
-shine when the scene begins did so before.
+have shone for some seconds when the scene begins did so before.
 """
 
 from collections.abc import Callable
@@ -17,6 +17,9 @@ from opir_core.geometry import components, length
 from opir_core.plugin import TARGET_TYPES, Exposures
 from opir_photons.detection.focal_planes import FocalPlaneTerms
 from opir_photons.environment import RadiometricEnvironment
+
+#: Scene time, s, by which a source that is no launch has begun to shine if it has shone for longer than any lag.
+_STEADY_S = -5.0
 
 #: Irradiances (B, m) of looks.
 IrradianceOf = Callable[[Exposures], FloatArray]
@@ -49,7 +52,7 @@ def _near(
     assert plane.frames is not None
     targets, past_s = environment.targets, looks.emission_time_s - plane.frames.lag_s
     ignition_s = targets.ignition_s[looks.target]
-    has_shone = (targets.type_code[looks.target] >= len(TARGET_TYPES)) & (ignition_s == 0.0)
+    has_shone = (targets.type_code[looks.target] >= len(TARGET_TYPES)) & (ignition_s <= _STEADY_S)
     rows = np.flatnonzero((past_s > ignition_s) | has_shone)
     past_s = np.maximum(past_s, ignition_s)
     earlier = looks.take(rows)

@@ -14,6 +14,12 @@ from opir_photons.radiometry.clutter import (
     structure_correlation as structure_correlation,
     structure_spectrum as structure_spectrum,
 )
+from opir_photons.radiometry.detector import (
+    conversion_noise_electrons as conversion_noise_electrons,
+    dark_current_density_a_cm2 as dark_current_density_a_cm2,
+    dark_electrons_per_s as dark_electrons_per_s,
+    warm_optics_photons_per_s as warm_optics_photons_per_s,
+)
 from opir_photons.radiometry.filtered_spots import (
     FilteredSpot as FilteredSpot,
     OwnPast as OwnPast,

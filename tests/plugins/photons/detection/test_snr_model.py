@@ -103,7 +103,9 @@ def test_no_noise_and_enormous_noise_stay_in_bounds(nei: float) -> None:
 
 
 def test_a_nei_in_w_cm2_is_converted_once() -> None:
-    per_m2, per_cm2 = ({**DSP, "id": "D", key: value} for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16)))
+    per_m2, per_cm2 = (
+        {**DSP, "nei_w_m2": None, "id": "D", key: value} for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16))
+    )
     one, other = (
         joined(windows_of(opir.compile_plan(scene([sensor], "I")), [60.0]))[0] for sensor in (per_m2, per_cm2)
     )
