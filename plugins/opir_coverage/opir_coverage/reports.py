@@ -7,6 +7,7 @@ outcomes of the last N - 1 scans.
 
 import numpy as np
 from attrs import frozen
+from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IntArray
 
@@ -125,7 +126,8 @@ class Reports:
         self.chance[:, 0] = 1.0
 
     def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
-        """Add a sensor's chain over cells `rows`, with P_d (K, rows) at equal steps of the burn, ends included."""
+        """Add a sensor's chain over cells `rows`, with normal quantiles of P_d (K, rows) at equal steps of the
+        burn, ends included; nan without a look."""
         place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
         early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
@@ -164,7 +166,15 @@ class Reports:
 
 
 def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray:
-    """Return P_d (n,) of some launches at a place between nodes (K, launches)."""
+    """Return P_d (n,) of some launches at a place between nodes (K, launches), nan at those without a look.
+
+    The normal quantile is interpolated, as the engine does between looks; beside a node without a look the nearer node
+    decides.
+    """
     early = min(int(place), len(nodes) - 2)
     share = place - early
-    return nodes[early, rows] * (1.0 - share) + nodes[early + 1, rows] * share
+    one, other = nodes[early, rows], nodes[early + 1, rows]
+    quantile = one + share * (other - one)
+    lone = np.flatnonzero(np.isnan(quantile))
+    quantile[lone] = (one if share < _MIDDLE else other)[lone]
+    return np.nan_to_num(ndtr(quantile))

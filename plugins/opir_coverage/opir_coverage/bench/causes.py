@@ -35,7 +35,7 @@ def false_alarms(plan: Plan) -> BenchResult:
         rows.append([sensor.id, noise, *scaled])
     names = ["noise", *causes]
     lines = [
-        BenchLine(name, np.arange(len(rows)), np.array([row[place + 1] for row in rows]))
+        BenchLine(name, np.zeros(len(rows)), np.array([row[place + 1] for row in rows]))
         for place, name in enumerate(names)
     ]
     plot = BenchPlot(x_label="", y_label="detections a day", lines=lines, names=[row[0] for row in rows], log_y=True)
@@ -57,7 +57,7 @@ def window(
         for place, band in enumerate(bands)
     ]
     lines = [
-        BenchLine(f"from {height:g} km", np.arange(len(bands)), found.transmittance[row])
+        BenchLine(f"from {height:g} km", np.zeros(len(bands)), found.transmittance[row])
         for row, height in enumerate(heights_km)
     ]
     names = [f"{band.name} {band.lower_um:g}–{band.upper_um:g} µm" for band in bands]

@@ -117,9 +117,10 @@ def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
             figure = Figure(figsize=(5.2, 4.2), layout="constrained", dpi=150)
             FigureCanvasAgg(figure)
             axes = figure.add_subplot()
-            image = axes.imshow(made.electrons, cmap="cividis", interpolation="nearest")
+            low, high = np.percentile(made.electrons, (0.5, 99.5)) * 1e-6
+            image = axes.imshow(1e-6 * made.electrons, cmap="cividis", interpolation="nearest", vmin=low, vmax=high)
             axes.set(title=made.title, xlabel="column, pixels", ylabel="row, pixels")
-            figure.colorbar(image, label="electrons")
+            figure.colorbar(image, label="electrons, millions", extend="both")
             with files.writing(paths[0], "frame") as part:
                 figure.savefig(part, format="png")
         with files.writing(paths[1], "frame") as part, part.open("wb") as stream:
