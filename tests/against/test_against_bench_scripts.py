@@ -1,15 +1,14 @@
-"""The bench against short scripts of their own: noise by term, curves, operating characteristics, false alarms, frames."""
+"""The bench against short scripts: noise by term, curves, operating characteristics, false alarms, frames."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
-
 from opir_coverage.bench.budget import noise_budget, waterfall
 from opir_coverage.bench.curves import curve, first_report_s, least_intensities_w_sr, operating_characteristic
 from opir_coverage.bench.frames import frame
 from opir_coverage.bench.stand import Bench, Poses
+from scipy.special import ndtr
 
 H_C = 6.62607015e-34 * 299792458.0
 
@@ -27,7 +26,7 @@ def test_detector_noise_is_that_of_electrons():
 
 
 def test_photon_noise_is_poisson():
-    """E hc/λ over A η t, with E the radiance of the background in a pixel; in LWIR it is within that of 200 to 330 K."""
+    """E hc/λ over A η t, E the radiance of the background in a pixel; in LWIR within that of 200 to 330 K."""
     bench = Bench.of_model("DSP")
     sensor = bench.sensor
     found = noise_budget(bench, Poses.of())
@@ -93,7 +92,7 @@ def test_curves_are_of_the_conditions_that_they_name():
 
 
 def test_the_first_report_of_a_sure_sensor_follows_the_second_look():
-    """P_d 1 from ignition on: the second of two looks a period apart, from a random start, is later than 1.9 with 0.1."""
+    """P_d 1 from ignition on: the second of two looks a period apart is later than 1.9 periods with 0.1."""
     bench = bare().changed(sensor__nei_w_m2=1e-18, sensor__scan_period_ms=10000.0)
     time_s = first_report_s(bench, "ICBM", {"elevation_rad": math.radians(45.0)})
     assert time_s == pytest.approx(10.0 + 0.9 * 10.0, abs=0.2)

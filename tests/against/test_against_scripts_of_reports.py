@@ -5,15 +5,15 @@ import math
 
 import numpy as np
 import pytest
+from opir_coverage.bounds import LaunchInformation, LaunchSlopes, SensorInformation, burnout_bounds
+from opir_coverage.grid import PlaceGrid
+from opir_coverage.launches import LaunchPlaces
+from opir_coverage.reports import ReportChain, Reports, ScanSteps
 from scipy.special import ndtri
 
 from opir_core import compile_plan, scene_from_mapping
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.scene import core_target_class
-from opir_coverage.bounds import LaunchInformation, LaunchSlopes, SensorInformation, burnout_bounds
-from opir_coverage.grid import PlaceGrid
-from opir_coverage.launches import LaunchPlaces
-from opir_coverage.reports import ReportChain, Reports, ScanSteps
 
 
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4)])

@@ -1,7 +1,7 @@
 """Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
 
-Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed and
-its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; a sensor's pointing
+Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed
+and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; a sensor's pointing
 bias is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d. The bounds
 are of a tracker that knows the profile: real ones, which do not, have larger errors.
 
@@ -129,7 +129,7 @@ class SensorInformation:
 
 @frozen(eq=False)
 class BurnoutBounds:
-    """Root-mean-square bounds (n,): of the launch point on the ground and of the impact, m, of the velocity at burnout."""
+    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and the impact."""
 
     launch_m: FloatArray
     velocity_m_s: FloatArray
@@ -138,7 +138,7 @@ class BurnoutBounds:
 
 @frozen(eq=False)
 class BurnSlopes:
-    """What bounds need of launches at any time: `moved` (n, 3, 6) at equal steps of the burn, and what `at_burnout` has."""
+    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what `at_burnout` returns."""
 
     moved: Sequence[NDArray[np.float32]]
     burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -22,7 +22,7 @@ _POLICY = (
 )
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
-#: Quantiles of area between which colours run where values have far outliers, and the share of the range that then is theirs.
+#: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
 _LIMITS, _BULK = (0.01, 0.99), 0.6
 
 

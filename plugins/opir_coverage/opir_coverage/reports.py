@@ -1,8 +1,8 @@
 """When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation and latency.
 
 A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks are independent; a
-look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over the
-outcomes of the last N - 1 scans.
+look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over
+the outcomes of the last N - 1 scans.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IntArray
 
-#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to look
-#: no more often: its M-th detection is at most M such steps late.
+#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
+#: look no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
 #: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
 #: chance, and left out if they are this share of all.

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_photons.radiometry import band_radiance_slope
 
 from opir_core.arrays import FloatArray
 from opir_coverage.bench.stand import Bench, Poses, Signals
-from opir_photons.radiometry import band_radiance_slope
 
 #: Terms of noise, and the settings that switch each off; those below a focal plane need one.
 _OF_FOCAL_PLANE: Mapping[str, Mapping[str, Any]] = {

@@ -11,8 +11,8 @@ from opir_core.errors import ModelError
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
 from opir_coverage.bench.stand import Bench, Poses, Signals
 from opir_coverage.grid import SeenPoints
-from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.launch_layers import add_reports
+from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.looks import Salvo
 from opir_coverage.reports import Reports
 from opir_coverage.visibility import Fleet

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from opir_photons.radiometry import airy_sigma_rad, blurred_sigma_rad, electrons_per_w_m2, structure_spectrum
 from scipy.special import erf
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_core.output import OutputFiles
 from opir_coverage.bench.stand import Bench, Poses
-from opir_photons.radiometry import airy_sigma_rad, blurred_sigma_rad, electrons_per_w_m2, structure_spectrum
 
 #: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which one is in its mask.
 _FEWEST, _MASKED = 16, 0.05
@@ -25,7 +25,7 @@ _FEWEST, _MASKED = 16, 0.05
 
 @frozen(eq=False)
 class FocalFrame:
-    """A frame of one band: electrons (rows, columns), what of them is target and background before noise, and a mask."""
+    """A frame of one band: electrons (rows, columns), those of target and background before noise, and a mask."""
 
     band: str
     electrons: FloatArray
@@ -108,7 +108,6 @@ def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-
     from opir_report import STYLE
 
     paths = [folder / "frame.png", folder / "frame.npz"]

@@ -74,7 +74,6 @@ def write_plot(result: BenchResult, path: Path, kind: str) -> None:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-
     from opir_report import STYLE
 
     with matplotlib.rc_context(STYLE):
