@@ -6,7 +6,7 @@ from opir_coverage.grid import (
     PlaceGrid as PlaceGrid,
 )
 from opir_coverage.layers import (
-    Coverage as Coverage,
+    CoverageMap as CoverageMap,
     Layer as Layer,
 )
 from opir_coverage.merits import (

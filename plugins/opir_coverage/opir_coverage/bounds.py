@@ -1,9 +1,9 @@
 """Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
 
 Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed
-and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; a sensor's pointing
-bias is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d. The bounds
-are of a tracker that knows the profile: real ones, which do not, have larger errors.
+and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; the pointing bias
+of a sensor is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d.
+The bounds are of a tracker that knows the profile: real ones, which do not, have larger errors.
 
 Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
 """
@@ -116,7 +116,12 @@ class SensorInformation:
         self.own, self.cross, self.bias = np.zeros((cells, 6, 6)), np.zeros((cells, 6, 3)), np.zeros((cells, 3, 3))
 
     def add(
-        self, rows: IntArray, slopes: FloatArray, direction: FloatArray, range_m: FloatArray, weight: FloatArray
+        self,
+        rows: IntArray,
+        slopes: NDArray[np.floating],
+        direction: FloatArray,
+        range_m: FloatArray,
+        weight: FloatArray,
     ) -> None:
         """Add looks at cells `rows` (n,): slopes (n, 3, 6), unit directions (n, 3), ranges and weights 1/σ² (n,)."""
         along = np.matmul(direction[:, None, :], slopes)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import NDArray
 
 from opir_core import Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, RowArray
@@ -81,39 +82,48 @@ class GridBoosts:
         """The launch points (n, 3), ECEF, m."""
         return self._turned(self.path.plane.launch_m[self.row], np.arange(len(self)))
 
-    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
         rows = self.row[target]
         if len(time_s) and time_s.min() == time_s.max():
-            each = np.arange(len(self.path.ignition_s), dtype=np.int32)
+            each = np.arange(len(self.path.ignition_s))
             position, velocity = self.path.state(each, np.full(len(each), time_s[0]))
             own = position[rows], velocity[rows]
         else:
-            own = self.path.state(rows.astype(np.int32), time_s)
+            own = self.path.state(rows, time_s)
         return self._turned(own[0], target), self._turned(own[1], target)
 
-    def _turned(self, vector_m: FloatArray, target: RowArray) -> FloatArray:
+    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray) -> FloatArray:
         x, y, z = vector_m.T
         cosine, sine = self.cosine[target], self.sine[target]
         return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
 
 
+@frozen(eq=False)
 class GridLaunches(Trajectories):
     """The boosts of launches from a grid, as trajectories."""
 
-    def __init__(self, places: LaunchPlaces, path: GridBoosts) -> None:
-        self.type_code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
-        self.ignition_s, self.burnout_s = np.full(len(places), path.ignition_s), np.full(len(places), path.burnout_s)
-        self.class_names = [places.target_class.name] * len(places)
-        self._path, self._profile = path, places.profile.name
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    class_names: Sequence[str]
+    path: GridBoosts
+    profile: str
+
+    @classmethod
+    def of(cls, places: LaunchPlaces, path: GridBoosts) -> "GridLaunches":
+        """Return the launches from places on their paths."""
+        code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
+        times_s = np.full(len(places), path.ignition_s), np.full(len(places), path.burnout_s)
+        return cls(code, *times_s, [places.target_class.name] * len(places), path, places.profile.name)
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of launches (n,) at scene times (n,)."""
-        return self._path.state(target, time_s)[0]
+        return self.path.state(target, time_s)[0]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each launch."""
-        return [{"id": _ID, "profile": self._profile}] * len(self.type_code)
+        return [{"id": _ID, "profile": self.profile}] * len(self.type_code)
 
 
 @frozen
@@ -125,12 +135,13 @@ class _Launch:
     signature: None = None
 
 
-def detection_of(plan: Plan, launches: GridLaunches) -> tuple[DetectionProbability, Targets]:
+def detection_of(plan: Plan, launches: Trajectories) -> tuple[DetectionProbability, Targets]:
     """Return a scene's detection model for launches from a grid, and these as targets."""
     count = len(launches.type_code)
     targets = join_targets([_ID] * count, [launches], [range(count)])
     model = Choice(TargetModel.hook, "ballistic", None, "--class")
-    scene = evolve(plan.scene, targets=(_Launch(model),), sources=())
+    launch: Any = _Launch(model)
+    scene = evolve(plan.scene, targets=(launch,), sources=())
     context = ModelContext(
         sensors=plan.sensors,
         target_type_code=targets.type_code,

@@ -48,7 +48,7 @@ class Salvo:
         self.path = places.path(ignition_s)
         self.detection: DetectionProbability
         self.targets: Targets
-        self.detection, self.targets = detection_of(plan, GridLaunches(places, self.path))
+        self.detection, self.targets = detection_of(plan, GridLaunches.of(places, self.path))
 
     @cached_property
     def burn_s(self) -> float:

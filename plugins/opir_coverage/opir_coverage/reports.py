@@ -40,7 +40,7 @@ class ScanSteps:
 
     def times_s(self) -> FloatArray:
         """Return the times (steps,) of looks since ignition, s."""
-        return (np.arange(self.steps) + _MIDDLE) * self.step_s
+        return np.asarray((np.arange(self.steps) + _MIDDLE) * self.step_s)
 
 
 class ReportChain:

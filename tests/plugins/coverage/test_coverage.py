@@ -113,7 +113,7 @@ def test_the_command_writes_page_and_data(tmp_path, capsys):
     assert own.min() == pytest.approx(first.min())
     page = (out / "coverage.html").read_text(encoding="utf-8")
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-    assert [each["name"] for each in data["layers"]][0] == "in_view"
+    assert data["layers"][0]["name"] == "in_view"
     assert "http" not in page.replace("http-equiv", "")
     assert main(["coverage", SCENE, *options, "--against", SCENE, "-o", str(out)]) == 0
     assert "minus that of" in (out / "coverage.html").read_text(encoding="utf-8")
