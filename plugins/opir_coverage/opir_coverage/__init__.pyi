@@ -9,6 +9,10 @@ from opir_coverage.layers import (
     CoverageMap as CoverageMap,
     Layer as Layer,
 )
+from opir_coverage.maps import (
+    equal_earth as equal_earth,
+    layer_axes as layer_axes,
+)
 from opir_coverage.merits import (
     ages_of_data_s as ages_of_data_s,
     percent_below as percent_below,

@@ -93,7 +93,7 @@ def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
 
 def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
     """Return whether at least so many sensors see a point: N Asset Coverage with a least number."""
-    covered: BoolArray = in_view >= np.uint8(assets)
+    covered: BoolArray = np.asarray(in_view >= assets)
     return covered
 
 
