@@ -20,6 +20,10 @@ from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
 from opir_coverage.visibility import Fleet
 
 
+#: Largest error of P_d of a look: the default `probability_tolerance` of runs.
+_SLACK = 1e-4
+
+
 @frozen(eq=False)
 class GridLooks:
     """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines of sight, rad.
@@ -101,7 +105,7 @@ class Salvo:
         chance = model.pair_probability(sensor, exposures.target)
         if chance is not None:
             return ndtri(chance), own, None
-        response = model.response(exposures)
+        response = model.response(exposures, slack=_SLACK)
         if response is None or response.probit is None:
             return ndtri(model.probability(exposures)), own, response
         sigma: Any = getattr(model, "line_of_sight_sigma_rad", None)
