@@ -2,12 +2,13 @@
 Who sees a launch, and how soon
 ===============================
 
-The time to the first report of launches from everywhere, with two constellations. `opir coverage SCENE -o FOLDER` writes
-a page with this and some forty other layers, and their data.
+The time to the first report of launches from everywhere, with two constellations. `opir coverage SCENE -o FOLDER`
+writes a page with this and some forty other layers, and their data.
 """
 
-import opir_core as opir
 from opir_coverage import CoverageSettings, computed_coverage, layer_axes
+
+import opir_core as opir
 
 changes = ["sensors=[{constellation: SBIRS-GEO}, {constellation: HEO-MOLNIYA}]", "atmosphere=lowtran", "detection=snr"]
 scene = opir.load_scene("../arctic_watch.yaml", overrides=changes)

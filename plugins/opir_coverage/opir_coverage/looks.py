@@ -19,7 +19,6 @@ from opir_coverage.grid import SeenPoints
 from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
 from opir_coverage.visibility import Fleet
 
-
 #: Largest error of P_d of a look: the default `probability_tolerance` of runs.
 _SLACK = 1e-4
 

@@ -6,10 +6,10 @@ Source: B. Šavrič, T. Patterson and B. Jenny, International Journal of Geograp
 from typing import Any
 
 import numpy as np
+from opir_report import GRID, INK, MUTED, STYLE, coast_rings
 
 from opir_core.arrays import FloatArray
 from opir_coverage.layers import CoverageMap
-from opir_report import GRID, INK, MUTED, STYLE, coast_rings
 
 #: The polynomial of the projection, and half the root of 3.
 _A, _M = (1.340264, -0.081106, 0.000893, 0.003796), 0.5 * np.sqrt(3.0)
