@@ -176,5 +176,7 @@ def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray
     one, other = nodes[early, rows], nodes[early + 1, rows]
     quantile = one + share * (other - one)
     lone = np.flatnonzero(np.isnan(quantile))
-    quantile[lone] = (one if share < _MIDDLE else other)[lone]
-    return np.nan_to_num(ndtr(quantile))
+    if len(lone):
+        nearer = (one if share < _MIDDLE else other)[lone]
+        quantile[lone] = np.where(np.isnan(nearer), -np.inf, nearer)
+    return ndtr(quantile)
