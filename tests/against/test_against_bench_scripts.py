@@ -81,6 +81,16 @@ def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
     assert rates == pytest.approx([float(ndtr(-t)) * cells * 86400.0 / 0.2 for t in (5.0, 6.0)], rel=1e-6)
 
 
+def test_lines_of_sight_are_as_sharp_as_the_signal():
+    """√(pointing² + (IFOV/SNR)²) without a focal plane."""
+    bench = bare().changed(sensor__nei_w_m2=4e-12)
+    poses = Poses.of(height_m=np.array([20e3, 60e3]))
+    model, looks = bench.model(poses)
+    snr = bench.signals(poses).snr[:, 0]
+    found = model.line_of_sight_sigma_rad(model.response(looks), looks.sensor)
+    assert found == pytest.approx(np.hypot(bench.sensor.line_of_sight_sigma_rad, 56e-6 / snr), rel=1e-9)
+
+
 def test_curves_are_of_the_conditions_that_they_name():
     found = curve([Bench.of_model("SBIRS-GEO")], "least-intensity", "height", ["ICBM"], {}, (0.0, 10.0, 100.0))
     low, middle, high = (row[1] for row in found.rows)

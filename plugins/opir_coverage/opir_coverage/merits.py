@@ -54,7 +54,7 @@ def coverage_time_s(covered: BoolArray, step_s: float) -> FloatArray:
 
 def simple_coverage(covered: BoolArray) -> BoolArray:
     """Return Simple Coverage (n,): whether a point is covered at any time."""
-    return covered.any(axis=0)
+    return np.asarray(covered.any(axis=0))
 
 
 def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
