@@ -172,6 +172,13 @@ BENCHMARKS = (
         "coverage", "What do the default constellations see of the Earth?", "earth_coverage.py", words("--step-s 43200")
     ),
     Benchmark(
+        "coverage_map",
+        "How long does a map of coverage take?",
+        "coverage_map.py",
+        words("--grid 30"),
+        writes=False,
+    ),
+    Benchmark(
         "first_detection",
         "When is each class first detected, by sensor, climate and cloud?",
         "first_detection.py",

@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 import pytest
-
-from opir_core import compile_plan, scene_from_mapping
 from opir_coverage import CoverageSettings, computed_coverage, dilution_m, stereo_angles_rad
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.visibility import Fleet, SightMap, day_s
+
+from opir_core import compile_plan, scene_from_mapping
 
 A_M, F = 6378137.0, 1.0 / 298.257223563
 B_M = A_M * (1.0 - F)

@@ -5,14 +5,15 @@ import math
 
 import numpy as np
 import pytest
-
-from opir_core import compile_plan, scene_from_mapping
-from opir_core.geometry import geodetic_to_ecef
-from opir_core.scene import core_target_class
 from opir_coverage.bounds import LaunchInformation, LaunchSlopes, SensorInformation, burnout_bounds
 from opir_coverage.grid import PlaceGrid
 from opir_coverage.launches import LaunchPlaces
 from opir_coverage.reports import ReportChain, Reports, ScanSteps
+from scipy.special import ndtri
+
+from opir_core import compile_plan, scene_from_mapping
+from opir_core.geometry import geodetic_to_ecef
+from opir_core.scene import core_target_class
 
 
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4)])
@@ -36,7 +37,7 @@ def test_phases_of_slow_scans_are_averaged():
     steps = ScanSteps.of(10.0, 60.0)
     assert (steps.phases, steps.step_s, steps.steps) == (5, 2.0, 30)
     reports = Reports(np.linspace(0.0, 70.0, 141), 1, 1)
-    nodes = np.full((7, 1), 0.6)
+    nodes = np.full((7, 1), ndtri(0.6))
     reports.add(np.arange(1), ReportChain(1, 5, (1, 1), 1), nodes, steps, 3.0)
     rng = np.random.default_rng(3)
     first_s = rng.uniform(0.0, 10.0, 200_000) + 10.0 * (rng.geometric(0.6, 200_000) - 1)
@@ -120,7 +121,7 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
             own = slopes.at(time_s)
             parts.add(np.arange(1), own, (way / range_m)[None], np.array([range_m]), np.array([1.0 / sigma**2]))
         known.add(parts, bias)
-    bounds = burnout_bounds(slopes, known.covariance(), comes_down=True)
+    bounds = burnout_bounds(slopes.at_burnout(), known.covariance(), comes_down=True)
     assert bounds.launch_m[0] == pytest.approx(launch_m, rel=0.01)
 
     def velocity(off):

@@ -6,8 +6,12 @@ from opir_coverage.grid import (
     PlaceGrid as PlaceGrid,
 )
 from opir_coverage.layers import (
-    Coverage as Coverage,
+    CoverageMap as CoverageMap,
     Layer as Layer,
+)
+from opir_coverage.maps import (
+    equal_earth as equal_earth,
+    layer_axes as layer_axes,
 )
 from opir_coverage.merits import (
     ages_of_data_s as ages_of_data_s,

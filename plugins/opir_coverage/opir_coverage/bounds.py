@@ -1,20 +1,23 @@
 """Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
 
-Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed and
-its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; a sensor's pointing
-bias is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d. The bounds
-are of a tracker that knows the profile: real ones, which do not, have larger errors.
+Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed
+and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; the pointing bias
+of a sensor is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d.
+The bounds are of a tracker that knows the profile: real ones, which do not, have larger errors.
 
 Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight import BoostPath, kepler_impact, launch_site
-from opir_coverage.launches import LaunchPlaces
+from opir_core.flight import kepler_impact, launch_site
+from opir_coverage.launches import GridBoosts, LaunchPlaces
 
 #: Steps of differences: of burnout speed, as a share of it, and of the flight path angle, rad.
 _SPEED_SHARE, _ANGLE_RAD = 1e-4, 1e-4
@@ -29,9 +32,9 @@ class LaunchSlopes:
     """Derivatives (n, 3, 6) of positions by the unknowns of launches, in units of `_SCALES`."""
 
     places: LaunchPlaces
-    path: BoostPath
-    faster: BoostPath
-    steeper: BoostPath
+    path: GridBoosts
+    faster: GridBoosts
+    steeper: GridBoosts
 
     @classmethod
     def of(cls, places: LaunchPlaces) -> "LaunchSlopes":
@@ -43,7 +46,7 @@ class LaunchSlopes:
     def at(self, since_s: float) -> FloatArray:
         """Return the derivatives of positions at a time since ignition, s, for observers by the clock."""
         position, velocity, faster, steeper = self._states(since_s)
-        slopes = self._moved(position - self.path.plane.launch_m, position)
+        slopes = self._moved(position - self.path.launch_m, position)
         slopes[:, :, 2] = -velocity
         slopes[:, :, 4], slopes[:, :, 5] = faster[0], steeper[0]
         return slopes * _SCALES
@@ -51,15 +54,15 @@ class LaunchSlopes:
     def at_burnout(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return positions and velocities (n, 3) at burnout, and the derivatives (n, 3, 6) of both."""
         position, velocity, faster, steeper = self._states(self.places.profile.burn_time_s)
-        slopes = self._moved(position - self.path.plane.launch_m, position)
+        slopes = self._moved(position - self.path.launch_m, position)
         turned = self._moved(velocity, velocity, is_free=True)
         for column, other in ((4, faster), (5, steeper)):
             slopes[:, :, column], turned[:, :, column] = other
         return position, velocity, slopes * _SCALES, turned * _SCALES
 
     def _states(self, since_s: float) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
-        everyone = np.arange(len(self.places), dtype=np.int32)
-        now = np.full(len(everyone), min(since_s, float(self.path.burnout_s[0])))
+        everyone = np.arange(len(self.places))
+        now = np.full(len(everyone), min(since_s, self.path.burnout_s))
         own = self.path.state(everyone, now)
         speed_m_s = _SPEED_SHARE * self.places.profile.burnout_speed_m_s
         faster = [(new - old) / speed_m_s for new, old in zip(self.faster.state(everyone, now), own, strict=True)]
@@ -113,7 +116,12 @@ class SensorInformation:
         self.own, self.cross, self.bias = np.zeros((cells, 6, 6)), np.zeros((cells, 6, 3)), np.zeros((cells, 3, 3))
 
     def add(
-        self, rows: IntArray, slopes: FloatArray, direction: FloatArray, range_m: FloatArray, weight: FloatArray
+        self,
+        rows: IntArray,
+        slopes: NDArray[np.floating],
+        direction: FloatArray,
+        range_m: FloatArray,
+        weight: FloatArray,
     ) -> None:
         """Add looks at cells `rows` (n,): slopes (n, 3, 6), unit directions (n, 3), ranges and weights 1/σ² (n,)."""
         along = np.matmul(direction[:, None, :], slopes)
@@ -126,16 +134,35 @@ class SensorInformation:
 
 @frozen(eq=False)
 class BurnoutBounds:
-    """Root-mean-square bounds (n,): of the launch point on the ground and of the impact, m, of the velocity at burnout."""
+    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and the impact."""
 
     launch_m: FloatArray
     velocity_m_s: FloatArray
     impact_m: FloatArray
 
 
-def burnout_bounds(slopes: LaunchSlopes, covariance: FloatArray, *, comes_down: bool) -> BurnoutBounds:
-    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down."""
-    position, velocity, moved, turned = slopes.at_burnout()
+@frozen(eq=False)
+class BurnSlopes:
+    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what `at_burnout` returns."""
+
+    moved: Sequence[NDArray[np.float32]]
+    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, slopes: LaunchSlopes, samples: int) -> "BurnSlopes":
+        """Return the derivatives at ends of parts of the burn."""
+        since_s = np.linspace(0.0, slopes.places.profile.burn_time_s, samples + 1).tolist()
+        return cls([slopes.at(each).astype(np.float32) for each in since_s], slopes.at_burnout())
+
+
+def burnout_bounds(
+    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray], covariance: FloatArray, *, comes_down: bool
+) -> BurnoutBounds:
+    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down.
+
+    `burnout` is as `LaunchSlopes.at_burnout` returns it.
+    """
+    position, velocity, moved, turned = burnout
     launch_m = np.sqrt(covariance[:, 0, 0] * _SCALES[0] ** 2 + covariance[:, 1, 1] * _SCALES[1] ** 2)
     impact_m = np.full(len(launch_m), np.nan)
     if comes_down:

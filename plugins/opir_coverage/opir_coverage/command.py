@@ -3,24 +3,18 @@
 import argparse
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from opir_core import Host
-from opir_core.cli import scene_of, table
+from opir_core.cli import scene_of
 from opir_core.errors import ModelError
 from opir_core.output import OutputFiles
 from opir_coverage.computing import computed_coverage, made_settings
 from opir_coverage.difference import difference
-from opir_coverage.layers import Coverage, Layer
+from opir_coverage.layers import CoverageMap
 from opir_coverage.page import page_of
 from opir_coverage.settings import CoverageSettings, Requirement
-
-#: Layers by time are on the page and in NetCDF; their statistics over time are in the table.
-_OF_TIME = "time"
+from opir_coverage.summary import as_text, table_rows
 
 
 def coverage(arguments: argparse.Namespace) -> int:
@@ -63,7 +57,7 @@ def settings_of(arguments: argparse.Namespace) -> CoverageSettings:
     )
 
 
-def write_coverage(found: Coverage, folder: Path) -> list[Path]:
+def write_coverage(found: CoverageMap, folder: Path) -> list[Path]:
     """Write the page, Parquet and NetCDF into a folder, all or none; return the files."""
     names = ("coverage.html", "coverage.parquet", "coverage.nc")
     paths = [folder / name for name in names]
@@ -74,59 +68,3 @@ def write_coverage(found: Coverage, folder: Path) -> list[Path]:
             found.write_netcdf(Path(part))
         files.write(paths[0], page_of(found, table_rows(found)).encode(), "coverage")
     return paths
-
-
-def table_rows(found: Coverage) -> list[dict[str, Any]]:
-    """Return a row for each layer and combination of its dimensions but times: area-weighted figures of the grid."""
-    weights = found.grid.weights()
-    return [row for layer in found.layers if _OF_TIME not in layer.dims for row in _rows_of(found, layer, weights)]
-
-
-def _rows_of(found: Coverage, layer: Layer, weights: Any) -> list[dict[str, Any]]:
-    rows = []
-    places = [found.coordinates[name] for name in layer.dims]
-    shape = tuple(len(each) for each in places)
-    for number, values in enumerate(found.over_cells(layer)):
-        index = np.unravel_index(number, shape) if shape else ()
-        where = {name: own[int(at)] for name, own, at in zip(layer.dims, places, index, strict=True)}
-        rows.append({"layer": layer.name, "unit": layer.unit, "of": where, **_figures(values, weights)})
-    return rows
-
-
-def _figures(values: Any, weights: Any) -> dict[str, Any]:
-    """Return the least, the mean and the largest value, and the percentage of the area that has one."""
-    known = np.isfinite(values)
-    if not known.any():
-        return {"min": None, "mean": None, "max": None, "percent_of_area": 0.0}
-    share, own = weights[known], values[known]
-    return {
-        "min": float(own.min()),
-        "mean": float((own * share).sum() / share.sum()),
-        "max": float(own.max()),
-        "percent_of_area": float(100.0 * share.sum() / weights.sum()),
-    }
-
-
-def as_text(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the table as text."""
-    head = ("layer", "of", "min", "mean", "max", "unit", "% of area")
-    cells = [
-        (
-            row["layer"],
-            words_of(row["of"]),
-            *(("-" if row[name] is None else f"{row[name]:.4g}") for name in ("min", "mean", "max")),
-            "" if row["unit"] == "1" else row["unit"],
-            f"{row['percent_of_area']:.1f}",
-        )
-        for row in rows
-    ]
-    return table(head, cells, numbers=(2, 3, 4, 6))
-
-
-def words_of(where: dict[str, Any]) -> str:
-    """Return the place of a row in its dimensions as words."""
-    units = {"height": " km", "azimuth": "°", "launch_time": " s", "assets": "+ in view"}
-    return ", ".join(
-        f"{value:g}{units.get(name, '')}" if isinstance(value, int | float) else str(value)
-        for name, value in where.items()
-    )

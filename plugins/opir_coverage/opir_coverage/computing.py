@@ -12,7 +12,7 @@ from opir_core.planning import distinct_bands
 from opir_coverage.geometry_layers import geometry_layers
 from opir_coverage.grid import PlaceGrid
 from opir_coverage.launch_layers import band_title, launch_layers, launch_times_s
-from opir_coverage.layers import PLACES, Coverage, Layer
+from opir_coverage.layers import PLACES, CoverageMap, Layer
 from opir_coverage.settings import CoverageSettings, Requirement
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def made_settings(**settings: Any) -> CoverageSettings:
         raise ModelError(str(error)) from error
 
 
-def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettings) -> Coverage:
+def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettings) -> CoverageMap:
     """Return the coverage of a scene, of a file or of a plan."""
     if isinstance(scene, str | Path):
         scene = load_scene(scene)
@@ -62,7 +62,7 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
         "time": time_s.tolist(),
     }
     used = {name for each in layers for name in each.dims}
-    whole = Coverage(
+    whole = CoverageMap(
         grid,
         {name: values for name, values in coordinates.items() if name in used},
         layers,
@@ -89,13 +89,13 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
     }
 
 
-def _with_shares(whole: Coverage, requirements: tuple[Requirement, ...]) -> Coverage:
+def _with_shares(whole: CoverageMap, requirements: tuple[Requirement, ...]) -> CoverageMap:
     """Return a coverage with a layer for each requirement: the share of the day at which it is met."""
     added = [_share_layer(whole, each, number + 1) for number, each in enumerate(requirements)]
-    return Coverage(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes) if added else whole
+    return CoverageMap(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes) if added else whole
 
 
-def _share_layer(whole: Coverage, requirement: Requirement, number: int) -> Layer:
+def _share_layer(whole: CoverageMap, requirement: Requirement, number: int) -> Layer:
     try:
         layer = whole[requirement.layer]
     except KeyError as error:

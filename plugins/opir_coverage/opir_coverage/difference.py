@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_coverage.layers import Coverage, Layer
+from opir_coverage.layers import CoverageMap, Layer
 
 
-def difference(one: Coverage, other: Coverage) -> Coverage:
+def difference(one: CoverageMap, other: CoverageMap) -> CoverageMap:
     """Return one coverage minus another with the same settings: layers that both have, nan where either has no value.
 
     Bands that only one has are left out, with the layers by band.
@@ -25,10 +25,10 @@ def difference(one: Coverage, other: Coverage) -> Coverage:
         "title": f"{one.attributes['title']} minus that of {other.attributes['scene']}",
         "minus": other.attributes["scene"],
     }
-    return Coverage(one.grid, {name: own for name, own in one.coordinates.items() if name in used}, layers, words)
+    return CoverageMap(one.grid, {name: own for name, own in one.coordinates.items() if name in used}, layers, words)
 
 
-def _alike(one: Coverage, other: Coverage, layer: Layer) -> bool:
+def _alike(one: CoverageMap, other: CoverageMap, layer: Layer) -> bool:
     return all(list(one.coordinates[name]) == list(other.coordinates[name]) for name in layer.dims)
 
 

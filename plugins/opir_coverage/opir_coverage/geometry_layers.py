@@ -1,11 +1,13 @@
 """Layers of geometry alone: sensors in view over a day, and the figures of merit of access and gaps."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import ByteArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_coverage import merits
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.layers import Layer
@@ -51,7 +53,7 @@ def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatA
     return np.broadcast_to(np.stack(angles), shape), np.broadcast_to(np.stack(spreads), shape)
 
 
-def _access_layers(counts: ByteArray, settings: CoverageSettings, shape: tuple[int, int]) -> Iterator[Layer]:
+def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]) -> Iterator[Layer]:
     """Yield the layers of numbers in view (heights, T, cells)."""
     of_all = ("height", "time")
     yield Layer(
@@ -100,7 +102,7 @@ _MERITS = {
 }
 
 
-def _merits(covered: "merits.BoolArray", step_s: float) -> dict[str, FloatArray]:
+def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
     """Return the figures of merit (cells,) of a point's coverage (T, cells)."""
     interval_s = step_s * len(covered)
     access, gap = merits.runs(covered, step_s), merits.runs(~covered, step_s)
@@ -167,5 +169,5 @@ def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, 
     return layers
 
 
-def _on_grid(values: "merits.BoolArray | FloatArray | ByteArray", shape: tuple[int, int]) -> "FloatArray":
-    return values.reshape(*values.shape[:-1], *shape)  # type: ignore[return-value]
+def _on_grid(values: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    return values.reshape(*values.shape[:-1], *shape)

@@ -23,8 +23,8 @@ class PlaceGrid:
         rows = round(180.0 / step_deg) if step_deg > 0.0 else 0
         if rows < 1 or abs(rows * step_deg - 180.0) > 1e-9:
             raise ValueError(f"a step of {step_deg:g}° does not divide 180°; give 1, 2, 3, 5 or 10 for instance")
-        latitude = (np.arange(rows) + 0.5) * step_deg - 90.0
-        return cls(step_deg, latitude, (np.arange(2 * rows) + 0.5) * step_deg - 180.0)
+        latitude = np.asarray((np.arange(rows) + 0.5) * step_deg - 90.0)
+        return cls(step_deg, latitude, np.asarray((np.arange(2 * rows) + 0.5) * step_deg - 180.0))
 
     @property
     def shape(self) -> tuple[int, int]:

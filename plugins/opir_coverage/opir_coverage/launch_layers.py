@@ -11,6 +11,7 @@ from opir_core.arrays import FloatArray
 from opir_core.planning import distinct_bands
 from opir_core.plugin import Ballistic, Band
 from opir_coverage.bounds import (
+    BurnSlopes,
     LaunchInformation,
     LaunchSlopes,
     SensorInformation,
@@ -24,8 +25,8 @@ from opir_coverage.reports import ReportChain, Reports, ScanSteps
 from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
 
-#: Output times of reports: this share of the time to burnout and the longest latency.
-_REPORT_STEPS = 120
+#: Times at which reports are counted, from the least latency on, and the power that makes them closest at first.
+_REPORT_STEPS, _REPORT_POWER = 100, 1.5
 
 
 def launch_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> list[Layer]:
@@ -35,7 +36,7 @@ def launch_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> li
     found: dict[str, list[FloatArray]] = {}
     for azimuth_deg in settings.azimuths_deg:
         places = LaunchPlaces.of(grid, kind, np.radians(azimuth_deg), settings.profile)
-        slopes = LaunchSlopes.of(places)
+        slopes = BurnSlopes.of(LaunchSlopes.of(places), settings.samples)
         for ignition_s in launch_times_s(settings):
             for name, values in _of_salvo(Salvo(plan, places, ignition_s), slopes, settings).items():
                 found.setdefault(name, []).append(values.astype(np.float32))
@@ -54,7 +55,7 @@ def band_title(band: Band) -> str:
     return f"{band.name} {band.lower_um:g}-{band.upper_um:g} um"
 
 
-def _of_salvo(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
+def _of_salvo(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
     """Return the values of launches at one instant with one azimuth, by layer."""
     return {**_heights(salvo, settings), **_reports_and_bounds(salvo, slopes, settings)}
 
@@ -82,17 +83,17 @@ def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
     return layers if np.isnan(least).all() else {**layers, "least_intensity": least}
 
 
-def _reports_and_bounds(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
+def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
     """Return the times of the first report and of a track, and the bounds at burnout, (cells,)."""
     sensors, cells, burn_s = salvo.plan.sensors, len(salvo.places), salvo.burn_s
     node_s = np.linspace(0.0, burn_s, settings.samples + 1)
     fleet = Fleet.of(salvo.plan, salvo.ignition_s + node_s)
     latency_s = [sum(stage.mean_s for stage in each.reporting) for each in sensors]
-    time_s = np.linspace(0.0, burn_s + max(latency_s, default=0.0), _REPORT_STEPS + 1)
+    first_s, last_s = min(latency_s), burn_s + max(latency_s)
+    time_s = first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
     reports = Reports(time_s, settings.track_reports, cells)
     information = LaunchInformation(cells)
     points = [SeenPoints.of(salvo.state(since)[0]) for since in node_s.tolist()]
-    moved = [slopes.at(since).astype(np.float32) for since in node_s.tolist()]
     for number, sensor in enumerate(sensors):
         looks = [salvo.looks(fleet, number, step, points[step]) for step in range(len(node_s))]
         rows = np.unique(np.concatenate([each.rows for each in looks]))
@@ -104,10 +105,10 @@ def _reports_and_bounds(salvo: Salvo, slopes: LaunchSlopes, settings: CoverageSe
         for step, each in enumerate(looks):
             looked = per_node * (0.5 if step in (0, len(looks) - 1) else 1.0)
             weight = looked * each.chance / np.square(each.sigma_rad)
-            parts.add(each.rows, moved[step][each.rows], each.direction, each.range_m, weight)
+            parts.add(each.rows, slopes.moved[step][each.rows], each.direction, each.range_m, weight)
         information.add(parts, sensor.line_of_sight_bias_sigma_rad)
     comes_down = isinstance(salvo.places.target_class.after_burnout, Ballistic)
-    bounds = burnout_bounds(slopes, information.covariance(), comes_down=comes_down)
+    bounds = burnout_bounds(slopes.burnout, information.covariance(), comes_down=comes_down)
     return {
         "first_report": reports.times_s(1, settings.chance),
         "report_probability": reports.probability(1),
@@ -124,9 +125,9 @@ def add_reports(
 ) -> None:
     """Add the reports of a sensor about the cells `rows` that it sees at one of the nodes."""
     sensor = salvo.plan.sensors[number]
-    nodes, steps = np.zeros((len(looks), len(rows))), ScanSteps.of(sensor.scan.period_ns * 1e-9, salvo.burn_s)
+    nodes, steps = np.full((len(looks), len(rows)), np.nan), ScanSteps.of(sensor.scan.period_ns * 1e-9, salvo.burn_s)
     for step, each in enumerate(looks):
-        nodes[step, np.searchsorted(rows, each.rows)] = each.chance
+        nodes[step, np.searchsorted(rows, each.rows)] = each.probit
     confirmation = salvo.detection.confirmation
     needed = (1, 1) if confirmation is None else tuple(int(each) for each in confirmation[number])
     chain = ReportChain(len(rows), steps.phases, (needed[0], needed[1]), reports.chance.shape[1])

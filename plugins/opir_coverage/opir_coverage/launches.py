@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray, RowArray
 from opir_core.errors import ModelError
 from opir_core.flight import BoostPath, ascent, boost_path, launch_site
 from opir_core.interfaces import Surroundings
@@ -42,31 +43,87 @@ class LaunchPlaces:
     def __len__(self) -> int:
         return len(self.latitude_rad)
 
-    def path(self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0) -> BoostPath:
+    def path(self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0) -> "GridBoosts":
         """Return the boosts of launches at a scene time, with offsets of burnout speed and flight path angle."""
-        one = np.ones(len(self))
-        course = ascent([self.profile] * len(self), self.profile.burnout_flight_path_angle_rad * one + angle_rad)
-        site = launch_site(self.latitude_rad, self.longitude_rad, 0.0 * one)
+        latitude, row = np.unique(self.latitude_rad, return_inverse=True)
+        one = np.ones(len(latitude))
+        angle = self.profile.burnout_flight_path_angle_rad + angle_rad
+        course = ascent([self.profile] * len(latitude), angle * one)
+        site = launch_site(latitude, 0.0 * one, 0.0 * one)
         speed = (self.profile.burnout_speed_m_s + speed_m_s) * one
-        return boost_path(site, ignition_s, self.azimuth_rad * one, speed, course)
+        path = boost_path(site, ignition_s, self.azimuth_rad * one, speed, course)
+        return GridBoosts(path, row, np.cos(self.longitude_rad), np.sin(self.longitude_rad))
 
 
+@frozen(eq=False)
+class GridBoosts:
+    """Boosts (n,): those of `path`, one for each latitude, turned about the Earth's axis to their longitudes."""
+
+    path: BoostPath
+    row: IntArray
+    cosine: FloatArray
+    sine: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def ignition_s(self) -> float:
+        """The scene time of all launches."""
+        return float(self.path.ignition_s[0])
+
+    @property
+    def burnout_s(self) -> float:
+        """The scene time of all burnouts."""
+        return float(self.path.burnout_s[0])
+
+    @property
+    def launch_m(self) -> FloatArray:
+        """The launch points (n, 3), ECEF, m."""
+        return self._turned(self.path.plane.launch_m[self.row], np.arange(len(self)))
+
+    def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
+        rows = self.row[target]
+        if len(time_s) and time_s.min() == time_s.max():
+            each = np.arange(len(self.path.ignition_s))
+            position, velocity = self.path.state(each, np.full(len(each), time_s[0]))
+            own = position[rows], velocity[rows]
+        else:
+            own = self.path.state(rows, time_s)
+        return self._turned(own[0], target), self._turned(own[1], target)
+
+    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray) -> FloatArray:
+        x, y, z = vector_m.T
+        cosine, sine = self.cosine[target], self.sine[target]
+        return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+
+
+@frozen(eq=False)
 class GridLaunches(Trajectories):
     """The boosts of launches from a grid, as trajectories."""
 
-    def __init__(self, places: LaunchPlaces, path: BoostPath) -> None:
-        self.type_code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
-        self.ignition_s, self.burnout_s = path.ignition_s, path.burnout_s
-        self.class_names = [places.target_class.name] * len(places)
-        self._path, self._profile = path, places.profile.name
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    class_names: Sequence[str]
+    path: GridBoosts
+    profile: str
+
+    @classmethod
+    def of(cls, places: LaunchPlaces, path: GridBoosts) -> "GridLaunches":
+        """Return the launches from places on their paths."""
+        code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
+        times_s = np.full(len(places), path.ignition_s), np.full(len(places), path.burnout_s)
+        return cls(code, *times_s, [places.target_class.name] * len(places), path, places.profile.name)
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of launches (n,) at scene times (n,)."""
-        return self._path.state(target, time_s)[0]
+        return self.path.state(target, time_s)[0]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each launch."""
-        return [{"id": _ID, "profile": self._profile}] * len(self.type_code)
+        return [{"id": _ID, "profile": self.profile}] * len(self.type_code)
 
 
 @frozen
@@ -78,12 +135,13 @@ class _Launch:
     signature: None = None
 
 
-def detection_of(plan: Plan, launches: GridLaunches) -> tuple[DetectionProbability, Targets]:
+def detection_of(plan: Plan, launches: Trajectories) -> tuple[DetectionProbability, Targets]:
     """Return a scene's detection model for launches from a grid, and these as targets."""
     count = len(launches.type_code)
     targets = join_targets([_ID] * count, [launches], [range(count)])
     model = Choice(TargetModel.hook, "ballistic", None, "--class")
-    scene = evolve(plan.scene, targets=(_Launch(model),), sources=())
+    launch: Any = _Launch(model)
+    scene = evolve(plan.scene, targets=(launch,), sources=())
     context = ModelContext(
         sensors=plan.sensors,
         target_type_code=targets.type_code,

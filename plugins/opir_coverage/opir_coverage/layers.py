@@ -42,7 +42,7 @@ class Layer:
 
 
 @frozen(eq=False)
-class Coverage:
+class CoverageMap:
     """Layers over a grid, the coordinates of their dimensions, and what they are of."""
 
     grid: PlaceGrid

@@ -6,31 +6,41 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.flight import height_m as height_m_of
+from opir_core.geometry import length
 from opir_core.planning import Targets
 from opir_core.plugin import Band, DetectionProbability, Exposures, Response
 from opir_coverage.grid import SeenPoints
 from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
 from opir_coverage.visibility import Fleet
 
+#: Largest error of P_d of a look: the default `probability_tolerance` of runs.
+_SLACK = 1e-4
+
 
 @frozen(eq=False)
 class GridLooks:
-    """Looks of one sensor at some of the launches, `rows` (n,): P_d, standard deviations of lines of sight, rad.
+    """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines of sight, rad.
 
     `range_m` (n,), `direction` (n, 3) from the target to the sensor; `least_w_sr` are the intensities (n,) by band.
     """
 
     rows: IntArray
-    chance: FloatArray
+    probit: FloatArray
     sigma_rad: FloatArray
     range_m: FloatArray
     direction: FloatArray
     least_w_sr: Mapping[Band, FloatArray]
+
+    @property
+    def chance(self) -> FloatArray:
+        """P_d (n,)."""
+        return ndtr(self.probit)
 
 
 class Salvo:
@@ -41,7 +51,7 @@ class Salvo:
         self.path = places.path(ignition_s)
         self.detection: DetectionProbability
         self.targets: Targets
-        self.detection, self.targets = detection_of(plan, GridLaunches(places, self.path))
+        self.detection, self.targets = detection_of(plan, GridLaunches.of(places, self.path))
 
     @cached_property
     def burn_s(self) -> float:
@@ -50,19 +60,16 @@ class Salvo:
 
     def state(self, since_s: float) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities (cells, 3) at a time since ignition, s."""
-        everyone = np.arange(len(self.places), dtype=np.int32)
-        now_s = min(self.ignition_s + since_s, float(self.path.burnout_s[0]))
+        everyone = np.arange(len(self.places))
+        now_s = min(self.ignition_s + since_s, self.path.burnout_s)
         return self.path.state(everyone, np.full(len(everyone), now_s))
 
     def height_time_s(self, height_m: float) -> float:
         """Return the time since ignition at which launches rise through a height, s; nan if that is not in the burn."""
         since_s = np.linspace(0.0, self.burn_s, 257)
-        one = np.zeros(len(since_s), dtype=np.int32)
-        place = self.path.state(one, np.minimum(self.ignition_s + since_s, self.path.burnout_s[0]))[0]
-        axis = self.path.plane.up[0]
-        rise_m = (place - self.path.plane.launch_m[0]) @ axis
-        swept_m = np.sqrt(np.maximum(np.square(place - self.path.plane.launch_m[0]).sum(axis=1) - rise_m**2, 0.0))
-        height = np.hypot(self.path.plane.radius_m[0] + rise_m, swept_m) - self.path.plane.radius_m[0]
+        first = np.zeros(len(since_s), dtype=np.int64)
+        place = self.path.state(first, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[0]
+        height = height_m_of(place.T, 1.0 / length(*place.T))
         return float(np.interp(height_m, height, since_s, right=np.nan))
 
     def looks(self, fleet: Fleet, number: int, step: int, points: SeenPoints, *, with_least: bool = False) -> GridLooks:
@@ -84,24 +91,24 @@ class Salvo:
             target_ecef_m=points.position_m[rows],
             sensor_ecef_m=np.broadcast_to(place, (len(rows), 3)),
         )
-        chance, sigma_rad, response = self._measured(exposures)
+        probit, sigma_rad, response = self._measured(exposures)
         least = self._least(number, exposures, response) if with_least and response is not None else {}
-        return GridLooks(rows, chance, sigma_rad, range_m, direction, least)
+        return GridLooks(rows, probit, sigma_rad, range_m, direction, least)
 
     def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
-        """Return P_d and sigmas of lines of sight, and the response of a model with signals."""
+        """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with signals."""
         sensor, model = exposures.sensor, self.detection
         own = np.array([each.line_of_sight_sigma_rad for each in self.plan.sensors])[sensor]
         if not len(sensor):
             return np.empty(0), own, None
         chance = model.pair_probability(sensor, exposures.target)
         if chance is not None:
-            return chance, own, None
-        response = model.response(exposures)
+            return ndtri(chance), own, None
+        response = model.response(exposures, slack=_SLACK)
         if response is None or response.probit is None:
-            return model.probability(exposures), own, response
+            return ndtri(model.probability(exposures)), own, response
         sigma: Any = getattr(model, "line_of_sight_sigma_rad", None)
-        return ndtr(response.probit), own if sigma is None else sigma(response, sensor), response
+        return response.probit, own if sigma is None else sigma(response, sensor), response
 
     def _least(self, number: int, exposures: Exposures, response: Response) -> dict[Band, FloatArray]:
         """Return the intensities (n,), W/sr, that are at a sensor's threshold in one look, by band."""

@@ -8,8 +8,9 @@ interval, and no response.
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 
 @frozen(eq=False)
@@ -53,7 +54,7 @@ def coverage_time_s(covered: BoolArray, step_s: float) -> FloatArray:
 
 def simple_coverage(covered: BoolArray) -> BoolArray:
     """Return Simple Coverage (n,): whether a point is covered at any time."""
-    return covered.any(axis=0)
+    return np.asarray(covered.any(axis=0))
 
 
 def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
@@ -90,9 +91,10 @@ def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
     return age
 
 
-def is_covered(in_view: ByteArray, assets: int) -> BoolArray:
+def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
     """Return whether at least so many sensors see a point: N Asset Coverage with a least number."""
-    return in_view >= assets
+    covered: BoolArray = np.asarray(in_view >= assets)
+    return covered
 
 
 def percent_below(values: FloatArray, limit: float, weights: FloatArray) -> float:

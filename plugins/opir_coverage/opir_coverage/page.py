@@ -13,7 +13,8 @@ from matplotlib import colormaps
 from opir_report import coast_rings, style_sheet
 
 from opir_core.arrays import FloatArray
-from opir_coverage.layers import DIMENSIONS, Coverage, Layer
+from opir_coverage.layers import DIMENSIONS, CoverageMap, Layer
+from opir_coverage.summary import words_of
 
 #: The script is the page's own; nothing is fetched.
 _POLICY = (
@@ -22,28 +23,14 @@ _POLICY = (
 )
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
-#: Quantiles of area between which colours run where values have far outliers, and the share of the range that then is theirs.
+#: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
 _LIMITS, _BULK = (0.01, 0.99), 0.6
 
 
-def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
+def page_of(found: CoverageMap, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the page of a coverage as HTML; `rows` are those of its table."""
-    is_difference = "minus" in found.attributes
-    names = ("PuOr_r",) if is_difference else ("viridis",)
-    data = {
-        "layers": [_layer(each, found.grid.weights(), is_difference=is_difference) for each in found.layers],
-        "coordinates": {name: list(own) for name, own in found.coordinates.items()},
-        "dimensions": {name: list(words) for name, words in DIMENSIONS.items()},
-        "rows": found.grid.shape[0],
-        "columns": found.grid.shape[1],
-        "step": found.grid.step_deg,
-        "colours": [_palette(name) for name in names],
-        "difference": is_difference,
-        "epoch": found.attributes["epoch"],
-        "land": [np.round(np.degrees(ring), 1)[:, ::-1].ravel().tolist() for ring in coast_rings()],
-    }
     title, part = escape(found.attributes["title"]), files("opir_coverage") / "page"
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    text = json.dumps(_data(found), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -72,19 +59,35 @@ def page_of(found: Coverage, rows: Sequence[Mapping[str, Any]]) -> str:
 """
 
 
+def _data(found: CoverageMap) -> dict[str, Any]:
+    """Return what the page's script draws."""
+    is_difference = "minus" in found.attributes
+    names = ("PuOr_r",) if is_difference else ("viridis",)
+    return {
+        "layers": [_layer(each, found.grid.weights(), is_difference=is_difference) for each in found.layers],
+        "coordinates": {name: list(own) for name, own in found.coordinates.items()},
+        "dimensions": {name: list(words) for name, words in DIMENSIONS.items()},
+        "rows": found.grid.shape[0],
+        "columns": found.grid.shape[1],
+        "step": found.grid.step_deg,
+        "colours": [_palette(name) for name in names],
+        "difference": is_difference,
+        "epoch": found.attributes["epoch"],
+        "land": [np.round(np.degrees(ring), 1)[:, ::-1].ravel().tolist() for ring in coast_rings()],
+    }
+
+
 _FOOTER = "Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural Earth."
 _HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
 
 
-def _subtitle(found: Coverage) -> str:
+def _subtitle(found: CoverageMap) -> str:
     words, count = found.attributes, len(found.attributes["sensors"].split(", "))
     launched = "" if words["launches"] == "none" else f"; launches of {words['launches']}"
     return f"{count} sensors from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
 
 
 def _row(row: Mapping[str, Any]) -> str:
-    from opir_coverage.command import words_of
-
     cells = ["–" if row[name] is None else f"{row[name]:.4g}" for name in ("min", "mean", "max")]
     numbers = "".join(f'<td class="n">{cell}</td>' for cell in cells)
     unit = "" if row["unit"] == "1" else escape(row["unit"])

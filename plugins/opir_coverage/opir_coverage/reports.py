@@ -1,17 +1,18 @@
 """When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation and latency.
 
 A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks are independent; a
-look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over the
-outcomes of the last N - 1 scans.
+look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over
+the outcomes of the last N - 1 scans.
 """
 
 import numpy as np
 from attrs import frozen
+from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IntArray
 
-#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to look
-#: no more often: its M-th detection is at most M such steps late.
+#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
+#: look no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
 #: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
 #: chance, and left out if they are this share of all.
@@ -39,7 +40,7 @@ class ScanSteps:
 
     def times_s(self) -> FloatArray:
         """Return the times (steps,) of looks since ignition, s."""
-        return (np.arange(self.steps) + _MIDDLE) * self.step_s
+        return np.asarray((np.arange(self.steps) + _MIDDLE) * self.step_s)
 
 
 class ReportChain:
@@ -125,7 +126,8 @@ class Reports:
         self.chance[:, 0] = 1.0
 
     def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
-        """Add a sensor's chain over cells `rows`, with P_d (K, rows) at equal steps of the burn, ends included."""
+        """Add a sensor's chain over cells `rows`, with normal quantiles of P_d (K, rows) at equal steps of the
+        burn, ends included; nan without a look."""
         place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
         early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
@@ -164,7 +166,17 @@ class Reports:
 
 
 def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray:
-    """Return P_d (n,) of some launches at a place between nodes (K, launches)."""
+    """Return P_d (n,) of some launches at a place between nodes (K, launches), nan at those without a look.
+
+    The normal quantile is interpolated, as the engine does between looks; beside a node without a look the nearer node
+    decides.
+    """
     early = min(int(place), len(nodes) - 2)
     share = place - early
-    return nodes[early, rows] * (1.0 - share) + nodes[early + 1, rows] * share
+    one, other = nodes[early, rows], nodes[early + 1, rows]
+    quantile = one + share * (other - one)
+    lone = np.flatnonzero(np.isnan(quantile))
+    if len(lone):
+        nearer = (one if share < _MIDDLE else other)[lone]
+        quantile[lone] = np.where(np.isnan(nearer), -np.inf, nearer)
+    return ndtr(quantile)

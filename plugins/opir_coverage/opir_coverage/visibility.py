@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84, angle_between_rad, is_sunlit, nadir_angle_rad, sun_ecef_m
 from opir_core.planning import visible_now
 from opir_core.plugin import Sensor
@@ -127,7 +128,7 @@ class Fleet:
 class SightMap:
     """Who sees what: bits (T, sensors, ceil(cells / 8)) of `cells` points; one time for all where nothing changes."""
 
-    bits: ByteArray
+    bits: NDArray[np.uint8]
     cells: int
     steps: int
 
@@ -146,7 +147,7 @@ class SightMap:
         row = self.bits[min(step, len(self.bits) - 1)]
         return np.unpackbits(row, axis=1, count=self.cells).view(np.bool_)
 
-    def in_view(self) -> ByteArray:
+    def in_view(self) -> NDArray[np.uint8]:
         """Return the numbers (T, cells) of sensors that see each point."""
         counts = [self.at(step).sum(axis=0, dtype=np.uint8) for step in range(len(self.bits))]
         return np.broadcast_to(np.stack(counts), (self.steps, self.cells))
@@ -165,4 +166,4 @@ class SightMap:
 
 def day_s(steps: int, length_s: float = 86_400.0) -> FloatArray:
     """Return scene times (steps,), s: the middles of equal parts of a day from the scene's epoch."""
-    return (np.arange(steps) + 0.5) * (length_s / steps)
+    return np.asarray((np.arange(steps) + 0.5) * (length_s / steps))

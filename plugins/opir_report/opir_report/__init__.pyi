@@ -16,6 +16,7 @@ from opir_report.pages.style import (
 )
 from opir_report.palette import (
     DASHES as DASHES,
+    GRID as GRID,
     INK as INK,
     MUTED as MUTED,
     SERIES as SERIES,

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_photons.radiometry import band_radiance_slope
 
 from opir_core.arrays import FloatArray
 from opir_coverage.bench.stand import Bench, Poses, Signals
-from opir_photons.radiometry import band_radiance_slope
 
 #: Terms of noise, and the settings that switch each off; those below a focal plane need one.
 _OF_FOCAL_PLANE: Mapping[str, Mapping[str, Any]] = {
@@ -109,7 +109,7 @@ def _clutter_terms(bench: Bench, poses: Poses, clutter: FloatArray) -> list[Nois
 
 
 @frozen
-class Step:
+class WaterfallStep:
     """A step from source to decision: the level after it in decibels, and what it is."""
 
     name: str
@@ -118,7 +118,7 @@ class Step:
     value: str
 
 
-def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Step]:
+def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[WaterfallStep]:
     """Return the steps of a band's SNR in decibels (10 log of intensity): source, range, air, noise, threshold.
 
     The last level is the margin: the SNR over the threshold.
@@ -137,5 +137,5 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Step]:
     for name, gain, words in gains:
         own = 10.0 * float(np.log10(gain)) if gain > 0.0 else -np.inf
         level += own
-        steps.append(Step(name, own, level, words))
+        steps.append(WaterfallStep(name, own, level, words))
     return steps

@@ -22,7 +22,7 @@ def false_alarms(plan: Plan) -> BenchResult:
     counts: Counter[tuple[int, str]] = Counter()
     if plan.sources:
         found = run_of_plan(plan)
-        truth = found.truth.target if found.truth is not None else np.empty(0, dtype=np.int64)
+        truth = found.truth.target
         for sensor, target in zip(found.detections.sensor.tolist(), np.asarray(truth).tolist(), strict=True):
             if target >= len(plan.scene.targets):
                 counts[sensor, plan.targets.class_names[target]] += 1
@@ -35,10 +35,12 @@ def false_alarms(plan: Plan) -> BenchResult:
         rows.append([sensor.id, noise, *scaled])
     names = ["noise", *causes]
     lines = [
-        BenchLine(name, np.arange(len(rows)), np.array([row[place + 1] for row in rows]))
+        BenchLine(name, np.zeros(len(rows)), np.array([row[place + 1] for row in rows]))
         for place, name in enumerate(names)
     ]
-    plot = BenchPlot(x_label="", y_label="detections a day", lines=lines, names=[row[0] for row in rows], log_y=True)
+    plot = BenchPlot(
+        x_label="", y_label="detections a day", lines=lines, names=[str(row[0]) for row in rows], log_y=True
+    )
     notes = [f"sources: counted in one run of {plan.scene.duration_s:g} s, seed {plan.scene.seed}"] if causes else []
     return BenchResult(
         title=f"False alarms a day in {plan.scene.name}", head=("sensor", *names), rows=rows, plot=plot, notes=notes
@@ -57,7 +59,7 @@ def window(
         for place, band in enumerate(bands)
     ]
     lines = [
-        BenchLine(f"from {height:g} km", np.arange(len(bands)), found.transmittance[row])
+        BenchLine(f"from {height:g} km", np.zeros(len(bands)), found.transmittance[row])
         for row, height in enumerate(heights_km)
     ]
     names = [f"{band.name} {band.lower_um:g}–{band.upper_um:g} µm" for band in bands]

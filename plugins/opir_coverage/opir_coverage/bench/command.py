@@ -80,7 +80,7 @@ def _terms(bench: Bench, found: NoiseBudget) -> BenchResult:
     ]
     names = [each.name for each in found.terms]
     lines = [
-        BenchLine(band, np.arange(len(names)), np.array([each.sigma_w_m2[place] for each in found.terms]))
+        BenchLine(band, np.zeros(len(names)), np.array([each.sigma_w_m2[place] for each in found.terms]))
         for place, band in enumerate(found.bands)
     ]
     plot = BenchPlot(
@@ -105,8 +105,12 @@ def _waterfall(bench: Bench, found: NoiseBudget, name: str) -> BenchResult:
     threshold = radiometer.threshold if band == radiometer.reference else radiometer.coincidence
     steps = waterfall(found, band, threshold)
     rows = [[each.name, each.gain_db, each.level_db, each.value] for each in steps]
-    line = BenchLine(found.bands[band], np.arange(len(steps)), np.array([each.gain_db for each in steps]))
-    plot = BenchPlot(x_label="", y_label="gain, dB", lines=[line], names=[each.name for each in steps])
+    line = BenchLine(
+        found.bands[band],
+        np.array([each.level_db - each.gain_db for each in steps]),
+        np.array([each.gain_db for each in steps]),
+    )
+    plot = BenchPlot(x_label="", y_label="level, dB", lines=[line], names=[each.name for each in steps])
     title = f"From source to decision, {bench.sensor.id}, {found.bands[band]}"
     notes = [f"margin over the threshold: {steps[-1].level_db:.2f} dB; P_d of one look: {found.signals.chance[0]:.4g}"]
     return BenchResult(title=title, head=("step", "gain dB", "level dB", "value"), rows=rows, plot=plot, notes=notes)

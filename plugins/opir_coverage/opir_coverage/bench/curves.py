@@ -11,8 +11,8 @@ from opir_core.errors import ModelError
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
 from opir_coverage.bench.stand import Bench, Poses, Signals
 from opir_coverage.grid import SeenPoints
-from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.launch_layers import add_reports
+from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.looks import Salvo
 from opir_coverage.reports import Reports
 from opir_coverage.visibility import Fleet
@@ -50,6 +50,8 @@ def curve(
     values: Sequence[float] = (),
 ) -> BenchResult:
     """Return a quantity against a condition, for sensors and classes; the pose holds what does not change."""
+    if quantity == "least-intensity":
+        classes = classes[:1]  # it is that of any target
     if against == "climate":
         return _of_climates(benches, quantity, classes, pose)
     axis = ABSCISSAE[against]
@@ -100,7 +102,7 @@ def _of_climates(
                 stand = bench.changed(atmosphere=_air(bench, climate=climate))
                 for each in _at(stand, quantity, f"{bench.sensor.id}, {name}", name, pose, number):
                     lines.setdefault(each.label, []).append(float(each.y[0]))
-    x = np.arange(len(CLIMATES), dtype=np.float64)
+    x = np.zeros(len(CLIMATES))
     made = [BenchLine(label, x, np.array(y)) for label, y in lines.items()]
     return _result(quantity, "climate", made, names=CLIMATES)
 
@@ -136,7 +138,7 @@ def first_report_s(bench: Bench, name: str, pose: Mapping[str, float], chance: f
 
     plan = bench.plan
     on_ground = Poses.of(name, **{**pose, "height_m": 0.0})
-    place = SeenPoints.of(PosedTargets(plan, on_ground).place_m)
+    place = SeenPoints.of(PosedTargets.of(plan, on_ground).place_m)
     latitude, longitude = np.arcsin(place.up[:, 2]), np.arctan2(place.up[:, 1], place.up[:, 0])
     kind = target_class_of(plan, name)
     salvo = Salvo(plan, LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0), 3600.0)
@@ -163,7 +165,7 @@ def _result(quantity: str, label: str, lines: Sequence[BenchLine], names: Sequen
     x = lines[0].x
     first: Callable[[int], Any] = (lambda row: names[row]) if names else (lambda row: x[row])
     rows = [[first(row), *(line.y[row] for line in lines)] for row in range(len(x))]
-    plot = BenchPlot(x_label=label, y_label=title, lines=lines, names=names, log_y=is_log)
+    plot = BenchPlot(x_label=label, y_label=title, lines=lines, names=names, log_y=is_log, is_share=quantity == "pd")
     return BenchResult(
         title=f"{title[0].upper()}{title[1:]}", head=(label, *(line.label for line in lines)), rows=rows, plot=plot
     )
@@ -184,7 +186,11 @@ def operating_characteristic(
     columns = np.array(rows).T
     line = BenchLine(f"{bench.sensor.id}, {poses.target_class}", columns[1], columns[2])
     plot = BenchPlot(
-        x_label="reported false alarms of noise a day", y_label="probability of detection", lines=[line], log_x=True
+        x_label="reported false alarms of noise a day",
+        y_label="probability of detection",
+        lines=[line],
+        log_x=True,
+        is_share=True,
     )
     head = ("threshold, sigma", "false alarms a day", "P_d of one look")
     return BenchResult(title="Receiver operating characteristic", head=head, rows=rows, plot=plot)

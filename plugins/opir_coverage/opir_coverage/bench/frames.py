@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from opir_photons.radiometry import airy_sigma_rad, blurred_sigma_rad, electrons_per_w_m2, structure_spectrum
 from scipy.special import erf
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_core.output import OutputFiles
 from opir_coverage.bench.stand import Bench, Poses
-from opir_photons.radiometry import airy_sigma_rad, blurred_sigma_rad, electrons_per_w_m2, structure_spectrum
 
 #: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which one is in its mask.
 _FEWEST, _MASKED = 16, 0.05
@@ -25,7 +25,7 @@ _FEWEST, _MASKED = 16, 0.05
 
 @frozen(eq=False)
 class FocalFrame:
-    """A frame of one band: electrons (rows, columns), what of them is target and background before noise, and a mask."""
+    """A frame of one band: electrons (rows, columns), those of target and background before noise, and a mask."""
 
     band: str
     electrons: FloatArray
@@ -108,7 +108,6 @@ def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-
     from opir_report import STYLE
 
     paths = [folder / "frame.png", folder / "frame.npz"]
@@ -117,9 +116,10 @@ def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
             figure = Figure(figsize=(5.2, 4.2), layout="constrained", dpi=150)
             FigureCanvasAgg(figure)
             axes = figure.add_subplot()
-            image = axes.imshow(made.electrons, cmap="cividis", interpolation="nearest")
+            low, high = np.percentile(made.electrons, (0.5, 99.5)) * 1e-6
+            image = axes.imshow(1e-6 * made.electrons, cmap="cividis", interpolation="nearest", vmin=low, vmax=high)
             axes.set(title=made.title, xlabel="column, pixels", ylabel="row, pixels")
-            figure.colorbar(image, label="electrons")
+            figure.colorbar(image, label="electrons, millions", extend="both")
             with files.writing(paths[0], "frame") as part:
                 figure.savefig(part, format="png")
         with files.writing(paths[1], "frame") as part, part.open("wb") as stream:

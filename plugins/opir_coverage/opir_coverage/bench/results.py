@@ -12,7 +12,7 @@ from opir_core.arrays import FloatArray
 
 @frozen(eq=False)
 class BenchLine:
-    """A line of a plot: its label, abscissae and ordinates (n,)."""
+    """A line of a plot: its label, abscissae and ordinates (n,); of bars the starts and the lengths."""
 
     label: str
     x: FloatArray
@@ -29,6 +29,7 @@ class BenchPlot:
     names: Sequence[str] = ()
     log_x: bool = False
     log_y: bool = False
+    is_share: bool = False
     levels: Sequence[tuple[float, str]] = ()
     spans: Sequence[tuple[float, float, str]] = ()
 
@@ -73,7 +74,6 @@ def write_plot(result: BenchResult, path: Path, kind: str) -> None:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-
     from opir_report import STYLE
 
     with matplotlib.rc_context(STYLE):
@@ -103,13 +103,15 @@ def _draw(axes: Any, plot: BenchPlot) -> None:
     else:
         scales = {"xscale": "log" if plot.log_x else "linear", "yscale": "log" if plot.log_y else "linear"}
         axes.set(xlabel=plot.x_label, ylabel=plot.y_label, **scales)
+        if plot.is_share:
+            axes.set_ylim(-0.02, 1.02)
     if len(plot.lines) > 1 or plot.levels or plot.spans:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
 
 
 def _draw_bars(axes: Any, plot: BenchPlot) -> None:
     """Draw bars beside one another, from the top down, named at the left."""
-    from opir_report import SERIES
+    from opir_report import MUTED, SERIES
 
     deep = 0.8 / len(plot.lines)
     place = np.arange(len(plot.names))
@@ -117,7 +119,9 @@ def _draw_bars(axes: Any, plot: BenchPlot) -> None:
     for number, line in enumerate(plot.lines):
         at = place + (number - 0.5 * (len(plot.lines) - 1)) * deep
         style: dict[str, Any] = {"color": SERIES[number % len(SERIES)], "hatch": hatches[number % len(hatches)]}
-        axes.barh(at, line.y, height=0.9 * deep, label=line.label, edgecolor="white", **style)
+        axes.barh(at, line.y, left=line.x, height=0.9 * deep, label=line.label, edgecolor="white", **style)
     axes.set_yticks(place, list(plot.names))
+    if not plot.log_y:
+        axes.axvline(0.0, color=MUTED, linewidth=1.0)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from opir_core import Plan, Scene, compile_plan, scene_from_mapping
@@ -85,29 +86,39 @@ class Signals:
             return self.irradiance_w_m2 * np.square(self.range_m)[:, None] / self.transmittance
 
 
+@frozen(eq=False)
 class PosedTargets(Trajectories):
     """Targets that fly straight through their places at one time, in the direction that gives their aspect."""
 
-    def __init__(self, plan: Plan, poses: Poses) -> None:
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    class_names: Sequence[str]
+    place_m: FloatArray
+    heading: FloatArray
+    profile: str
+
+    @classmethod
+    def of(cls, plan: Plan, poses: Poses) -> "PosedTargets":
+        """Return targets posed before the first sensor of a plan."""
         kind: TargetClass = target_class_of(plan, poses.target_class)
         profile = kind.profiles[0]
         count = len(poses)
-        self.type_code = np.full(count, kind.type_code, dtype=np.uint8)
-        self.class_names = [kind.name] * count
-        self.ignition_s = _NOW_S - poses.burned * profile.burn_time_s
-        self.burnout_s = self.ignition_s + profile.burn_time_s
+        code = np.full(count, kind.type_code, dtype=np.uint8)
+        ignition_s = _NOW_S - poses.burned * profile.burn_time_s
         sensor_m = np.asarray(plan.sensors[0].orbit.position_ecef_m(np.array([_NOW_S])))[0]
-        self.place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
-        self._heading = _headings(sensor_m, self.place_m, poses.aspect_rad)
-        self._profile = profile.name
+        place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
+        heading = _headings(sensor_m, place_m, poses.aspect_rad)
+        burnout_s = ignition_s + profile.burn_time_s
+        return cls(code, ignition_s, burnout_s, [kind.name] * count, place_m, heading, profile.name)
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,)."""
-        return self.place_m[target] + (_SPEED_M_S * (time_s - _NOW_S))[:, None] * self._heading[target]
+        return self.place_m[target] + (_SPEED_M_S * (time_s - _NOW_S))[:, None] * self.heading[target]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each target."""
-        return [{"profile": self._profile}] * len(self.type_code)
+        return [{"profile": self.profile}] * len(self.type_code)
 
 
 class Bench:
@@ -167,7 +178,7 @@ class Bench:
 
     def model(self, poses: Poses) -> tuple[DetectionProbability, Exposures]:
         """Return the scene's detection model for posed targets, and one look at each."""
-        targets = PosedTargets(self.plan, poses)
+        targets = PosedTargets.of(self.plan, poses)
         model, _ = detection_of(self.plan, targets)
         return model, self._exposures(targets, poses)
 
