@@ -22,6 +22,7 @@ from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.ground import above_ground
+from opir_trackers.filter.hidden_marginal import replaced
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
 from opir_trackers.lines_of_sight import AngleMeasurements
@@ -248,6 +249,27 @@ class ImmFilter:
     def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the burns of the tracks `rows` above the ground."""
         return self._with_bounded_burns(estimates, rows, above_ground)
+
+    def replaced_along(
+        self, estimates: ModeEstimates, rows: IntArray, axis: FloatArray, along: FloatArray, covariance: FloatArray
+    ) -> ModeEstimates:
+        """Return the estimates with what the burns of tracks `rows` (m,) do along axes (m, 3) of given moments.
+
+        These are of position, velocity and force, (m, 3) and (m, 3, 3).
+        """
+        boost = _modes_of(estimates)[0]
+        boost = _with_rows(boost, replaced(boost[0][rows], boost[1][rows], axis, along, covariance), rows)
+        mean, root = estimates.burn_mean[rows], estimates.burn_root[rows]
+        parts = [replaced(mean[:, part], root[:, part], axis, along, covariance) for part in range(mean.shape[1])]
+        burns: Burns = (
+            np.stack([part[0] for part in parts], axis=1),
+            np.stack([part[1] for part in parts], axis=1),
+            estimates.burn_share[rows],
+        )
+        burns = burn_modes.put((estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, burns)
+        return evolve(
+            estimates, boost_mean=boost[0], boost_root=boost[1], burn_mean=burns[0], burn_root=burns[1]
+        )
 
     def _with_bounded_burns(
         self, estimates: ModeEstimates, rows: IntArray, bounded: Callable[[FloatArray, FloatArray], Gaussian]

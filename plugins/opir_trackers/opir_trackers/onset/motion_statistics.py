@@ -188,6 +188,16 @@ class MotionStatistics(Columns):
         misfit = self.misfit + self.height_m * (2.0 * pull[:, 2] + raised[:, 2])
         return information, pull + raised, misfit
 
+    def first_velocity(self, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity (2,), m/s, at the first detection of one track along axes (2, 3) in ECEF, and covariance.
+
+        That of the cubic that fits its lines best.
+        """
+        information, pull, _ = self.of_motion()
+        covariance = np.linalg.inv(information[0] + _ANY_MOTION)
+        local = axes @ self.axes[0].T
+        return local @ (covariance @ pull[0])[3:6], local @ covariance[3:6, 3:6] @ local.T
+
     def static_estimates(self, height_sigma_m: float, wide_m: float) -> tuple[FloatArray, FloatArray]:
         """Return positions (n, 3) in ECEF of sources that stand still near the ground, and covariances (n, 3, 3)."""
         prior = np.array([wide_m, wide_m, height_sigma_m]) ** -2.0
