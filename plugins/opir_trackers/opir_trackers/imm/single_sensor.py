@@ -7,7 +7,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, square_root
+from opir_core.estimation import COAST, dot, square_root
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import air_velocity
@@ -68,11 +68,14 @@ class SingleSensor:
         if not known:
             return estimates
         moments: list[AlongSight] = [each for each in found if each is not None]
+        mean, axis = np.array([each.mean for each in moments]), np.array(axes)[known]
+        # Ascents move relative to the Earth, and the part of its rotation along the line is the same at all distances.
+        mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ _SPIN.T)
         return self.filter.replaced_along(
             estimates,
             rows[known],
-            np.array(axes)[known],
-            np.array([each.mean for each in moments]),
+            axis,
+            mean,
             np.array([each.covariance for each in moments]),
         )
 
