@@ -25,6 +25,7 @@ from opir_trackers.forecast.ascents import (
     Ascents,
 )
 from opir_trackers.forecast.planar_boost import RADIUS_M
+from opir_trackers.triangulation import GRAZING_SINE
 
 #: Directions over the ground in which an ascent is tried before the best are refined, and steps of that.
 _DIRECTIONS, _REFINEMENTS = 24, 3
@@ -46,7 +47,7 @@ class Sighting(NamedTuple):
     """What one sensor sees of a target, in ECEF, m and m/s.
 
     `first_sensor_m` and `first_m` (3,) are the sensor at the first detection and a point on its line of sight then,
-    `since_s` ago; `ground_radius_m` is the distance of the ground there from the Earth's centre. `sensor_m` and `sensor_m_s` are the sensor now; `state` (9,) position, velocity
+    `since_s` ago, `first_sigma_m` the error of the line's height there; `ground_radius_m` is the distance of the ground there from the Earth's centre. `sensor_m` and `sensor_m_s` are the sensor now; `state` (9,) position, velocity
     relative to the Earth and specific force by the filter, of which what is along the line of sight is not used.
     `axes` and `first_axes` (2, 3) are those of the image plane now and then, `first_m_s` (2,) the velocity along the
     latter then. `noise` (8, 8) is the covariance of the state along the former, and of `first_m_s`.
@@ -54,6 +55,7 @@ class Sighting(NamedTuple):
 
     first_sensor_m: FloatArray
     first_m: FloatArray
+    first_sigma_m: float
     ground_radius_m: float
     since_s: float
     sensor_m: FloatArray
@@ -92,19 +94,37 @@ def along_sight(ascents: Ascents, sighting: Sighting, ignition_s: FloatArray) ->
     while 1.0 / np.sum(weight * weight) < _ENOUGH and factor < _WIDEST:
         factor *= _WIDER
         weight = _weights(seen, factor * scale, sighting.noise, log_prior)
-    return _regressed(seen, hidden, weight, sighting.noise)
+    found = _regressed(seen, hidden, weight, _beyond_kernel(sighting.noise, factor * scale))
+    found.covariance[0, 0] += _ground_variance(sighting)
+    return found
+
+
+def _ground_variance(sighting: Sighting) -> float:
+    """Return the variance, m², of where the first line of sight meets the ground, along it."""
+    line = sighting.first_m - sighting.first_sensor_m
+    sine = -float(line @ sighting.first_m) / float(np.linalg.norm(line) * np.linalg.norm(sighting.first_m))
+    return (sighting.first_sigma_m / max(sine, GRAZING_SINE)) ** 2
+
+
+def _beyond_kernel(noise: FloatArray, width: FloatArray) -> FloatArray:
+    """Return the covariance (8, 8) of a look that is as informative as one with noise beside one with a kernel too.
+
+    (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N: ascents weighted by the noise N and a kernel W lack just this look.
+    """
+    return noise + (noise / (width * width)) @ noise
 
 
 def _regressed(seen: FloatArray, hidden: FloatArray, weight: FloatArray, noise: FloatArray) -> AlongSight:
-    """Return the moments of what is hidden (m, 3) where what is seen (m, 8) is nothing."""
+    """Return the moments of what is hidden (m, 3) after a look that sees nothing of what is seen (m, 8), with noise."""
     samples = 1.0 / float(np.sum(weight * weight))
     mean_seen, mean = weight @ seen, weight @ hidden
     apart, away = seen - mean_seen, hidden - mean
+    freed = samples / max(samples - 1.0 - seen.shape[1], 1.0)
     spread = (apart * weight[:, None]).T @ apart + noise
     gain = np.linalg.solve(spread, (apart * weight[:, None]).T @ away)
     left = away - apart @ gain
-    freed = samples / max(samples - 1.0 - seen.shape[1], 1.0)
-    return AlongSight(mean - mean_seen @ gain, freed * (left * weight[:, None]).T @ left, samples)
+    covariance = freed * ((left * weight[:, None]).T @ left + gain.T @ noise @ gain)
+    return AlongSight(mean - mean_seen @ gain, covariance, samples)
 
 
 def _scale(sighting: Sighting) -> FloatArray:

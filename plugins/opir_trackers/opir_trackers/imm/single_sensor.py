@@ -15,7 +15,7 @@ from opir_trackers.forecast.along_sight import AlongSight, Sighting, along_sight
 from opir_trackers.forecast.ascents import Ascents, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.launch_points import BEFORE_S
+from opir_trackers.launch_points import BEFORE_S, SITE_M
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
@@ -26,9 +26,6 @@ EVERY_S = 5.0
 
 #: A free burn more probable than this is no ascent of the law.
 _FREE = 0.5
-
-#: Speed of a target at its first detections, m/s, for the error of the first line of sight of a slow scanner.
-_FIRST_M_S = 100.0
 
 #: Cross product with the Earth's rotation.
 _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -102,24 +99,26 @@ class SingleSensor:
         then, before, now, after = orbit.position_ecef_m(np.array([first_s, time_s - 0.5, time_s, time_s + 0.5]))
         mean, back = estimates.boost_mean[row], np.full(3, -time_s)
         state = earth_rotated(np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back)
-        axes, first_axes = _image_axes(state[0] - now, state[0]), _image_axes(motion.reference_m[row] - then, then)
+        axes, first_axes = _image_axes(state[0] - now, state[0]), _image_axes(motion.reference_m[row] - then, motion.reference_m[row])
         turned = earth_rotated(axes, -back)
         seen = _image_rows(turned[:2]) @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
+        ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])
         noise = np.zeros((8, 8))
         noise[:6, :6] = seen @ seen.T
-        noise[:2, :2] += np.eye(2) * (_FIRST_M_S * self.period_s[number]) ** 2
-        first_m_s, noise[6:, 6:] = motion.part(np.array([row])).first_velocity(first_axes[:2])
+        noise[:2, :2] += spread[:2, :2]
+        noise[6:, 6:] = spread[2:, 2:]
         sighting = Sighting(
             first_sensor_m=then,
-            first_m=motion.reference_m[row],
-            ground_radius_m=float(np.linalg.norm(motion.reference_m[row]) - motion.height_m[row]),
+            first_m=ground + first[:2] @ first_axes[:2],
+            first_sigma_m=float(np.hypot(np.sqrt(spread[1, 1]), SITE_M)),
+            ground_radius_m=float(np.linalg.norm(ground)),
             since_s=time_s - first_s,
             sensor_m=now,
             sensor_m_s=after - before,
             state=state.ravel(),
             axes=axes[:2],
             first_axes=first_axes[:2],
-            first_m_s=first_m_s,
+            first_m_s=first[2:],
             noise=noise,
         )
         return sighting, turned[2], number
