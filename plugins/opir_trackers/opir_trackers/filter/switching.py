@@ -267,9 +267,7 @@ class ImmFilter:
             estimates.burn_share[rows],
         )
         burns = burn_modes.put((estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, burns)
-        return evolve(
-            estimates, boost_mean=boost[0], boost_root=boost[1], burn_mean=burns[0], burn_root=burns[1]
-        )
+        return evolve(estimates, boost_mean=boost[0], boost_root=boost[1], burn_mean=burns[0], burn_root=burns[1])
 
     def _with_bounded_burns(
         self, estimates: ModeEstimates, rows: IntArray, bounded: Callable[[FloatArray, FloatArray], Gaussian]

@@ -1,10 +1,10 @@
 """What one sensor does not see: position, velocity and force along its line of sight, given the law of boosts.
 
 A boost begins on the ground, so the first line of sight says where. Since then each ascent of the law (`ascents`), in
-the direction that fits best, leads to a place and a motion in the image plane; those near to what is seen there say how far
-away the target is. This is approximate Bayesian computation with regression adjustment (Beaumont, Zhang and
-Balding, Genetics 162, 2002): ascents are weighted by a normal kernel of their distance in the image plane, and what is
-left of it is removed by linear regression.
+the direction that fits best, leads to a place and a motion in the image plane; those near to what is seen there say how
+far away the target is. This is approximate Bayesian computation with regression adjustment (Beaumont, Zhang and
+Balding, Genetics 162, 2002): ascents are weighted by a normal kernel of their distance in the image plane, and what the
+kernel adds to the noise is removed by linear regression.
 """
 
 from typing import NamedTuple
@@ -46,8 +46,9 @@ _SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 class Sighting(NamedTuple):
     """What one sensor sees of a target, in ECEF, m and m/s.
 
-    `first_sensor_m` and `first_m` (3,) are the sensor at the first detection and a point on its line of sight then,
-    `since_s` ago, `first_sigma_m` the error of the line's height there; `ground_radius_m` is the distance of the ground there from the Earth's centre. `sensor_m` and `sensor_m_s` are the sensor now; `state` (9,) position, velocity
+    `first_sensor_m` and `first_m` (3,) are the sensor at the first detection, `since_s` ago, and a point on its line of
+    sight then; `first_sigma_m` is the error of the line's height there, `ground_radius_m` the distance of the ground
+    there from the Earth's centre. `sensor_m` and `sensor_m_s` are the sensor now. `state` (9,) is position, velocity
     relative to the Earth and specific force by the filter, of which what is along the line of sight is not used.
     `axes` and `first_axes` (2, 3) are those of the image plane now and then, `first_m_s` (2,) the velocity along the
     latter then. `noise` (8, 8) is the covariance of the state along the former, and of `first_m_s`.

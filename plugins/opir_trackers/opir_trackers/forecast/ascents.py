@@ -100,7 +100,7 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
         now = number * TABLE_S
         # At an ignition or a burnout, what follows.
         force = boost.force(state, now + 1e-6)
-        x, y, u, v = state
+        x, y = state[:2]
         radius = np.hypot(x, y)
         up, level = np.array([x, y]) / radius, np.array([y, -x]) / radius
         flies = flies & (radius > RADIUS_M - 1.0)

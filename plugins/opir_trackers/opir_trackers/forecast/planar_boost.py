@@ -85,8 +85,7 @@ class PlanarBoost:
         speed = np.hypot(state[2], state[3])
         rising = (now < self.steering.rise_s) | (speed < 1.0)
         ahead, up = (
-            np.where(rising, rest, part / np.maximum(speed, 1.0))
-            for rest, part in ((0.0, state[2]), (1.0, state[3]))
+            np.where(rising, rest, part / np.maximum(speed, 1.0)) for rest, part in ((0.0, state[2]), (1.0, state[3]))
         )
         lead = self.steering.leads(np.full(len(speed), now))
         cosine, sine = np.cos(lead), np.sin(lead)

@@ -19,6 +19,7 @@ from opir_trackers.launch_points import BEFORE_S, SITE_M
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
+from opir_trackers.triangulation import are_low_orbits
 
 #: A track is compared with ascents at its first detection after each interval of this length, s, since the first one:
 #: the state along the line of sight changes little in it, and a comparison takes milliseconds.
@@ -53,6 +54,7 @@ class SingleSensor:
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
         rows = self._due(estimates, table, motion, seen_before_s).nonzero()[0]
+        rows = rows[self._far(table, rows, time_s)] if rows.size else rows
         if not rows.size:
             return estimates
         found, axes = [], []
@@ -90,6 +92,12 @@ class SingleSensor:
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < _FREE)
         return np.asarray((interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5))
 
+    def _far(self, table: TrackTable, rows: IntArray, time_s: float) -> BoolArray:
+        """Return which tracks (m,) no low sensor sees: one that moves past a target sees how far away it is."""
+        when = np.full(1, time_s)
+        origin = np.concatenate([sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors])
+        return np.asarray(~np.any((table.reports[rows] >= 0) & are_low_orbits(origin), axis=1))
+
     def _sighting(
         self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, row: int, time_s: float
     ) -> tuple[Sighting, FloatArray, int]:
@@ -99,7 +107,10 @@ class SingleSensor:
         then, before, now, after = orbit.position_ecef_m(np.array([first_s, time_s - 0.5, time_s, time_s + 0.5]))
         mean, back = estimates.boost_mean[row], np.full(3, -time_s)
         state = earth_rotated(np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back)
-        axes, first_axes = _image_axes(state[0] - now, state[0]), _image_axes(motion.reference_m[row] - then, motion.reference_m[row])
+        axes, first_axes = (
+            _image_axes(state[0] - now, state[0]),
+            _image_axes(motion.reference_m[row] - then, motion.reference_m[row]),
+        )
         turned = earth_rotated(axes, -back)
         seen = _image_rows(turned[:2]) @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
         ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])
@@ -130,7 +141,7 @@ class SingleSensor:
 
 
 def _image_axes(line: FloatArray, beside: FloatArray) -> FloatArray:
-    """Return unit vectors (3, 3): two across a line of sight (3,), the first also across another vector, and its own."""
+    """Return unit vectors (3, 3): two across a line of sight (3,), the first also across another vector; then along."""
     along = line / np.linalg.norm(line)
     across = np.cross(along, beside)
     across /= np.linalg.norm(across)

@@ -10,6 +10,7 @@ from opir_trackers.forecast import burning_on, marginals
 from opir_trackers.forecast.burning_on import RemainingBurns, drawn_steering
 from opir_trackers.forecast.forecast import Forecasts, forecasts
 from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.planar_boost import drawn_stages
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import MISSILE, STAGES, vehicle_model
 from scipy.integrate import solve_ivp
