@@ -33,6 +33,9 @@ _DIRECTIONS, _REFINEMENTS = 24, 3
 #: Most ascents that are compared exactly, and least effective number of them: eight numbers are regressed on.
 _MOST, _ENOUGH = 400, 100.0
 
+#: Fewer say nothing: a regression on eight numbers needs twice as many.
+_FEWEST = 20.0
+
 #: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and of the velocity at
 #: the first detection, m/s. Wider ones are multiples of it. Positions have that of the velocity times half of the time.
 _SHARE, _FORCE_M_S2, _FIRST_M_S, _SLOWEST_M_S = 0.06, 3.0, 6.0, 100.0
@@ -77,7 +80,7 @@ class AlongSight(NamedTuple):
 
 
 def along_sight(ascents: Ascents, sighting: Sighting, ignition_s: FloatArray) -> AlongSight | None:
-    """Return what ascents say along the line of sight; None if too few burn now.
+    """Return what ascents say along the line of sight; None if too few are like it.
 
     `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first detection.
     """
@@ -95,6 +98,8 @@ def along_sight(ascents: Ascents, sighting: Sighting, ignition_s: FloatArray) ->
     while 1.0 / np.sum(weight * weight) < _ENOUGH and factor < _WIDEST:
         factor *= _WIDER
         weight = _weights(seen, factor * scale, sighting.noise, log_prior)
+    if 1.0 / np.sum(weight * weight) < _FEWEST:
+        return None
     found = _regressed(seen, hidden, weight, _beyond_kernel(sighting.noise, factor * scale))
     found.covariance[0, 0] += _ground_variance(sighting)
     return found

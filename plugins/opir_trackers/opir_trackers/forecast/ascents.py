@@ -62,10 +62,9 @@ class Ascents:
         place = np.minimum(since_s / TABLE_S, len(self.path) - 1.001)
         first, each = place.astype(np.int64), np.arange(len(since_s))
         part = place - first
-        before, after = self.path[first, :, each], self.path[first + 1, :, each]
+        before, after = (self.path[row, :, each].astype(np.float64) for row in (first, first + 1))
         nearest = np.minimum(np.rint(since_s / TABLE_S).astype(np.int64), len(self.path) - 1)
-        rows: FloatArray = (before + part[:, None] * (after - before)).T
-        return Moment(rows, self.burns[nearest, each])
+        return Moment((before + part[:, None] * (after - before)).T, self.burns[nearest, each] & (since_s < LONGEST_S))
 
 
 def ascents_of(outcomes: Outcomes) -> Ascents:
@@ -116,9 +115,10 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
 
 def _heights_m(model: VehicleModel, family: int, rng: np.random.Generator) -> FloatArray:
     """Return the heights at which the burns of a family shall end level, m; nan for those of no such program."""
-    limits = {GLIDERS: 1e3 * np.array(model.data["glide"]["height_km"]), LAUNCHERS: np.array(ORBITS_M)}
-    count = NUMBERS[family]
-    return rng.uniform(*limits[family], count) if family in limits else np.full(count, np.nan)
+    limits = {GLIDERS: [1e3 * height for height in model.data["glide"]["height_km"]], LAUNCHERS: ORBITS_M}
+    low, high = limits.get(family, (0.0, 0.0))
+    heights: FloatArray = rng.uniform(low, high, NUMBERS[family])
+    return heights if family in limits else np.full(NUMBERS[family], np.nan)
 
 
 def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray:

@@ -3,10 +3,13 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M as RADIUS_M, EARTH_MU_M3_S2 as MU
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_trackers.forecast.burning_on import Steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, VehicleModel
+
+#: A sphere with the Earth's gravity.
+MU, RADIUS_M = EARTH_MU_M3_S2, EARTH_EQUATORIAL_RADIUS_M
 
 #: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it changes: the
 #: program of a launcher is smooth, and never points far below the horizon.
@@ -99,7 +102,7 @@ class PlanarBoost:
         return thrust
 
     def _to_orbit(
-        self, state: FloatArray, now: float, size: FloatArray, rows: FloatArray
+        self, state: FloatArray, now: float, size: FloatArray, rows: IntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return thrust directions (2, m) that end at the height of an orbit without climbing, and who is fast enough.
 
