@@ -27,9 +27,9 @@ NUMBERS = (1800, 400, 600, 400)
 #: Laws of their vehicles.
 _LAWS = (MISSILE, MISSILE, SPACE, NONE)
 
-#: Ascents are known at intervals of `TABLE_S` up to `LONGEST_S` after ignition; each is flown in `STEPS` steps. At
-#: 40 m/s² a chord of an interval is 45 m off its arc.
-TABLE_S, LONGEST_S, STEPS = 3.0, 700.0, 2
+#: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a step is 45 m off its
+#: arc; a burn that ends within a step ends a little sooner or later, as one of another vehicle of the law.
+TABLE_S, LONGEST_S = 3.0, 700.0
 
 #: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
 ORBITS_M = (180e3, 400e3)
@@ -92,7 +92,7 @@ def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray,
 
 def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArray]]:
     """Yield rows (8, n), which ascents burn, and states (4, n), at intervals."""
-    state, step_s = boost.at_rest(), TABLE_S / STEPS
+    state = boost.at_rest()
     flies, behind = np.ones(len(boost.orbit_m), dtype=np.bool_), np.zeros((2, len(boost.orbit_m)))
     sums = np.zeros_like(behind)
     for number in range(int(LONGEST_S / TABLE_S) + 1):
@@ -109,8 +109,7 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
         motion = [np.sum(each * axis, axis=0) for each in (state[2:], force) for axis in (level, up)]
         rows = np.array([away[0] / RADIUS_M, away[1], *motion, *sums])
         yield rows, flies & np.any(force, axis=0), state
-        for part in range(STEPS):
-            state = boost.stepped(state, now + part * step_s, step_s)
+        state = boost.stepped(state, now, TABLE_S)
 
 
 def _heights_m(model: VehicleModel, family: int, rng: np.random.Generator) -> FloatArray:
