@@ -36,8 +36,8 @@ class ImmFilter:
 
     `rounds` bounds the iterations of an update. `coast_detection` is the probability that a coasting target is detected
     in a slice, relative to a burning one: 1 where a sensor detects bodies after burnout. `memory_s` and `pause_s`
-    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen
-    force after burnout, as a share of that before (`_with_residual`).
+    govern the detection rate (`mode_mixing.mode_update`); `scan_s` is the shortest scan period. `residual_share` is the
+    standard deviation of the unseen force after burnout, as a share of that before (`_with_residual`).
     """
 
     boost: Dynamics
@@ -48,6 +48,7 @@ class ImmFilter:
     memory_s: float = 20.0
     coast_detection: float = 1.0
     pause_s: float = 0.0
+    scan_s: float = 0.0
     residual_share: float = 0.0
     stage: NewStage | None = None
     free: FreeBurn | None = None
@@ -85,7 +86,7 @@ class ImmFilter:
         ).nonzero()[0]
         if not len(rows):
             return estimates
-        burnt = mode_mixing.coast_from_boost(before.part(rows))
+        burnt = mode_mixing.coast_from_boost(before.part(rows), self.scan_s)
         mean, root = _with_rows(
             _modes_of(estimates)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows
         )
@@ -95,7 +96,7 @@ class ImmFilter:
         """Return the estimates a step later; coasts less probable than `least` stay as they were."""
         mixed = estimates
         if self.switches:
-            mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns)
+            mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns, self.scan_s)
         boost, coast = _modes_of(mixed)
         used, steps = _in_use(estimates), np.array([step_s] * len(estimates.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE

@@ -27,8 +27,8 @@ NUMBERS = (1800, 400, 600, 400)
 #: Laws of their vehicles.
 _LAWS = (MISSILE, MISSILE, SPACE, NONE)
 
-#: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a step is 45 m off its
-#: arc; a burn that ends within a step ends a little sooner or later, as one of another vehicle of the law.
+#: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a step is 45 m off
+#: its arc; a burn that ends within a step ends a little sooner or later, as one of another vehicle of the law.
 TABLE_S, LONGEST_S = 3.0, 700.0
 
 #: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
