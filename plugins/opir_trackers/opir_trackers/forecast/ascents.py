@@ -34,6 +34,12 @@ TABLE_S, LONGEST_S = 3.0, 700.0
 #: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
 ORBITS_M = (180e3, 400e3)
 
+#: Share of missiles whose greatest heights are as the law of vehicles has them, whatever their range; the forecast
+#: thinks that few fly far from the arc of least energy. Of 16 steep boosts with three stages, 5 s after the last
+#: burnout, its share and 0.3 hold 12 states, 0.7 holds 15, as the filter alone does. The price: IRBMs of the class
+#: profiles, which are flat, are off by 1.3 times as much as the Stone Soup tracker's, with 0.3 by 1.1.
+ANY_HEIGHT = 0.7
+
 #: Rows of an ascent: angle over the ground, rad; height, m; level and vertical velocity, m/s; level and vertical
 #: specific force, m/s²; integrals of distance over the ground and of height over time, m s.
 ANGLE, HEIGHT, LEVEL, CLIMB, LEVEL_FORCE, LIFT, AHEAD_S, ABOVE_S = range(8)
@@ -127,7 +133,7 @@ def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray
     if family == MISSILES:
         with np.errstate(divide="ignore", invalid="ignore"):
             range_m = ranges_m(end)
-            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.lofting(range_m, as_inertial(end))
+            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.lofting(range_m, as_inertial(end), ANY_HEIGHT)
         weight = np.where(np.isfinite(range_m), weight, 0.0)
     elif family == GLIDERS:
         radius, speed = np.hypot(end[0], end[1]), np.hypot(end[2], end[3])
