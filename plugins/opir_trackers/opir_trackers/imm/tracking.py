@@ -23,7 +23,8 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import air_velocity
-from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
+from opir_trackers.forecast.outcomes import Outcomes, hypothesis_log_likelihood
+from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
@@ -39,6 +40,7 @@ from opir_trackers.imm.histories import (
 from opir_trackers.imm.history_assignment import assigned_histories
 from opir_trackers.imm.neighbours import with_neighbours
 from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchDelayPrior, LaunchPoints, delays_at_once, launches, updated_points
@@ -76,6 +78,7 @@ class ImmTracking:
     silence_limit_s: FloatArray
     groups: GroupPosterior
     hypotheses: tuple[Hypothesis, ...]
+    single: SingleSensor
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
@@ -104,6 +107,9 @@ class ImmTracking:
                 config.hypotheses, clutter_per_sr(context, config.false_alarms_per_sr), model.detection_probability
             ),
             hypotheses=context.hypotheses,
+            single=SingleSensor(
+                Outcomes(vehicle_model(config.boost_prior), context.hypotheses), filter_, biases, period_s
+            ),
         )
 
     def start(self) -> TrackerState:
@@ -170,7 +176,8 @@ class ImmTracking:
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
             motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
-            then = then.after(end_s, then.estimates, table, then.histories, motion)
+            estimates = self.single.with_ascents(then.estimates, table, motion, then.table.seen_s, end_s)
+            then = then.after(end_s, estimates, table, then.histories, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
