@@ -123,12 +123,14 @@ class AssociateAndUpdate:
     ) -> AssociationResult:
         """Return the estimates after a slice's lines, and their association, given the track table and the crowds."""
         ahead = self.with_bias_covariance(estimates, end_s, table.reports)
-        pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
+        pairs, fractions = self.lone_pairs(ahead, lines, span, table, crowds), OutlierFractions(table.outliers)
         if len(table) > 1:
             crowds = self._with_newcomers(crowds, pairs, ahead, table)
         update = None
         if crowds.are_there:
             update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
+            crowds = self._with_newcomers(update.crowds, pairs, ahead, table, np.flatnonzero(update.number >= 0))
+            update = update._replace(crowds=crowds)
             pairs = _of_lone_tracks(pairs, update, table)
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
@@ -151,10 +153,15 @@ class AssociateAndUpdate:
         )
 
     def _with_newcomers(
-        self, crowds: Crowds, pairs: GatedPairs, ahead: PredictedMeasurements, table: TrackTable
+        self,
+        crowds: Crowds,
+        pairs: GatedPairs,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+        taken: IntArray | None = None,
     ) -> Crowds:
-        """Return the crowds with the tracks that share a line of sight for the first time."""
-        rows = crowd.sharing_tracks(pairs)
+        """Return the crowds with the tracks that share a line for the first time: with others, or one that is taken."""
+        rows = crowd.sharing_tracks(pairs) if taken is None else np.unique(pairs.track[np.isin(pairs.line, taken)])
         rows = rows[~crowds.holds(table.number[rows])]
         return crowd.joined(crowds, table.number, rows, ahead, table.reports >= 0, self.view) if len(rows) else crowds
 
@@ -197,6 +204,27 @@ class AssociateAndUpdate:
         return result._replace(
             estimates=result.estimates.put(suspects, weighed.estimates), outliers=fractions.after(outliers).log
         )
+
+    def lone_pairs(
+        self,
+        predicted_measurements: PredictedMeasurements,
+        lines: LinesOfSight,
+        span: float,
+        table: TrackTable,
+        crowds: Crowds,
+    ) -> GatedPairs:
+        """Return the gated pairs of tracks outside crowds."""
+        if not crowds.are_there:
+            return self.gated_pairs(predicted_measurements, lines, span)
+        rows = np.flatnonzero(~crowds.holds(table.number))
+        bias, whole = predicted_measurements.bias_covariance, predicted_measurements
+        part = whole._replace(
+            derivative=whole.derivative[rows],
+            root=whole.root[rows],
+            bias_covariance=None if bias is None else bias[rows],
+        )
+        pairs = self.gated_pairs(part, lines if len(rows) else lines.take(rows), span)
+        return evolve(pairs, track=rows[pairs.track])
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float

@@ -133,7 +133,8 @@ def _mean_directions(
     total = np.bincount(row, weight, len(tracks))
     have = np.flatnonzero(total)
     mean = np.stack([np.bincount(row, weight * off[:, axis], len(tracks))[have] for axis in (0, 1)], axis=1)
-    return directions_at(tracks, have, end_s, view, mean / total[have, None], 1.0 / np.sqrt(total[have]))
+    sigma = np.hypot(1.0 / np.sqrt(total[have]), view.sensors.sigma_rad[tracks.sensor[have]])
+    return directions_at(tracks, have, end_s, view, mean / total[have, None], sigma)
 
 
 def directions_at(
@@ -144,7 +145,7 @@ def directions_at(
     off: FloatArray | float = 0.0,
     sigma_rad: FloatArray | None = None,
 ) -> Directions:
-    """Return the directions of rows (m,) at a time, shifted by angles (m, 2) in their planes; errors by default theirs."""
+    """Return the directions of rows (m,) at a time, shifted by angles (m, 2); errors by default those of the rows."""
     received_s = view.received_s(time_s, tracks.range_m[row])
     place, variance = tracks.places(row, received_s)
     origin = view.positions(tracks.sensor[row], received_s)
@@ -161,7 +162,7 @@ def joined(
     seen: BoolArray,
     view: SensorView,
 ) -> Crowds:
-    """Return the crowds with tracks `rows` of predictions, and of `number` and `seen` (tracks, sensors), as new ones."""
+    """Return the crowds with tracks `rows` of predictions, `number` (n,) and `seen` (n, sensors) as new ones."""
     row, sensor = np.nonzero(seen[rows])
     if not len(row):
         return crowds

@@ -2,8 +2,8 @@
 
 Where tracks share lines of sight, each sensor follows its targets by itself: angle, rate and acceleration in a tangent
 plane, with white noise of the jerk. A line is weighted with its association probability over all one-to-one hypotheses
-of its scan (JPDA: Fortmann, Bar-Shalom and Scheffe, IEEE J. Oceanic Engineering 8(3), 1983). A wrong pairing with tracks
-of other sensors has no effect on it.
+of its scan (JPDA: Fortmann, Bar-Shalom and Scheffe, IEEE J. Oceanic Engineering 8(3), 1983). A wrong pairing with other
+sensors' tracks has no effect on it.
 
 The filter of states gets each scan of such a track as one line of sight, the *equivalent* one: what moves the estimate
 in the focal plane as the weighted lines do, with the same gain.
@@ -26,7 +26,11 @@ from opir_trackers.lines_of_sight import LinesOfSight
 JERK_NOISE_M_S3 = 2.5
 
 #: Sweeps of belief propagation in a scan.
-_SWEEPS = 20
+_SWEEPS = 10
+
+#: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over the odds of a detection:
+#: targets launch one by one. In wide crowds belief propagation is overconfident without it.
+_NEWCOMERS = 0.01
 
 #: A scan whose equivalent line has less than this share of the information of a line of a lone target is left out.
 _LEAST_INFORMATION = 0.02
@@ -159,7 +163,7 @@ def candidate_pairs(
 
 
 class FocalPlaneUpdate(NamedTuple):
-    """Rows after the lines of a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows."""
+    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows."""
 
     tracks: FocalPlaneTracks
     owner: IntArray
@@ -211,7 +215,9 @@ def _after_scan(
     beta = ratio / (1.0 + ratio)
     crowd = np.flatnonzero(~alone)
     if len(crowd):
-        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio[crowd], _SWEEPS)
+        sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
+        ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
+        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
     row, place = np.unique(pairs.row, return_inverse=True)
     total = np.bincount(place, beta)
     when = np.bincount(place, beta * lines.time_s[pairs.line]) / np.maximum(total, 1e-300)

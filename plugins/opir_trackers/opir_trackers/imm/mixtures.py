@@ -5,7 +5,7 @@ The reported state has the mean and covariance of that mixture; between two pair
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import COAST, square_root
@@ -36,7 +36,7 @@ class Mixtures(Columns):
     def of(
         cls, number: IntArray, time_s: float, track: IntArray, probability: FloatArray, apart: FloatArray
     ) -> "Mixtures":
-        """Return the mixtures of tracks `number` (n,) with rivals (m,) of their own states, `apart` (m, 6) from these."""
+        """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the tracks' own states."""
         count = len(number)
         shift, square = np.zeros((count, 6)), np.zeros((count, 6, 6))
         np.add.at(shift, track, probability[:, None] * apart)
@@ -58,13 +58,17 @@ class Mixtures(Columns):
         boost, coast = part.boost_mean.copy(), part.coast_mean.copy()
         boost[:, :COAST] += shift
         coast[:, :COAST] += shift
-        wider = _widened(part.boost_root, spread), _widened(part.coast_root, spread)
-        return estimates.put(rows, ModeEstimates(part.weight, boost, wider[0], coast, wider[1], part.detection_rate))
+        return estimates.put(rows, widened(evolve(part, boost_mean=boost, coast_mean=coast), spread))
 
 
-def _widened(root: FloatArray, added: FloatArray) -> FloatArray:
-    """Return the information roots (n, d, d) with covariances (n, 6, 6) added to those of position and velocity."""
+def widened(estimates: ModeEstimates, added: FloatArray) -> ModeEstimates:
+    """Return the moments of estimates (n rows) with covariances (n, 6, 6) of position and velocity added."""
     value, vector = np.linalg.eigh(added)
-    side = np.zeros((*root.shape[:2], COAST))
+    side = np.zeros((len(added), estimates.boost_mean.shape[1], COAST))
     side[:, :COAST] = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
-    return square_root.information_root(np.concatenate([square_root.inverse_root(root), side], axis=2))
+    boost, coast = (
+        square_root.information_root(np.concatenate([square_root.inverse_root(root), side[:, : root.shape[1]]], axis=2))
+        for root in (estimates.boost_root, estimates.coast_root)
+    )
+    means = estimates.boost_mean, boost, estimates.coast_mean, coast
+    return ModeEstimates(estimates.weight, *means, estimates.detection_rate)

@@ -1,12 +1,12 @@
 """Outliers: weights of measurements by expectation maximisation.
 
-A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a
-gate of that error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by
-their inlier probability, which is recomputed with the updated track (EM: Dempster, Laird and Rubin, J. Royal
-Statistical Society B 39(1), 1977). The information of the slice is then the observed information (Louis, J. Royal Statistical Society B 44(2),
-1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood of all
-its lines so far, over a grid of fractions: a running mean of weights would retain the first belief (Titterington, J.
-Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
+A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a gate of that
+error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by their inlier
+probability, which is recomputed with the updated track (EM: Dempster, Laird and Rubin, J. Royal Statistical Society B
+39(1), 1977). The information of the slice is then the observed information (Louis, J. Royal Statistical Society B
+44(2), 1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood
+of all its lines so far, over a grid of fractions: a running mean of weights would retain the first belief
+(Titterington, J. Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
 """
 
 from typing import NamedTuple

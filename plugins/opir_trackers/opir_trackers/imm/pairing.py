@@ -8,6 +8,7 @@ the others until nothing changes (multidimensional assignment by relaxation to t
 Optimization and Applications 3, 1994), from the present pairing and from none.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,14 +31,18 @@ _CROWD_M = 10e3
 #: Least gain (log likelihood) of a set over its parts alone.
 _LEAST_GAIN = 0.0
 
-#: Sets and focal-plane tracks are compared at every eighth instant first; a loss beyond this (log) is no pair.
-_COARSE, _HOPELESS = 8, -40.0
+#: Sets and focal-plane tracks are compared at every eighth instant first. If they add more to the least squares there,
+#: in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one instant.
+_COARSE, _HOPELESS = 8, 18.0
 
 #: Lowest and highest distance of a target from the Earth's centre, m.
 _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
 
 #: Crossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
+
+#: With more sensors than this, crossings of wrong sets are so rare that the present pairing is start enough.
+_CERTAIN = 3
 
 #: Rounds of assignment of each sensor to the sets of the others.
 _ROUNDS = 6
@@ -72,8 +77,9 @@ def normal_equations(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the normal equations (count, instants, 12) of the intersections of directions, and a point of reference.
 
-    `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix (6), side (3), least
-    squares without the point, log of the crowd's extent over the error, and number of lines. Those of a set are sums.
+    `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix (6), side (3),
+    least squares without the point, log of the crowd's extent over the error, and number of lines. Those of a set are
+    sums.
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
     table = np.zeros((count, len(instants), 12))
@@ -151,10 +157,11 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, centre: Floa
     radius = np.sqrt(np.sum(np.square(point + centre), axis=-1))
     blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
     lawful = ((radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m)) | ~met
-    loss = np.where(met, -0.5 * misfit, 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
-    possible = lawful.all(axis=-1) & ((mine[..., 11] > 0.5) & (theirs[..., 11] > 0.5)).any(axis=-1)
-    which, row = np.nonzero(possible & (loss > _HOPELESS))
-    gain = gains(sums[which] + table[rows[row]]) - gains(sums[which])
+    added = misfit - intersections(sums[:, some])[1][:, None]
+    loss = np.where(met, added, 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+    there = ((mine[..., 11] > 0.5) & (theirs[..., 11] > 0.5)).any(axis=-1)
+    which, row = np.nonzero(lawful.all(axis=-1) & there & (loss < _HOPELESS))
+    gain = gains(sums[which] + table[rows[row]]) - gains(sums)[which] - gains(table[rows])[row]
     return Candidates(which, rows[row], gain)
 
 
@@ -165,6 +172,8 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray, cen
     """
     alone = np.arange(len(sensor))
     best, total = _relaxed(table, sensor, present, centre)
+    if np.ptp(sensor) >= _CERTAIN:
+        return best
     other, sum_ = _relaxed(table, sensor, alone, centre)
     return other if sum_ > total + 1e-9 * abs(total) else best
 
@@ -174,12 +183,20 @@ def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, centre: Float
     sensors, total = np.unique(sensor).tolist(), -np.inf
     for _ in range(_ROUNDS):
         before = group
-        for one in sensors[1:] if len(sensors) == 2 else sensors:
-            group = _reassigned(table, sensor, group, one, centre)
+        for ones in _parts(sensors):
+            group = _reassigned(table, sensor, group, ones, centre)
         total = float(gains(set_sums(table, group)).sum())
         if len(sensors) == 2 or np.array_equal(group, before):
             break
     return group, total
+
+
+def _parts(sensors: list[int]) -> list[list[int]]:
+    """Return the sensors that are assigned to the sets of the others together: each one, and of four or more, pairs."""
+    if len(sensors) == 2:
+        return [sensors[1:]]
+    ones = [[one] for one in sensors]
+    return ones if len(sensors) == 3 else ones + [list(pair) for pair in pairwise(sensors)]
 
 
 def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
@@ -189,16 +206,20 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
     return sums
 
 
-def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, one: int, centre: FloatArray) -> IntArray:
-    """Return the sets after the tracks of one sensor are assigned to the sets of the others."""
-    rows, others = np.flatnonzero(sensor == one), np.flatnonzero(sensor != one)
+def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], centre: FloatArray) -> IntArray:
+    """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
+    mine = np.isin(sensor, ones)
+    rows, others = np.flatnonzero(mine), np.flatnonzero(~mine)
     number, place = np.unique(group[others], return_inverse=True)
-    pairs = candidates(table, set_sums(table[others], place), rows, centre)
+    part, part_of = np.unique(group[rows], return_inverse=True)
+    parts = set_sums(table[rows], part_of)
+    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), centre)
     used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, _LEAST_GAIN - pairs.gain))
+    # Parts that fit no set make sets of their own.
+    fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
+    fresh[pairs.row[used]] = number[pairs.set[used]]
     after = group.copy()
-    # Tracks that fit no set make sets of their own.
-    after[rows] = int(group.max(initial=0)) + 1 + np.arange(len(rows))
-    after[pairs.row[used]] = number[pairs.set[used]]
+    after[rows] = fresh[part_of]
     renumbered: IntArray = np.unique(after, return_inverse=True)[1].astype(np.int64)
     return renumbered
 
@@ -213,7 +234,7 @@ class Rivals(NamedTuple):
 
 
 def rivals(table: FloatArray, sensor: IntArray, group: IntArray, centre: FloatArray, least: float) -> Rivals:
-    """Return the other partners of sets, with probabilities of at least `least`, of all sensors but each set's first."""
+    """Return other partners of sets, with probabilities of at least `least`, of all sensors but the first."""
     parts = []
     for one in np.unique(sensor).tolist()[1:]:
         rows, others = np.flatnonzero(sensor == one), np.flatnonzero(sensor != one)

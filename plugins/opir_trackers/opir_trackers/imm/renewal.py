@@ -11,7 +11,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
-from opir_trackers.imm.mixtures import Mixtures
+from opir_trackers.imm.mixtures import Mixtures, widened
 from opir_trackers.imm.pairing import (
     RENEWED_S,
     Directions,
@@ -113,8 +113,9 @@ def _repaired(
     kept = evolve(stretch.kept, number=number[stretch.row])
     crowds = evolve(now.crowds, tracks=evolve(tracks, number=number), kept=kept)
     now = evolve(now, crowds=crowds)
-    several = np.unique(number, return_counts=True)
-    filtered = np.intersect1d(changed, several[0][several[1] > 1])
+    held_by, rows_of = np.unique(number, return_counts=True)
+    now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
+    filtered = np.intersect1d(changed, held_by[rows_of > 1])
     place = np.full(int(number.max()) + 1, -1, dtype=np.int64)
     place[filtered] = np.arange(len(filtered))
     mine = np.flatnonzero(place[kept.number] >= 0)
@@ -146,6 +147,21 @@ def _repaired(
         light_time,
     )
     return evolve(now, estimates=now.estimates.put(rows, after))
+
+
+def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
+    """Return the state in which tracks `number` (k,) no longer know what other sensors told: the range above all."""
+    if not len(number):
+        return now
+    rows = np.searchsorted(now.table.number, number)
+    lost = np.diag(np.square([_LOST_M] * 3 + [_LOST_M_S] * 3))
+    return evolve(
+        now, estimates=now.estimates.put(rows, widened(now.estimates.take(rows), lost[None].repeat(len(rows), 0)))
+    )
+
+
+#: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners, as of new tracks.
+_LOST_M, _LOST_M_S = 30e3, 300.0
 
 
 def _are_fixed(sums: FloatArray) -> BoolArray:

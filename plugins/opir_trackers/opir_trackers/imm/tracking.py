@@ -365,13 +365,12 @@ class ImmTracking:
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
-        pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
         if now.crowds.are_there:
-            alone = ~now.crowds.holds(now.table.number)
             theirs = crowd.label_pairs(
                 now.crowds, now.table.number, lines, self.config.cadence_s, self.config.gate_sigma
             )
-            pairs = GatedPairs.concatenate([pairs.take(np.flatnonzero(alone[pairs.track])), theirs])
+            pairs = GatedPairs.concatenate([pairs, theirs])
         confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
