@@ -28,8 +28,12 @@ RENEWED_S = 4.0
 #: Misfits of directions of different targets are uniform within this distance, m: half the extent of a crowd.
 _CROWD_M = 10e3
 
-#: Least gain (log likelihood) of a set over its parts alone.
-_LEAST_GAIN = 0.0
+#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane tracks by more than
+#: their errors for a second or two, and wrong partners lose more within a few slices.
+_LEAST_GAIN = -20.0
+
+#: Assignments are repeated while they gain more than this (log likelihood).
+_SETTLED = 1e-3
 
 #: Sets and focal-plane tracks are compared at every eighth instant first. If they add more to the least squares there,
 #: in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one instant.
@@ -180,13 +184,13 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray, cen
 
 def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, centre: FloatArray) -> tuple[IntArray, float]:
     """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes."""
-    sensors, total = np.unique(sensor).tolist(), -np.inf
+    sensors, total = np.unique(sensor).tolist(), float(gains(set_sums(table, group)).sum())
     for _ in range(_ROUNDS):
-        before = group
+        before = total
         for ones in _parts(sensors):
             group = _reassigned(table, sensor, group, ones, centre)
         total = float(gains(set_sums(table, group)).sum())
-        if len(sensors) == 2 or np.array_equal(group, before):
+        if len(sensors) == 2 or total <= before + _SETTLED:
             break
     return group, total
 
