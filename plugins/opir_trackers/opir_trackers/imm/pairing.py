@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, marginals
 
@@ -152,21 +152,32 @@ class Candidates(NamedTuple):
 
 
 def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, centre: FloatArray) -> Candidates:
-    """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets, instants, 12)."""
+    """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets, instants, 12).
+
+    They are sought at the last instant, then at some.
+    """
+    mine = table[rows]
+    which, row = np.nonzero(_may_be_one(sums[:, None, -1:], mine[None, :, -1:], centre))
     some = slice(None, None, -_COARSE) if table.shape[1] > _COARSE else slice(None)
-    mine, theirs = table[rows][None, :, some], sums[:, None, some]
-    both = mine + theirs
+    theirs, ours = sums[which][:, some], mine[row][:, some]
+    met = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
+    likely = np.flatnonzero(met & _may_be_one(theirs, ours, centre))
+    which, row = which[likely], row[likely]
+    gain = gains(sums[which] + mine[row]) - gains(sums)[which] - gains(mine)[row]
+    return Candidates(which, rows[row], gain)
+
+
+def _may_be_one(theirs: FloatArray, mine: FloatArray, centre: FloatArray) -> BoolArray:
+    """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
+    both = theirs + mine
     point, misfit = intersections(both)
-    met = both[..., 11] > 1.5
+    met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
     radius = np.sqrt(np.sum(np.square(point + centre), axis=-1))
     blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
     lawful = ((radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m)) | ~met
-    added = misfit - intersections(sums[:, some])[1][:, None]
-    loss = np.where(met, added, 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
-    there = ((mine[..., 11] > 0.5) & (theirs[..., 11] > 0.5)).any(axis=-1)
-    which, row = np.nonzero(lawful.all(axis=-1) & there & (loss < _HOPELESS))
-    gain = gains(sums[which] + table[rows[row]]) - gains(sums)[which] - gains(table[rows])[row]
-    return Candidates(which, rows[row], gain)
+    added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+    possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
+    return possible
 
 
 def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray, centre: FloatArray) -> IntArray:
