@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import belief_propagation, cheapest_assignment, unambiguous
@@ -210,18 +210,10 @@ def _after_scan(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray, chosen: IntArray
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
     """Return the rows after one scan of each sensor, and the equivalent lines of rows with an assigned line."""
-    ratio = np.exp(np.minimum(log, 300.0))
-    alone = unambiguous(pairs.row, pairs.line)
-    beta = ratio / (1.0 + ratio)
-    crowd = np.flatnonzero(~alone)
-    if len(crowd):
-        sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
-        ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
-        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
+    beta, shared = _probabilities(lines, pairs, log)
     row, place = np.unique(pairs.row, return_inverse=True)
-    total = np.bincount(place, beta)
-    when = np.bincount(place, beta * lines.time_s[pairs.line]) / np.maximum(total, 1e-300)
-    when = np.maximum(when, lines.time_s[pairs.line].min())
+    total, time_s = np.bincount(place, beta), lines.time_s[pairs.line]
+    when = np.maximum(np.bincount(place, beta * time_s) / np.maximum(total, 1e-300), time_s.min())
     off = np.stack([np.bincount(place, beta * pairs.off[:, axis]) for axis in (0, 1)], axis=1)
     spread = 0.5 * (np.bincount(place, beta * dot(pairs.off, pairs.off)) - dot(off, off))
     part = tracks.take(row).predicted(when)
@@ -230,24 +222,35 @@ def _after_scan(
     whole = before + noise
     information = total * whole - spread
     shift, shrink = off / whole[:, None], information / np.square(whole)
+    which = np.full(len(row), -1)
+    which[place[chosen]] = pairs.line[chosen]
     after = evolve(
         part,
         mean=part.mean + gain[:, :, None] * shift[:, None, :],
         covariance=part.covariance - shrink[:, None, None] * gain[:, :, None] * gain[:, None, :],
-        shared_s=np.where(np.bincount(place, ~alone) > 0, when, part.shared_s),
+        shared_s=np.where(np.bincount(place, shared) > 0, when, part.shared_s),
+        seen_s=np.where(which >= 0, when, part.seen_s),
     )
-    hit = np.zeros(len(row), dtype=bool)
-    hit[place[chosen]] = True
-    after = evolve(after, seen_s=np.where(hit, when, part.seen_s))
-    good = np.flatnonzero(hit & (information > _LEAST_INFORMATION * whole))
-    which = np.full(len(row), -1)
-    which[place[chosen]] = pairs.line[chosen]
-    equivalent = lines.take(which[good])
-    place_of = part.mean[good, 0] + off[good] * (whole / information)[good, None]
+    good = np.flatnonzero((which >= 0) & (information > _LEAST_INFORMATION * whole))
+    # A look that gives the same gain and the same covariance as the weighted lines.
+    at = part.mean[good, 0] + off[good] * (whole / information)[good, None]
     sigma = np.sqrt(np.square(whole[good]) / information[good] - before[good])
-    direction = part.directions(good, place_of)
-    equivalent = evolve(equivalent, time_s=when[good], direction_ecef=direction, sigma_rad=sigma)
+    direction = part.directions(good, at)
+    equivalent = evolve(lines.take(which[good]), time_s=when[good], direction_ecef=direction, sigma_rad=sigma)
     return _put(tracks, row, after), equivalent, row[good]
+
+
+def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the association probabilities (m,) of pairs with log likelihood ratios, and which share a row or line."""
+    ratio = np.exp(np.minimum(log, 300.0))
+    shared = ~unambiguous(pairs.row, pairs.line)
+    beta = ratio / (1.0 + ratio)
+    crowd = np.flatnonzero(shared)
+    if len(crowd):
+        sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
+        ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
+        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
+    return beta, shared
 
 
 def _put(tracks: FocalPlaneTracks, row: IntArray, part: FocalPlaneTracks) -> FocalPlaneTracks:

@@ -115,38 +115,38 @@ def _repaired(
     now = evolve(now, crowds=crowds)
     held_by, rows_of = np.unique(number, return_counts=True)
     now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
-    filtered = np.intersect1d(changed, held_by[rows_of > 1])
-    place = np.full(int(number.max()) + 1, -1, dtype=np.int64)
-    place[filtered] = np.arange(len(filtered))
-    mine = np.flatnonzero(place[kept.number] >= 0)
-    if not len(mine):
-        return now
-    held = np.flatnonzero(place[number] >= 0)
-    sums = np.zeros((len(filtered), *stretch.table.shape[1:]))
-    np.add.at(sums, place[number[held]], stretch.table[held])
-    met = np.flatnonzero(_are_fixed(sums))
-    filtered, sums = filtered[met], sums[met]
-    place[:] = -1
-    place[filtered] = np.arange(len(filtered))
-    mine = np.flatnonzero(place[kept.number] >= 0)
+    several = np.intersect1d(changed, held_by[rows_of > 1])
+    which = _places(several, number)
+    held = np.flatnonzero(which >= 0)
+    sums = np.zeros((len(several), *stretch.table.shape[1:]))
+    np.add.at(sums, which[held], stretch.table[held])
+    fixed = np.flatnonzero(_are_fixed(sums)) if len(several) else several
+    whose = _places(several[fixed], kept.number)
+    mine = np.flatnonzero(whose >= 0)
     if not len(mine):
         return now
     some = np.isin(np.unique(stretch.kept.time_s), kept.time_s[mine])
-    rows = np.searchsorted(now.table.number, filtered)
-    before, begun_s = now.estimates.take(rows), now.table.first_s[rows]
+    rows = np.searchsorted(now.table.number, several[fixed])
     after = refiltered(
         filter_,
         config,
         kept.take(mine),
-        place[kept.number[mine]],
-        sums[:, some],
+        whose[mine],
+        sums[fixed][:, some],
         stretch.centre,
-        before,
-        begun_s,
+        now.estimates.take(rows),
+        now.table.first_s[rows],
         now.time_s,
         light_time,
     )
     return evolve(now, estimates=now.estimates.put(rows, after))
+
+
+def _places(some: IntArray, number: IntArray) -> IntArray:
+    """Return the index of each number (n,) in `some`, ascending; -1 for none."""
+    place = np.searchsorted(some, number)
+    found: IntArray = np.where(np.append(some, -1)[place] == number, place, -1)
+    return found
 
 
 def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
