@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from attrs import evolve, field, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_trackers.association import (
     Association,
     AssociationModel,
@@ -128,10 +128,11 @@ class AssociateAndUpdate:
             crowds = self._with_newcomers(crowds, pairs, ahead, table)
         update = None
         if crowds.are_there:
+            crowds = self._with_new_sensors(crowds, ahead, table)
             update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
             crowds = self._with_newcomers(update.crowds, pairs, ahead, table, np.flatnonzero(update.number >= 0))
             update = update._replace(crowds=crowds)
-            pairs = _of_lone_tracks(pairs, update, table)
+            pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
         if update is not None:
@@ -151,6 +152,13 @@ class AssociateAndUpdate:
         return self._with_outlier_weights(
             result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
         )
+
+    def _with_new_sensors(self, crowds: Crowds, ahead: PredictedMeasurements, table: TrackTable) -> Crowds:
+        """Return the crowds with focal-plane tracks in the sensors that have begun to see their tracks."""
+        fresh = (table.reports >= 0) & ~crowds.follows(table.number, table.reports.shape[1])
+        fresh &= crowds.holds(table.number)[:, None]
+        rows = np.flatnonzero(fresh.any(axis=1))
+        return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
 
     def _with_newcomers(
         self,
@@ -213,10 +221,11 @@ class AssociateAndUpdate:
         table: TrackTable,
         crowds: Crowds,
     ) -> GatedPairs:
-        """Return the gated pairs of tracks outside crowds."""
+        """Return the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them."""
         if not crowds.are_there:
             return self.gated_pairs(predicted_measurements, lines, span)
-        rows = np.flatnonzero(~crowds.holds(table.number))
+        follows = crowds.follows(table.number, table.reports.shape[1])
+        rows = np.flatnonzero(~follows.all(axis=1))
         bias, whole = predicted_measurements.bias_covariance, predicted_measurements
         part = whole._replace(
             derivative=whole.derivative[rows],
@@ -224,7 +233,11 @@ class AssociateAndUpdate:
             bias_covariance=None if bias is None else bias[rows],
         )
         pairs = self.gated_pairs(part, lines if len(rows) else lines.take(rows), span)
-        return evolve(pairs, track=rows[pairs.track])
+        pairs = evolve(pairs, track=rows[pairs.track])
+        pairs = pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
+        # A crowd's track that a sensor sees for the first time takes lines that no other may have.
+        alone = np.bincount(pairs.line, minlength=1)[pairs.line] == 1
+        return pairs.take(np.flatnonzero(alone | ~follows.any(axis=1)[pairs.track]))
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float
@@ -259,7 +272,8 @@ class AssociateAndUpdate:
         return association
 
 
-def _of_lone_tracks(pairs: GatedPairs, update: CrowdUpdate, table: TrackTable) -> GatedPairs:
-    """Return the pairs of tracks outside crowds with lines that no track of a crowd has."""
-    in_crowd = update.crowds.holds(table.number)
-    return pairs.take(np.flatnonzero(~in_crowd[pairs.track] & (update.number[pairs.line] < 0)))
+def _of_lone_tracks(pairs: GatedPairs, update: CrowdUpdate, table: TrackTable, sensor: IndexArray) -> GatedPairs:
+    """Return the pairs with lines that no focal-plane track has, without those of tracks that have joined just now."""
+    follows = update.crowds.follows(table.number, table.reports.shape[1])
+    free = ~follows[pairs.track, sensor[pairs.line]] & (update.number[pairs.line] < 0)
+    return pairs.take(np.flatnonzero(free))

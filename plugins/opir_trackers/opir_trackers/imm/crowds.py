@@ -68,6 +68,12 @@ class Crowds:
         """Return which tracks (n,) are in a crowd."""
         return np.isin(number, self.tracks.number)
 
+    def follows(self, number: IntArray, sensors: int) -> BoolArray:
+        """Return in which sensors (n, sensors) tracks `number` (n,), ascending, have a focal-plane track."""
+        table = np.zeros((len(number), sensors), dtype=bool)
+        table[np.searchsorted(number, self.tracks.number), self.tracks.sensor] = True
+        return table
+
     def without(self, number: IntArray) -> "Crowds":
         """Return the crowds without tracks."""
         if not self.are_there:
