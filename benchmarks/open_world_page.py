@@ -16,8 +16,8 @@ Fires burn for hours, launchers climb to orbit, stages fly back. What does `imm`
 A state is held if it lies in its 95 % ellipsoid: number, share and its 95 % interval (Wilson). Probabilities are
 medians over the flights at a mark; P(down) is the sum over the conditions that have a region, 0 without one. *Held by
 regions*: of the flights with a 95 % region of the true condition ("burn over" or "relights"), those whose impact it
-holds, and the median area. A region is of what comes down: of a launcher that burns on it is that of failures, with their
-probability P(down). All marks and figures: [open_world.csv](open_world.csv).
+holds, and the median area. A region is of what comes down: of a launcher that burns on it is that of failures, with
+their probability P(down). All marks and figures: [open_world.csv](open_world.csv).
 
 {lines}
 
