@@ -1,0 +1,126 @@
+"""Focal-plane tracks of sensors are paired by geometry, held against enumeration of all pairings."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+from opir_trackers.imm.pairing import (
+    Directions,
+    cheapest_pairing,
+    gains,
+    intersections,
+    normal_equations,
+    rivals,
+    set_sums,
+)
+
+EARTH_M, ORBIT_M, SIGMA_RAD = 6.4e6, 4.2164e7, 2e-5 / np.sqrt(7.0)
+
+
+def sensors_m(count: int) -> np.ndarray:
+    angle = np.radians([-30.0, 35.0, 5.0, -60.0])[:count]
+    return ORBIT_M * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+
+
+def targets_m(count: int, spread_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return places and velocities (n, 3) of targets that fan out from a field."""
+    up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
+    place = EARTH_M * up + rng.uniform(-spread_m, spread_m, (count, 3))
+    return place, 300.0 * up + rng.normal(0.0, 20.0, (count, 3))
+
+
+def looked_at(place_m: np.ndarray, velocity: np.ndarray, sensors: int, instants: int, rng: np.random.Generator):
+    """Return directions, the row of each, and each row's sensor and target; rows are in random order."""
+    origin = sensors_m(sensors)
+    parts, rows, order = [], [], rng.permutation(len(place_m) * sensors)
+    sensor_of, target_of = order // len(place_m), order % len(place_m)
+    for instant in range(instants):
+        off = place_m[target_of] + instant * velocity[target_of] - origin[sensor_of]
+        unit = off / np.linalg.norm(off, axis=1)[:, None]
+        noise = SIGMA_RAD * rng.normal(size=unit.shape)
+        unit += noise - unit * np.sum(noise * unit, axis=1)[:, None]
+        unit /= np.linalg.norm(unit, axis=1)[:, None]
+        when, sigma = np.full(len(order), float(instant)), np.full(len(order), SIGMA_RAD)
+        parts.append(Directions(np.arange(len(order)), sensor_of, when, origin[sensor_of], unit, sigma))
+        rows.append(np.arange(len(order)))
+    return Directions.concatenate(parts), np.concatenate(rows), sensor_of, target_of
+
+
+def equations(directions: Directions, row: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    return normal_equations(directions, row, count, np.full(len(row), 3.7e7))
+
+
+def best_by_enumeration(table: np.ndarray, sensor: np.ndarray, targets: int) -> float:
+    """Return the largest log likelihood over all ways to give each row of the first sensor one of each other."""
+    rows = [np.flatnonzero(sensor == one) for one in np.unique(sensor)]
+    return max(
+        float(
+            gains(
+                table[rows[0]] + sum(table[each[list(order)]] for each, order in zip(rows[1:], orders, strict=True))
+            ).sum()
+        )
+        for orders in product(permutations(range(targets)), repeat=len(rows) - 1)
+    )
+
+
+@pytest.mark.parametrize(("sensors", "targets"), [(2, 5), (3, 4), (4, 3)])
+@pytest.mark.parametrize("spread_m", [300.0, 2000.0])
+def test_the_cost_is_that_of_the_best_of_all_pairings(sensors: int, targets: int, spread_m: float) -> None:
+    for seed in range(5):
+        rng = np.random.default_rng([seed, sensors, targets])
+        directions, row, sensor, _ = looked_at(*targets_m(targets, spread_m, rng), sensors, 6, rng)
+        table, centre = equations(directions, row, len(sensor))
+        group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+        best = best_by_enumeration(table, sensor, targets)
+        assert gains(set_sums(table, group)).sum() >= best - 0.01 * abs(best)
+
+
+@pytest.mark.parametrize("sensors", [2, 3])
+def test_twenty_launches_are_paired_right(sensors: int) -> None:
+    rng = np.random.default_rng(7)
+    directions, row, sensor, target = looked_at(*targets_m(20, 5000.0, rng), sensors, 40, rng)
+    table, centre = equations(directions, row, len(sensor))
+    group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+    right = [len(set(target[group == one])) == 1 and np.count_nonzero(group == one) == sensors for one in set(group)]
+    assert np.mean(right) >= 0.95
+
+
+def test_a_set_has_one_track_of_each_sensor_and_one_that_fits_none_stays_alone() -> None:
+    rng = np.random.default_rng(3)
+    place, velocity = targets_m(6, 8000.0, rng)
+    directions, row, sensor, target = looked_at(place, velocity, 2, 20, rng)
+    gone = np.flatnonzero(~((sensor[row] == 1) & (target[row] == 0)))
+    table, centre = equations(directions.take(gone), row[gone], len(sensor))
+    group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+    assert np.bincount(group * 2 + sensor).max() == 1
+    assert np.count_nonzero(group == group[(sensor == 0) & (target == 0)]) == 1
+
+
+def test_lines_cross_at_the_target_with_the_misfit_of_their_noise() -> None:
+    rng = np.random.default_rng(11)
+    place, velocity = targets_m(1, 0.0, rng)
+    directions, row, sensor, _ = looked_at(place, velocity, 3, 400, rng)
+    table, centre = equations(directions, row, len(sensor))
+    point, misfit = intersections(set_sums(table, np.zeros(3, dtype=np.int64))[0])
+    truth = place[0] + np.arange(400)[:, None] * velocity[0]
+    assert np.median(np.linalg.norm(point + centre - truth, axis=1)) < 500.0
+    assert misfit.mean() == pytest.approx(3.0, abs=0.5)
+
+
+def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:
+    """Two targets in one plane with both sensors have ghosts that fit as well; two out of it have none."""
+    origin, up = sensors_m(2), np.array([np.cos(0.6), 0.0, np.sin(0.6)])
+    across = np.cross(origin[0] - EARTH_M * up, origin[1] - EARTH_M * up)
+    across /= np.linalg.norm(across)
+    within = np.cross(across, up)
+    found = []
+    for apart in (within, across):
+        rng = np.random.default_rng(5)
+        place = EARTH_M * up + 2000.0 * np.stack([apart, -apart])
+        directions, row, sensor, _ = looked_at(place, np.tile(300.0 * up, (2, 1)), 2, 10, rng)
+        table, centre = equations(directions, row, 4)
+        group = cheapest_pairing(table, sensor, np.arange(4), centre)
+        found.append(rivals(table, sensor, group, centre, 0.01).probability)
+    assert len(found[0]) == 2
+    assert (found[0] > 0.2).all()
+    assert not len(found[1])
