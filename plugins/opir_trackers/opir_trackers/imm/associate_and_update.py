@@ -125,18 +125,19 @@ class AssociateAndUpdate:
         ahead = self.with_bias_covariance(estimates, end_s, table.reports)
         pairs, fractions = self.lone_pairs(ahead, lines, span, table, crowds), OutlierFractions(table.outliers)
         if len(table) > 1:
-            crowds = self._with_newcomers(crowds, pairs, ahead, table)
+            rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
+            crowds = self._with_tracks(crowds, rows, ahead, table)
         update = None
         if crowds.are_there:
-            crowds = self._with_new_sensors(crowds, ahead, table)
             update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
-            crowds = self._with_newcomers(update.crowds, pairs, ahead, table, np.flatnonzero(update.number >= 0))
-            update = update._replace(crowds=crowds)
+            sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
             pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
+            # Those that join now are alone for this slice.
+            update = update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table))
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
         if update is not None:
-            crowds = update.crowds
+            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table)
             measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
         after = self.filter.updated(estimates, end_s, measurements, span)
         result = AssociationResult(after, owner, association.assigned, crowds)
@@ -153,25 +154,23 @@ class AssociateAndUpdate:
             result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
         )
 
-    def _with_new_sensors(self, crowds: Crowds, ahead: PredictedMeasurements, table: TrackTable) -> Crowds:
-        """Return the crowds with focal-plane tracks in the sensors that have begun to see their tracks."""
-        fresh = (table.reports >= 0) & ~crowds.follows(table.number, table.reports.shape[1])
+    def _with_new_sensors(
+        self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable
+    ) -> Crowds:
+        """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
+        fresh = np.zeros(table.reports.shape, dtype=bool)
+        fresh[assigned.track, sensor[assigned.line]] = True
         fresh &= crowds.holds(table.number)[:, None]
         rows = np.flatnonzero(fresh.any(axis=1))
         return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
 
-    def _with_newcomers(
-        self,
-        crowds: Crowds,
-        pairs: GatedPairs,
-        ahead: PredictedMeasurements,
-        table: TrackTable,
-        taken: IntArray | None = None,
+    def _with_tracks(
+        self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable
     ) -> Crowds:
-        """Return the crowds with the tracks that share a line for the first time: with others, or one that is taken."""
-        rows = crowd.sharing_tracks(pairs) if taken is None else np.unique(pairs.track[np.isin(pairs.line, taken)])
+        """Return the crowds with tracks `rows`, of which some may be in."""
         rows = rows[~crowds.holds(table.number[rows])]
-        return crowd.joined(crowds, table.number, rows, ahead, table.reports >= 0, self.view) if len(rows) else crowds
+        seen = table.reports >= 0
+        return crowd.joined(crowds, table.number, rows, ahead, seen, self.view) if len(rows) else crowds
 
     def _with_crowds(
         self,
@@ -273,7 +272,7 @@ class AssociateAndUpdate:
 
 
 def _of_lone_tracks(pairs: GatedPairs, update: CrowdUpdate, table: TrackTable, sensor: IndexArray) -> GatedPairs:
-    """Return the pairs with lines that no focal-plane track has, without those of tracks that have joined just now."""
+    """Return the pairs with lines that no focal-plane track has, without those of tracks that have one there."""
     follows = update.crowds.follows(table.number, table.reports.shape[1])
     free = ~follows[pairs.track, sensor[pairs.line]] & (update.number[pairs.line] < 0)
     return pairs.take(np.flatnonzero(free))

@@ -1,7 +1,8 @@
-"""Crowds: tracks that share lines of sight, each with a track of its own in the focal plane of every sensor.
+"""Crowds: tracks with contested lines of sight, each with a track of its own in the focal plane of every sensor.
 
-A track joins when another track has one of its lines in its gate, or begins near another; it leaves `KEPT_S` after it
-last shared a line. While it is in, its lines are those of its focal-plane tracks, and its state follows from them.
+A track joins when others have its lines in their gates in so many sensors that the pairing is open, when it shares a
+line with a crowd, or when it begins near another one before two sensors; it leaves some time after it was last
+contested. While it is in, its lines are those of its focal-plane tracks, and its state follows from them.
 """
 
 from typing import NamedTuple
@@ -9,17 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, field, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import BOOST, matvec
-from opir_trackers.association import AssociationModel
+from opir_trackers.association import AssociationModel, connected_tracks
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import GatedPairs, gated
 from opir_trackers.imm import focal_plane
-from opir_trackers.imm.focal_plane import FocalPlaneTracks
+from opir_trackers.imm.focal_plane import FocalPlanePairs, FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures
-from opir_trackers.imm.pairing import KEPT_S, Directions
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+from opir_trackers.pairing import KEPT_S, Directions
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import FAR_M
 
@@ -95,10 +96,31 @@ class CrowdUpdate(NamedTuple):
     of: IntArray
 
 
-def sharing_tracks(pairs: GatedPairs) -> IntArray:
-    """Return the sorted rows of tracks with a line that another track has in its gate too."""
-    count = np.bincount(pairs.line)
-    return np.unique(pairs.track[count[pairs.line] > 1]) if len(pairs) else pairs.track
+def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray) -> IntArray:
+    """Return the sorted rows of tracks whose pairing gated pairs (m,) leave open.
+
+    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that see two
+    tracks apart fix both states, and these tell the lines of other sensors apart. So two tracks that share lines are
+    contested where fewer than two sensors see both apart.
+    """
+    order = np.lexsort((track, line))
+    track, line, sensor = track[order], line[order], sensor[order]
+    keys = [np.empty(0, dtype=np.int64)]
+    count, sensors = seen.shape
+    for lag in range(1, _COMPARED + 1):
+        shared = np.flatnonzero(line[lag:] == line[:-lag])
+        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
+    pair, shared_in = np.unique(np.unique(np.concatenate(keys)) // sensors, return_counts=True)
+    one, other = divmod(pair, max(count, 1))
+    apart = np.count_nonzero(seen[one] & seen[other], axis=1) - shared_in
+    return np.unique(np.concatenate([one[apart < _FIXING], other[apart < _FIXING]]))
+
+
+#: Time after the last contest, s, in which three sensors decide a pairing twice over; two need the stretch.
+_DECIDED_S = 10.0
+
+#: Sensors that fix a state; and how many neighbours that share a line are compared, in order of their numbers.
+_FIXING, _COMPARED = 2, 3
 
 
 def updated_crowds(
@@ -113,7 +135,7 @@ def updated_crowds(
     """Return the crowds after the lines of a slice of length `span` that ends at `end_s`."""
     tracks = crowds.tracks.predicted(end_s - span)
     update = focal_plane.updated(tracks, lines, focal_plane.candidate_pairs(tracks, lines, span, gate), model, gate)
-    after = update.tracks.predicted(end_s)
+    after = _with_contested(update.tracks.predicted(end_s), update.pairs, lines.sensor, end_s)
     fresh = _mean_directions(after, update.equivalent, update.row, end_s, view)
     recent = np.flatnonzero(crowds.kept.time_s > end_s - KEPT_S)
     kept = Directions.concatenate([crowds.kept.take(recent), fresh])
@@ -121,6 +143,22 @@ def updated_crowds(
     return CrowdUpdate(
         evolve(crowds, tracks=after, kept=kept), number[update.owner], update.equivalent, tracks.number[update.row]
     )
+
+
+def _with_contested(
+    tracks: FocalPlaneTracks, pairs: FocalPlanePairs, sensor: IndexArray, time_s: float
+) -> FocalPlaneTracks:
+    """Return the tracks with the time at which they, or one they are connected to by shared lines, were contested."""
+    number, which = np.unique(tracks.number, return_inverse=True)
+    seen = np.zeros((len(number), int(tracks.sensor.max(initial=0)) + 1), dtype=bool)
+    seen[which, tracks.sensor] = True
+    of_pair = which[pairs.row]
+    rows = contested_tracks(of_pair, pairs.line, sensor[pairs.line], seen)
+    if not len(rows):
+        return tracks
+    is_open = connected_tracks(of_pair, pairs.line, rows)
+    is_open = np.append(is_open, np.zeros(len(number) - len(is_open), dtype=bool))
+    return evolve(tracks, contested_s=np.where(is_open[which], time_s, tracks.contested_s))
 
 
 def _mean_directions(
@@ -185,6 +223,12 @@ def joined(
     roots = turn @ predicted.root[row].reshape(len(row), 4, 3, BOOST)[:, :3]
     noise = np.array([each.line_of_sight_sigma_rad for each in view.sensors.sensors])[sensor]
     fresh = focal_plane.begun(number[row], sensor, time_s, motion, roots, _OFF * noise)
+    if crowds.are_there:
+        # A sensor more does not contest a track anew.
+        known = np.full(len(number), -np.inf)
+        np.maximum.at(known, np.searchsorted(number, crowds.tracks.number), crowds.tracks.contested_s)
+        last_s = known[row]
+        fresh = evolve(fresh, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
     return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, fresh]))
 
 
@@ -192,15 +236,20 @@ def joined(
 _OFF = 0.3
 
 
-def begun_near(position_m: FloatArray, fresh: int) -> IntArray:
-    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are near a new one."""
+def begun_near(position_m: FloatArray, fresh: int, seen: BoolArray) -> IntArray:
+    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are near a new one.
+
+    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not cross by chance.
+    """
     from scipy.spatial import cKDTree
 
-    if len(position_m) < 2:
+    few = np.flatnonzero(np.count_nonzero(seen, axis=1) <= _FIXING)
+    new = few[few >= len(position_m) - fresh]
+    if len(few) < 2 or not len(new):
         return np.empty(0, dtype=np.int64)
-    near = cKDTree(position_m).query_ball_point(position_m[-fresh:], NEAR_M)
+    near = cKDTree(position_m[few]).query_ball_point(position_m[new], NEAR_M)
     crowd = [row for each in near if len(each) > 1 for row in each]
-    return np.unique(np.array(crowd, dtype=np.int64))
+    return few[np.unique(np.array(crowd, dtype=np.int64))]
 
 
 def equivalent_pairs(
@@ -238,15 +287,15 @@ def label_pairs(crowds: Crowds, number: IntArray, lines: LinesOfSight, span: flo
 
 
 def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
-    """Return the crowds without silent focal-plane tracks, and without tracks that have shared no line for long."""
+    """Return the crowds without silent focal-plane tracks, and without tracks uncontested for long."""
     tracks = crowds.tracks
     if not len(tracks):
         return crowds
     silent = time_s - tracks.seen_s > np.maximum(_SILENT_S, _SILENT_SCANS * period_s[tracks.sensor])
     number, which = np.unique(tracks.number, return_inverse=True)
     last_s = np.full(len(number), -np.inf)
-    np.maximum.at(last_s, which, tracks.shared_s)
-    gone = time_s - last_s > KEPT_S
+    np.maximum.at(last_s, which, tracks.contested_s)
+    gone = time_s - last_s > np.where(np.bincount(which) > _FIXING, _DECIDED_S, KEPT_S)
     if not np.count_nonzero(silent) and not np.count_nonzero(gone):
         return crowds
     quiet = evolve(crowds, tracks=tracks.take(np.flatnonzero(~silent)))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import belief_propagation, cheapest_assignment, unambiguous
@@ -42,7 +42,7 @@ class FocalPlaneTracks(Columns):
 
     `axes` (n, 3, 3) are the rows of the tangent plane and its normal, in ECEF; `range_m` (n,) the approximate range;
     `mean` (n, 3, 2) angle, rate and acceleration in the plane, rad; `covariance` (n, 3, 3) that of each of the two
-    axes; `time_s` (n,) their time; `shared_s` (n,) when the track last shared a line, and `seen_s` (n,) had one.
+    axes; `time_s` (n,) their time; `contested_s` (n,) when the track was last contested, and `seen_s` (n,) had a line.
     """
 
     number: IntArray
@@ -52,7 +52,7 @@ class FocalPlaneTracks(Columns):
     mean: FloatArray
     covariance: FloatArray
     time_s: FloatArray
-    shared_s: FloatArray
+    contested_s: FloatArray
     seen_s: FloatArray
 
     @classmethod
@@ -163,12 +163,16 @@ def candidate_pairs(
 
 
 class FocalPlaneUpdate(NamedTuple):
-    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows."""
+    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows.
+
+    `pairs` are those within the gates of the rows as they were before.
+    """
 
     tracks: FocalPlaneTracks
     owner: IntArray
     equivalent: LinesOfSight
     row: IntArray
+    pairs: FocalPlanePairs
 
 
 def updated(
@@ -178,31 +182,76 @@ def updated(
     model: AssociationModel,
     gate: float,
 ) -> FocalPlaneUpdate:
-    """Return the rows after the lines of a slice, scan by scan; `candidates` are rows and lines that may be paired."""
-    row, line = candidates
-    owner, parts, rows = np.full(len(lines), -1, dtype=np.int64), [lines.take(slice(0, 0))], [row[:0]]
-    turn = _turns(lines)[line]
+    """Return the rows after the lines of a slice; `candidates` are rows and lines that may be paired.
+
+    Rows that share lines take them scan by scan, the others all at once.
+    """
+    pairs = gated_pairs(tracks, lines, *candidates, gate)
+    scan = scan_numbers(lines.sensor, lines.scan)
+    several = ~unambiguous(pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line)
+    is_shared = np.zeros(len(tracks), dtype=bool)
+    is_shared[pairs.row[several]] = True
+    shared = is_shared[pairs.row]
+    owner = np.full(len(lines), -1, dtype=np.int64)
+    tracks, taken, of = _after_own_lines(tracks, lines, pairs.part(np.flatnonzero(~shared)), model)
+    owner[taken] = of
+    parts, rows = [lines.take(taken)], [of]
+    row, line = pairs.row[shared], pairs.line[shared]
+    turn = _turns(scan, lines.sensor)[line]
     for each in range(int(turn.max(initial=-1)) + 1):
         mine = np.flatnonzero(turn == each)
-        pairs = gated_pairs(tracks, lines, row.take(mine), line.take(mine), gate)
-        if not len(pairs.row):
+        now = gated_pairs(tracks, lines, row.take(mine), line.take(mine), gate)
+        if not len(now.row):
             continue
-        log = model.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * pairs.distance - np.log(pairs.variance)
-        chosen = np.flatnonzero(cheapest_assignment(pairs.row, pairs.line, -log))
-        owner[pairs.line[chosen]] = pairs.row[chosen]
-        tracks, equivalent, theirs = _after_scan(tracks, lines, pairs, log, chosen)
+        log = _log_ratio(model, lines, now)
+        chosen = np.flatnonzero(cheapest_assignment(now.row, now.line, -log))
+        owner[now.line[chosen]] = now.row[chosen]
+        tracks, equivalent, theirs = _after_scan(tracks, lines, now, log, chosen)
         parts.append(equivalent)
         rows.append(theirs)
-    return FocalPlaneUpdate(tracks, owner, LinesOfSight.concatenate(parts), np.concatenate(rows))
+    return FocalPlaneUpdate(tracks, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
 
 
-def _turns(lines: LinesOfSight) -> IntArray:
-    """Return for each line (m,) the number of its scan among those of its sensor, from 0."""
-    scan = scan_numbers(lines.sensor, lines.scan)
+def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePairs) -> FloatArray:
+    """Return the log likelihood ratios (m,) of pairs to a miss and a false alarm."""
+    odds: FloatArray = model.log_odds.take(lines.sensor.take(pairs.line))
+    return odds - 0.5 * pairs.distance - np.log(pairs.variance)
+
+
+def _after_own_lines(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, model: AssociationModel
+) -> tuple[FocalPlaneTracks, IntArray, IntArray]:
+    """Return the rows after lines that no other row may have, these lines and their rows.
+
+    In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
+    """
+    pairs = pairs.part(np.flatnonzero(_log_ratio(model, lines, pairs) > 0.0))
+    if not len(pairs.row):
+        return tracks, pairs.line, pairs.row
+    row, place = np.unique(pairs.row, return_inverse=True)
+    time_s, weight = lines.time_s[pairs.line], 1.0 / np.square(lines.sigma_rad[pairs.line])
+    total = np.bincount(place, weight)
+    when = np.bincount(place, weight * time_s) / total
+    last_s = np.full(len(row), -np.inf)
+    np.maximum.at(last_s, place, time_s)
+    off = np.stack([np.bincount(place, weight * pairs.off[:, axis]) for axis in (0, 1)], axis=1) / total[:, None]
+    part = tracks.take(row).predicted(when)
+    gain = part.covariance[:, :, 0] / (part.covariance[:, 0, 0] + 1.0 / total)[:, None]
+    after = evolve(
+        part,
+        mean=part.mean + gain[:, :, None] * off[:, None, :],
+        covariance=part.covariance - gain[:, :, None] * part.covariance[:, None, 0, :],
+        seen_s=last_s,
+    )
+    return _put(tracks, row, after), pairs.line, pairs.row
+
+
+def _turns(scan: IntArray, sensor: IndexArray) -> IntArray:
+    """Return for each line (m,) the number of its scan, by `scan_numbers`, among those of its sensor, from 0."""
     first = np.full(int(scan.max(initial=-1)) + 1, -1, dtype=np.int64)
-    first[scan] = lines.sensor
-    start = np.searchsorted(first, np.arange(int(lines.sensor.max(initial=0)) + 1))
-    turn: IntArray = scan - start[lines.sensor]
+    first[scan] = sensor
+    start = np.searchsorted(first, np.arange(int(sensor.max(initial=0)) + 1))
+    turn: IntArray = scan - start[sensor]
     return turn
 
 
@@ -210,7 +259,7 @@ def _after_scan(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray, chosen: IntArray
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
     """Return the rows after one scan of each sensor, and the equivalent lines of rows with an assigned line."""
-    beta, shared = _probabilities(lines, pairs, log)
+    beta = _probabilities(lines, pairs, log)
     row, place = np.unique(pairs.row, return_inverse=True)
     total, time_s = np.bincount(place, beta), lines.time_s[pairs.line]
     when = np.maximum(np.bincount(place, beta * time_s) / np.maximum(total, 1e-300), time_s.min())
@@ -228,7 +277,6 @@ def _after_scan(
         part,
         mean=part.mean + gain[:, :, None] * shift[:, None, :],
         covariance=part.covariance - shrink[:, None, None] * gain[:, :, None] * gain[:, None, :],
-        shared_s=np.where(np.bincount(place, shared) > 0, when, part.shared_s),
         seen_s=np.where(which >= 0, when, part.seen_s),
     )
     good = np.flatnonzero((which >= 0) & (information > _LEAST_INFORMATION * whole))
@@ -240,23 +288,22 @@ def _after_scan(
     return _put(tracks, row, after), equivalent, row[good]
 
 
-def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the association probabilities (m,) of pairs with log likelihood ratios, and which share a row or line."""
+def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray) -> FloatArray:
+    """Return the association probabilities (m,) of pairs with log likelihood ratios."""
     ratio = np.exp(np.minimum(log, 300.0))
-    shared = ~unambiguous(pairs.row, pairs.line)
     beta = ratio / (1.0 + ratio)
-    crowd = np.flatnonzero(shared)
+    crowd = np.flatnonzero(~unambiguous(pairs.row, pairs.line))
     if len(crowd):
         sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
         ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
         beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
-    return beta, shared
+    return beta
 
 
 def _put(tracks: FocalPlaneTracks, row: IntArray, part: FocalPlaneTracks) -> FocalPlaneTracks:
     """Return the tracks with the estimates of some rows replaced."""
     columns = {}
-    for name in ("mean", "covariance", "time_s", "shared_s", "seen_s"):
+    for name in ("mean", "covariance", "time_s", "seen_s"):
         column = getattr(tracks, name).copy()
         column[row] = getattr(part, name)
         columns[name] = column

@@ -17,9 +17,9 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import gated
-from opir_trackers.imm.pairing import Directions, intersections
 from opir_trackers.initiation import TrackCandidates
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+from opir_trackers.pairing import Directions, intersections
 from opir_trackers.track_priors import prior_estimates
 from opir_trackers.triangulation import FAR_M
 

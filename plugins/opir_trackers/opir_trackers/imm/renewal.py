@@ -12,19 +12,20 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
-from opir_trackers.imm.pairing import (
+from opir_trackers.imm.refiltering import refiltered
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.lines_of_sight import earth_rotated
+from opir_trackers.pairing import (
     RENEWED_S,
     Directions,
     Rivals,
+    SetModel,
     cheapest_pairing,
     intersections,
     normal_equations,
     rivals,
     set_sums,
 )
-from opir_trackers.imm.refiltering import refiltered
-from opir_trackers.imm.state import TrackerState
-from opir_trackers.lines_of_sight import earth_rotated
 
 #: Least probability of a rival that is part of a mixture.
 _LEAST_DOUBT = 0.01
@@ -44,6 +45,12 @@ class _Stretch(NamedTuple):
     table: FloatArray
     centre: FloatArray
 
+    def of(self, rows: IntArray) -> "_Stretch":
+        """Return that of some focal-plane tracks, ascending."""
+        place = _places(rows, self.row)
+        mine = np.flatnonzero(place >= 0)
+        return _Stretch(self.kept.take(mine), place[mine], self.table[rows], self.centre)
+
 
 def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: ImmConfig) -> TrackerState:
     """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
@@ -57,13 +64,15 @@ def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: Imm
     table, sensor = stretch.table[ready], tracks.sensor[ready]
     if len(ready) < 2 or np.ptp(sensor) == 0:
         return now
-    group = cheapest_pairing(table, sensor, ranks(tracks.number[ready]), stretch.centre)
+    model = SetModel(stretch.centre)
+    group = cheapest_pairing(table, sensor, ranks(tracks.number[ready]), model)
     number = tracks.number.copy()
-    number[ready], next_number = _numbers(group, tracks.take(ready), now.next_number)
-    doubt = rivals(table, sensor, group, stretch.centre, _LEAST_DOUBT)
+    number[ready] = _numbers(group, tracks.take(ready))
+    doubt = rivals(table, sensor, group, model, _LEAST_DOUBT)
     if not np.array_equal(number, tracks.number):
-        now = evolve(_repaired(now, number, stretch, filter_, config, view.light_time), next_number=next_number)
-    mixtures = _mixtures(now.crowds.tracks.take(ready), group, doubt, now.time_s, view)
+        now = _repaired(now, number, stretch, filter_, config, view.light_time)
+    ready_tracks = evolve(tracks.take(ready), number=number[ready])
+    mixtures = _mixtures(ready_tracks, group, doubt, now.time_s, view)
     return evolve(now, crowds=evolve(now.crowds, mixtures=mixtures, paired_s=now.time_s))
 
 
@@ -85,31 +94,34 @@ def _stretch(crowds: Crowds) -> _Stretch:
     return _Stretch(kept, row, *normal_equations(kept, row, len(tracks), tracks.range_m[row]))
 
 
-def _numbers(group: IntArray, tracks: FocalPlaneTracks, next_number: int) -> tuple[IntArray, int]:
-    """Return the track number (n,) of each focal-plane track by its set, and the next free one.
+def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
+    """Return the track number (n,) of each focal-plane track by its set, -1 for those without.
 
-    A set has the number of its focal-plane track of the first sensor, if no other set has that; else another of its own
-    or a new one.
+    Large sets choose first: the number of their focal-plane track of the first sensor, else another of their own. A set
+    that is left without is no track: what a swap has mixed over the stretch fits nothing, and is begun anew.
     """
-    count = int(group.max()) + 1
-    number, taken = np.full(count, -1, dtype=np.int64), set()
-    for row in np.lexsort((tracks.number, tracks.sensor)).tolist():
+    number, taken = np.full(int(group.max()) + 1, -1, dtype=np.int64), set()
+    size = np.bincount(group)
+    for row in np.lexsort((tracks.number, tracks.sensor, -size[group])).tolist():
         one = int(tracks.number[row])
         if number[group[row]] < 0 and one not in taken:
             number[group[row]] = one
             taken.add(one)
-    new = np.flatnonzero(number < 0)
-    number[new] = next_number + np.arange(len(new))
-    return number[group], next_number + len(new)
+    return number[group]
 
 
 def _repaired(
     now: TrackerState, number: IntArray, stretch: _Stretch, filter_: ImmFilter, config: ImmConfig, light_time: bool
 ) -> TrackerState:
     """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states that follow."""
+    before = now.crowds.tracks.number
+    changed = _changed(now.crowds.tracks, number)
+    if np.count_nonzero(number < 0):
+        left = np.flatnonzero(number >= 0)
+        now = evolve(now, crowds=evolve(now.crowds, tracks=now.crowds.tracks.take(left)))
+        stretch, number = stretch.of(left), number[left]
     tracks = now.crowds.tracks
-    changed = _changed(tracks, number)
-    now = _with_rows(now, number)
+    now = _with_rows(now, number, before)
     kept = evolve(stretch.kept, number=number[stretch.row])
     crowds = evolve(now.crowds, tracks=evolve(tracks, number=number), kept=kept)
     now = evolve(now, crowds=crowds)
@@ -182,34 +194,28 @@ _LEAST_FIX_M = 10e3
 def _changed(tracks: FocalPlaneTracks, number: IntArray) -> IntArray:
     """Return the sorted numbers of tracks that lost or gained a focal-plane track."""
     moved = np.flatnonzero(tracks.number != number)
-    return np.unique(np.concatenate([number[moved], np.intersect1d(tracks.number[moved], number)]))
+    every = np.concatenate([number[moved], tracks.number[moved]])
+    return np.intersect1d(every, number[number >= 0])
 
 
-def _with_rows(now: TrackerState, number: IntArray) -> TrackerState:
-    """Return the state with rows for all tracks `number` (n,) of focal-plane tracks, and none for those left without.
+def _with_rows(now: TrackerState, number: IntArray, before: IntArray) -> TrackerState:
+    """Return the state without tracks that no focal-plane track, now of tracks `number` (n,), has any more.
 
-    A track that comes of another one's focal-plane track has its records; sensors report what they reported of that.
+    `before` are the tracks that had any. Sensors report of a track what they reported of its focal-plane tracks.
     """
     tracks, table = now.crowds.tracks, now.table
-    old = np.searchsorted(table.number, tracks.number)
-    reports = table.reports[old, tracks.sensor]
-    fresh, first = np.unique(number, return_index=True)
-    new = np.flatnonzero(~np.isin(fresh, table.number))
-    source = np.concatenate([np.arange(len(table)), old[first[new]]])
-    numbers = np.concatenate([table.number, fresh[new]])
-    kept = np.flatnonzero(np.isin(numbers, number) | ~np.isin(numbers, tracks.number))
-    kept = kept[np.argsort(numbers[kept])]
-    source, numbers = source[kept], numbers[kept]
-    after = evolve(table.take(source), number=numbers)
-    row = np.searchsorted(numbers, number)
+    reports = table.reports[np.searchsorted(table.number, tracks.number), tracks.sensor]
+    kept = np.flatnonzero(np.isin(table.number, number) | ~np.isin(table.number, before))
+    after = table.take(kept)
+    row = np.searchsorted(after.number, number)
     seen = after.reports.copy()
     seen[np.unique(row)] = -1
     seen[row, tracks.sensor] = reports
     return evolve(
         now,
         table=evolve(after, reports=seen),
-        estimates=now.estimates.take(source),
-        motion=now.motion.take(source),
+        estimates=now.estimates.take(kept),
+        motion=now.motion.take(kept),
     )
 
 
@@ -223,7 +229,7 @@ def _mixtures(tracks: FocalPlaneTracks, group: IntArray, doubt: Rivals, time_s: 
     table, centre = normal_equations(directions, np.tile(every, 2), len(tracks), np.tile(tracks.range_m, 2))
     own = set_sums(table, group)[doubt.set]
     crossings = [intersections(each)[0] + centre for each in (own, own - table[doubt.own] + table[doubt.other])]
-    met = np.flatnonzero(own[:, 0, 11] > 1.5)
+    met = np.flatnonzero((own[:, 0, 11] > 1.5) & (tracks.number[doubt.own] >= 0))
     apart = (crossings[1] - crossings[0])[met]
     inertial = [earth_rotated(apart[:, column], np.full(len(met), time_s)) for column in (0, 1)]
     moved = np.concatenate([inertial[1], (inertial[1] - inertial[0]) / _BASELINE_S], axis=1)

@@ -258,11 +258,12 @@ class ImmTracking:
 
     def _with_neighbours(self, now: TrackerState, fresh: int) -> TrackerState:
         """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several are near."""
-        rows = crowd.begun_near(now.estimates.likelier_position_m, fresh) if fresh else _NONE
+        seen = now.table.reports >= 0
+        rows = crowd.begun_near(now.estimates.likelier_position_m, fresh, seen) if fresh else _NONE
         rows = rows[~now.crowds.holds(now.table.number[rows])]
         if not len(rows):
             return now
-        path, seen = self.filter.predicted_measurements(now.estimates, now.time_s), now.table.reports >= 0
+        path = self.filter.predicted_measurements(now.estimates, now.time_s)
         return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, self.association.view))
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:

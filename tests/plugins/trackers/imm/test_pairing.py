@@ -4,7 +4,7 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-from opir_trackers.imm.pairing import (
+from opir_trackers.pairing import (
     Directions,
     cheapest_pairing,
     gains,

@@ -15,8 +15,10 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, marginals
+from opir_trackers.assignment import cheapest_assignment, marginals, ranks
+from opir_trackers.triangulation import FIRST_HEIGHT_M
 
 #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
 #: in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
@@ -31,6 +33,12 @@ _CROWD_M = 10e3
 #: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane tracks by more than
 #: their errors for a second or two, and wrong partners lose more within a few slices.
 _LEAST_GAIN = -20.0
+
+#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a probability of 10⁻⁴.
+_LEAST_FIRST_GAIN = -7.5
+
+#: Tolerance below the ground of a first crossing, m, in addition to its own error.
+_DEEP_M = 500.0
 
 #: Assignments are repeated while they gain more than this (log likelihood).
 _SETTLED = 1e-3
@@ -102,6 +110,8 @@ def normal_equations(
 #: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
 _LEAST_WEIGHT = 1e-14
 
+#: Elements of a symmetric matrix (6): rows, columns, and how often each stands in it.
+_TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 _FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 
 
@@ -143,6 +153,54 @@ def gains(table: FloatArray) -> FloatArray:
 _HALF_LOG_2PI = 0.2258  # log(sqrt(2 pi) / 2): uniform within twice the extent
 
 
+class SetModel(NamedTuple):
+    """What sets of focal-plane tracks are likely: `centre` (3,) is the point of reference of normal equations, ECEF, m.
+
+    Of sets that `begin` tracks the height h at the first look counts: its prior density is proportional to
+    1 / (3 km + h), so that above 3 km each octave is equally probable.
+    """
+
+    centre: FloatArray
+    begin: bool = False
+
+    @property
+    def least_gain(self) -> float:
+        """Return the least gain (log likelihood) of a set over its parts alone."""
+        return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
+
+    def gains(self, table: FloatArray) -> FloatArray:
+        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of first heights."""
+        gain = gains(table)
+        if not self.begin:
+            return gain
+        height_m, sigma_m = self._heights(table)
+        high = np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
+        deep = np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
+        cost: FloatArray = np.where(table[..., 11] > 1.5, high + 0.5 * deep, 0.0).sum(axis=-1)
+        return gain - cost
+
+    def _heights(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
+        point = intersections(table)[0] + self.centre
+        radius = np.sqrt(np.sum(np.square(point), axis=-1))
+        up = point / radius[..., None]
+        ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(up[..., 2]))
+        variance = np.sum(_inverses(table) * up[..., _FIRST] * up[..., _SECOND] * _TWICE, axis=-1)
+        return radius - ground, np.sqrt(variance)
+
+    def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
+        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
+        both = theirs + mine
+        point, misfit = intersections(both)
+        met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
+        radius = np.sqrt(np.sum(np.square(point + self.centre), axis=-1))
+        blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
+        lawful = ((radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m)) | ~met
+        added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+        possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
+        return possible
+
+
 class Candidates(NamedTuple):
     """Possible pairs (m,) of a set and a focal-plane track of one sensor, and the log likelihood of the addition."""
 
@@ -151,56 +209,53 @@ class Candidates(NamedTuple):
     gain: FloatArray
 
 
-def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, centre: FloatArray) -> Candidates:
+def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetModel) -> Candidates:
     """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets, instants, 12).
 
     They are sought at the last instant, then at some.
     """
     mine = table[rows]
-    which, row = np.nonzero(_may_be_one(sums[:, None, -1:], mine[None, :, -1:], centre))
+    which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
     some = slice(None, None, -_COARSE) if table.shape[1] > _COARSE else slice(None)
     theirs, ours = sums[which][:, some], mine[row][:, some]
     met = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
-    likely = np.flatnonzero(met & _may_be_one(theirs, ours, centre))
+    likely = np.flatnonzero(met & model.may_be_one(theirs, ours))
     which, row = which[likely], row[likely]
-    gain = gains(sums[which] + mine[row]) - gains(sums)[which] - gains(mine)[row]
+    gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
     return Candidates(which, rows[row], gain)
 
 
-def _may_be_one(theirs: FloatArray, mine: FloatArray, centre: FloatArray) -> BoolArray:
-    """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
-    both = theirs + mine
-    point, misfit = intersections(both)
-    met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
-    radius = np.sqrt(np.sum(np.square(point + centre), axis=-1))
-    blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
-    lawful = ((radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m)) | ~met
-    added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
-    possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
-    return possible
-
-
-def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray, centre: FloatArray) -> IntArray:
+def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray | None, model: SetModel) -> IntArray:
     """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost.
 
-    `present` (n,) are the sets as they are, from 0. A set keeps the number that its track of the first sensor had.
+    `present` (n,) are the sets as they are, from 0, if there are any.
     """
-    alone = np.arange(len(sensor))
-    best, total = _relaxed(table, sensor, present, centre)
-    if np.ptp(sensor) >= _CERTAIN:
+    best, total = _relaxed(table, sensor, present, model) if present is not None else (None, -np.inf)
+    if best is not None and np.ptp(sensor) >= _CERTAIN:
         return best
-    other, sum_ = _relaxed(table, sensor, alone, centre)
-    return other if sum_ > total + 1e-9 * abs(total) else best
+    other, sum_ = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
+    return other if best is None or sum_ > total + 1e-9 * abs(total) else best
 
 
-def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, centre: FloatArray) -> tuple[IntArray, float]:
+def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
+    """Return sets made sensor by sensor: the rows of each are assigned to the sets of those before."""
+    group = np.arange(len(sensor))
+    for one in np.unique(sensor)[1:].tolist():
+        rows = np.flatnonzero(sensor <= one)
+        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], model)
+        # The others stay alone.
+        group[sensor > one] = len(sensor) + np.flatnonzero(sensor > one)
+    return ranks(group)
+
+
+def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel) -> tuple[IntArray, float]:
     """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes."""
-    sensors, total = np.unique(sensor).tolist(), float(gains(set_sums(table, group)).sum())
+    sensors, total = np.unique(sensor).tolist(), float(model.gains(set_sums(table, group)).sum())
     for _ in range(_ROUNDS):
         before = total
         for ones in _parts(sensors):
-            group = _reassigned(table, sensor, group, ones, centre)
-        total = float(gains(set_sums(table, group)).sum())
+            group = _reassigned(table, sensor, group, ones, model)
+        total = float(model.gains(set_sums(table, group)).sum())
         if len(sensors) == 2 or total <= before + _SETTLED:
             break
     return group, total
@@ -221,15 +276,15 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
     return sums
 
 
-def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], centre: FloatArray) -> IntArray:
+def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel) -> IntArray:
     """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
     mine = np.isin(sensor, ones)
     rows, others = np.flatnonzero(mine), np.flatnonzero(~mine)
     number, place = np.unique(group[others], return_inverse=True)
     part, part_of = np.unique(group[rows], return_inverse=True)
     parts = set_sums(table[rows], part_of)
-    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), centre)
-    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, _LEAST_GAIN - pairs.gain))
+    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
+    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - pairs.gain))
     # Parts that fit no set make sets of their own.
     fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
     fresh[pairs.row[used]] = number[pairs.set[used]]
@@ -248,7 +303,7 @@ class Rivals(NamedTuple):
     probability: FloatArray
 
 
-def rivals(table: FloatArray, sensor: IntArray, group: IntArray, centre: FloatArray, least: float) -> Rivals:
+def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel, least: float) -> Rivals:
     """Return other partners of sets, with probabilities of at least `least`, of all sensors but the first."""
     parts = []
     for one in np.unique(sensor).tolist()[1:]:
@@ -256,7 +311,7 @@ def rivals(table: FloatArray, sensor: IntArray, group: IntArray, centre: FloatAr
         if not len(others):
             continue
         number, place = np.unique(group[others], return_inverse=True)
-        pairs = candidates(table, set_sums(table[others], place), rows, centre)
+        pairs = candidates(table, set_sums(table[others], place), rows, model)
         if not len(pairs.set):
             continue
         log = pairs.gain / _CORRELATED
