@@ -27,9 +27,6 @@ KEPT_S = 40.0
 #: Time from one pairing to the next, s.
 RENEWED_S = 4.0
 
-#: Misfits of directions of different targets are uniform within this distance, m: half the extent of a crowd.
-_CROWD_M = 10e3
-
 #: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane tracks by more than
 #: their errors for a second or two, and wrong partners lose more within a few slices.
 _LEAST_GAIN = -20.0
@@ -40,12 +37,23 @@ _LEAST_FIRST_GAIN = -7.5
 #: Tolerance below the ground of a first crossing, m, in addition to its own error.
 _DEEP_M = 500.0
 
+#: Log likelihood that a degree of freedom has for one target over different ones, at each of the stretch's instants:
+#: those of different targets are larger by chance three times in four or so, and long correlated.
+REWARD = 1.0
+
+#: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
+_FIRST_REWARD = 3.0
+
+#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks change targets every
+#: 20 s or so; and how many last instants count whatever was before.
+_SWAPPED, _RECENT = 3.0, 3
+
 #: Assignments are repeated while they gain more than this (log likelihood).
 _SETTLED = 1e-3
 
-#: Sets and focal-plane tracks are compared at every eighth instant first. If they add more to the least squares there,
-#: in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one instant.
-_COARSE, _HOPELESS = 8, 18.0
+#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more to the least
+#: squares there, in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one.
+_COARSE, _HOPELESS = (-1, -3, -6), 18.0
 
 #: Lowest and highest distance of a target from the Earth's centre, m.
 _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
@@ -90,8 +98,7 @@ def normal_equations(
     """Return the normal equations (count, instants, 12) of the intersections of directions, and a point of reference.
 
     `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix (6), side (3),
-    least squares without the point, log of the crowd's extent over the error, and number of lines. Those of a set are
-    sums.
+    least squares without the point, and numbers of focal-plane tracks and of lines. Those of a set are sums.
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
     table = np.zeros((count, len(instants), 12))
@@ -101,9 +108,9 @@ def normal_equations(
     across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
     weight = 1.0 / np.square(sigma_m)
     outer = -unit[:, _FIRST] * unit[:, _SECOND] + (_FIRST == _SECOND)
-    rest, extent = np.sum(across * across, axis=1), np.log(np.maximum(_CROWD_M / sigma_m, 1.0))
-    columns = np.column_stack([weight[:, None] * outer, weight[:, None] * across, weight * rest, extent])
-    table[row, instant] = np.column_stack([columns, np.ones(len(row))])
+    columns = [weight[:, None] * outer, weight[:, None] * across, weight * np.sum(across * across, axis=1)]
+    table[row, instant] = np.column_stack([*columns, np.zeros(len(row)), np.ones(len(row))])
+    table[..., 10] = 1.0
     return table, centre
 
 
@@ -136,21 +143,36 @@ def _inverses(table: FloatArray) -> FloatArray:
 _ROWS = ([0, 1, 2], [1, 3, 4], [2, 4, 5])
 
 
-def gains(table: FloatArray) -> FloatArray:
-    """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12), over lines of a crowd.
+def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
+    """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
 
-    Each instant with c lines has 2 c - 3 degrees of freedom.
+    The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has a `reward` over
+    different targets. Where a focal-plane track was not there yet, a set has the reward as if its lines fitted: else
+    long tracks of different targets, which happen to fit, would be preferred to short ones of one. In a crowd
+    focal-plane tracks change targets: a set is one since the instant that makes it likeliest.
     """
-    count = table[..., 11]
-    misfit = intersections(table)[1]
-    extent = table[..., 10] / np.maximum(count, 1.0)
-    gain: FloatArray = np.where(count > 1.5, (2.0 * count - 3.0) * (extent - _HALF_LOG_2PI) - 0.5 * misfit, 0.0).sum(
-        axis=-1
-    )
-    return gain
+    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, reward).min(axis=-1)
 
 
-_HALF_LOG_2PI = 0.2258  # log(sqrt(2 pi) / 2): uniform within twice the extent
+def first_instants(table: FloatArray) -> IntArray:
+    """Return the instant (...) from which on each set is most likely of one target."""
+    first: IntArray = np.argmin(_losses(table, REWARD), axis=-1)
+    return first
+
+
+def _losses(table: FloatArray, reward: float) -> FloatArray:
+    """Return what sets lose (..., instants) to perfect ones if they are of one target since each instant."""
+    degrees = _degrees(table[..., 11])
+    excess = np.where(degrees > 0.0, 0.5 * (intersections(table)[1] - degrees), 0.0)
+    rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
+    before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
+    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[..., : max(table.shape[-2] - _RECENT, 1)]
+    return loss
+
+
+def _degrees(lines: FloatArray) -> FloatArray:
+    """Return the degrees of freedom of the least squares of crossings of lines."""
+    return np.maximum(2.0 * lines - 3.0, 0.0)
 
 
 class SetModel(NamedTuple):
@@ -170,14 +192,13 @@ class SetModel(NamedTuple):
 
     def gains(self, table: FloatArray) -> FloatArray:
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of first heights."""
-        gain = gains(table)
         if not self.begin:
-            return gain
+            return gains(table)
         height_m, sigma_m = self._heights(table)
         high = np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
         deep = np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
         cost: FloatArray = np.where(table[..., 11] > 1.5, high + 0.5 * deep, 0.0).sum(axis=-1)
-        return gain - cost
+        return gains(table, _FIRST_REWARD) - cost
 
     def _heights(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
@@ -216,7 +237,7 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
     """
     mine = table[rows]
     which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
-    some = slice(None, None, -_COARSE) if table.shape[1] > _COARSE else slice(None)
+    some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
     theirs, ours = sums[which][:, some], mine[row][:, some]
     met = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
     likely = np.flatnonzero(met & model.may_be_one(theirs, ours))

@@ -160,13 +160,11 @@ class AssociateAndUpdate:
         """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
         fresh = np.zeros(table.reports.shape, dtype=bool)
         fresh[assigned.track, sensor[assigned.line]] = True
-        fresh &= crowds.holds(table.number)[:, None]
+        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, fresh.shape[1])
         rows = np.flatnonzero(fresh.any(axis=1))
         return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
 
-    def _with_tracks(
-        self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable
-    ) -> Crowds:
+    def _with_tracks(self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable) -> Crowds:
         """Return the crowds with tracks `rows`, of which some may be in."""
         rows = rows[~crowds.holds(table.number[rows])]
         seen = table.reports >= 0

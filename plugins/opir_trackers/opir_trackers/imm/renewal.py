@@ -21,6 +21,7 @@ from opir_trackers.pairing import (
     Rivals,
     SetModel,
     cheapest_pairing,
+    first_instants,
     intersections,
     normal_equations,
     rivals,
@@ -132,12 +133,15 @@ def _repaired(
     held = np.flatnonzero(which >= 0)
     sums = np.zeros((len(several), *stretch.table.shape[1:]))
     np.add.at(sums, which[held], stretch.table[held])
+    instants = np.unique(stretch.kept.time_s)
+    first_s = instants[first_instants(sums)] if len(several) else several
+    sums[instants < first_s[:, None]] = 0.0
     fixed = np.flatnonzero(_are_fixed(sums)) if len(several) else several
     whose = _places(several[fixed], kept.number)
-    mine = np.flatnonzero(whose >= 0)
+    mine = np.flatnonzero((whose >= 0) & (kept.time_s >= np.append(first_s[fixed], np.inf)[whose]))
     if not len(mine):
         return now
-    some = np.isin(np.unique(stretch.kept.time_s), kept.time_s[mine])
+    some = np.isin(instants, kept.time_s[mine])
     rows = np.searchsorted(now.table.number, several[fixed])
     after = refiltered(
         filter_,
