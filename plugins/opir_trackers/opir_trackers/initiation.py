@@ -292,7 +292,7 @@ def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
         _sigma_with_motion(clusters),
     )
     table, centre = normal_equations(lines, every, len(every), range_m)
-    group = cheapest_pairing(table, clusters.sensor, None, SetModel(centre, begin=True))
+    group = cheapest_pairing(table, clusters.sensor, SetModel(centre, begin=True))
     return group, int(group.max()) + 1
 
 

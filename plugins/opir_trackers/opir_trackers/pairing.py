@@ -48,6 +48,9 @@ _FIRST_REWARD = 3.0
 #: 20 s or so; and how many last instants count whatever was before.
 _SWAPPED, _RECENT = 3.0, 3
 
+#: Log likelihood that a present pairing has over another, by what came before the stretch.
+_KEPT = 3.0
+
 #: Assignments are repeated while they gain more than this (log likelihood).
 _SETTLED = 1e-3
 
@@ -178,12 +181,19 @@ def _degrees(lines: FloatArray) -> FloatArray:
 class SetModel(NamedTuple):
     """What sets of focal-plane tracks are likely: `centre` (3,) is the point of reference of normal equations, ECEF, m.
 
-    Of sets that `begin` tracks the height h at the first look counts: its prior density is proportional to
-    1 / (3 km + h), so that above 3 km each octave is equally probable.
+    `present` (n,) are the sets of the rows as they are: what came before the stretch speaks for them. No target is
+    below the ground. Of sets that `begin` tracks the height h at the first look counts: its prior density is
+    proportional to 1 / (3 km + h), so that above 3 km each octave is equally probable.
     """
 
     centre: FloatArray
     begin: bool = False
+    present: IntArray | None = None
+
+    def total(self, table: FloatArray, group: IntArray) -> float:
+        """Return the log likelihood of sets (n,), from 0, of the rows of normal equations."""
+        kept = 0 if self.present is None else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
+        return float(self.gains(set_sums(table, group)).sum()) + _KEPT * kept
 
     @property
     def least_gain(self) -> float:
@@ -191,14 +201,15 @@ class SetModel(NamedTuple):
         return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
 
     def gains(self, table: FloatArray) -> FloatArray:
-        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of first heights."""
-        if not self.begin:
-            return gains(table)
-        height_m, sigma_m = self._heights(table)
-        high = np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-        deep = np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
-        cost: FloatArray = np.where(table[..., 11] > 1.5, high + 0.5 * deep, 0.0).sum(axis=-1)
-        return gains(table, _FIRST_REWARD) - cost
+        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the last height."""
+        last = table[..., -1, :]
+        height_m, sigma_m = self._heights(last)
+        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
+        if self.begin:
+            cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
+        gain = gains(table, _FIRST_REWARD if self.begin else REWARD)
+        lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
+        return lawful
 
     def _heights(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
@@ -246,12 +257,9 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
     return Candidates(which, rows[row], gain)
 
 
-def cheapest_pairing(table: FloatArray, sensor: IntArray, present: IntArray | None, model: SetModel) -> IntArray:
-    """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost.
-
-    `present` (n,) are the sets as they are, from 0, if there are any.
-    """
-    best, total = _relaxed(table, sensor, present, model) if present is not None else (None, -np.inf)
+def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
+    """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost."""
+    best, total = (None, -np.inf) if model.present is None else _relaxed(table, sensor, model.present, model)
     if best is not None and np.ptp(sensor) >= _CERTAIN:
         return best
     other, sum_ = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
@@ -263,7 +271,8 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
     group = np.arange(len(sensor))
     for one in np.unique(sensor)[1:].tolist():
         rows = np.flatnonzero(sensor <= one)
-        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], model)
+        part = model if model.present is None else model._replace(present=model.present[rows])
+        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], part)
         # The others stay alone.
         group[sensor > one] = len(sensor) + np.flatnonzero(sensor > one)
     return ranks(group)
@@ -271,12 +280,12 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
 
 def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel) -> tuple[IntArray, float]:
     """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes."""
-    sensors, total = np.unique(sensor).tolist(), float(model.gains(set_sums(table, group)).sum())
+    sensors, total = np.unique(sensor).tolist(), model.total(table, group)
     for _ in range(_ROUNDS):
         before = total
         for ones in _parts(sensors):
             group = _reassigned(table, sensor, group, ones, model)
-        total = float(model.gains(set_sums(table, group)).sum())
+        total = model.total(table, group)
         if len(sensors) == 2 or total <= before + _SETTLED:
             break
     return group, total
@@ -299,13 +308,18 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
 
 def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel) -> IntArray:
     """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
-    mine = np.isin(sensor, ones)
-    rows, others = np.flatnonzero(mine), np.flatnonzero(~mine)
+    chosen = np.isin(sensor, ones)
+    rows, others = np.flatnonzero(chosen), np.flatnonzero(~chosen)
     number, place = np.unique(group[others], return_inverse=True)
     part, part_of = np.unique(group[rows], return_inverse=True)
     parts = set_sums(table[rows], part_of)
     pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
-    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - pairs.gain))
+    gain = pairs.gain
+    if model.present is not None:
+        label, mine = np.empty(len(number), dtype=np.int64), np.empty(len(part), dtype=np.int64)
+        label[place[::-1]], mine[part_of[::-1]] = model.present[others[::-1]], model.present[rows[::-1]]
+        gain = gain + _KEPT * (label[pairs.set] == mine[pairs.row])
+    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
     # Parts that fit no set make sets of their own.
     fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
     fresh[pairs.row[used]] = number[pairs.set[used]]

@@ -231,10 +231,7 @@ class AssociateAndUpdate:
         )
         pairs = self.gated_pairs(part, lines if len(rows) else lines.take(rows), span)
         pairs = evolve(pairs, track=rows[pairs.track])
-        pairs = pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
-        # A crowd's track that a sensor sees for the first time takes lines that no other may have.
-        alone = np.bincount(pairs.line, minlength=1)[pairs.line] == 1
-        return pairs.take(np.flatnonzero(alone | ~follows.any(axis=1)[pairs.track]))
+        return pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float

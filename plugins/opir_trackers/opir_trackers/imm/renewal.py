@@ -65,8 +65,8 @@ def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: Imm
     table, sensor = stretch.table[ready], tracks.sensor[ready]
     if len(ready) < 2 or np.ptp(sensor) == 0:
         return now
-    model = SetModel(stretch.centre)
-    group = cheapest_pairing(table, sensor, ranks(tracks.number[ready]), model)
+    model = SetModel(stretch.centre, present=ranks(tracks.number[ready]))
+    group = cheapest_pairing(table, sensor, model)
     number = tracks.number.copy()
     number[ready] = _numbers(group, tracks.take(ready))
     doubt = rivals(table, sensor, group, model, _LEAST_DOUBT)

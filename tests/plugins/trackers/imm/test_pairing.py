@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from opir_trackers.pairing import (
     Directions,
+    SetModel,
     cheapest_pairing,
     gains,
     intersections,
@@ -70,7 +71,7 @@ def test_the_cost_is_that_of_the_best_of_all_pairings(sensors: int, targets: int
         rng = np.random.default_rng([seed, sensors, targets])
         directions, row, sensor, _ = looked_at(*targets_m(targets, spread_m, rng), sensors, 6, rng)
         table, centre = equations(directions, row, len(sensor))
-        group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+        group = cheapest_pairing(table, sensor, SetModel(centre))
         best = best_by_enumeration(table, sensor, targets)
         assert gains(set_sums(table, group)).sum() >= best - 0.01 * abs(best)
 
@@ -80,7 +81,7 @@ def test_twenty_launches_are_paired_right(sensors: int) -> None:
     rng = np.random.default_rng(7)
     directions, row, sensor, target = looked_at(*targets_m(20, 5000.0, rng), sensors, 40, rng)
     table, centre = equations(directions, row, len(sensor))
-    group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+    group = cheapest_pairing(table, sensor, SetModel(centre))
     right = [len(set(target[group == one])) == 1 and np.count_nonzero(group == one) == sensors for one in set(group)]
     assert np.mean(right) >= 0.95
 
@@ -91,7 +92,7 @@ def test_a_set_has_one_track_of_each_sensor_and_one_that_fits_none_stays_alone()
     directions, row, sensor, target = looked_at(place, velocity, 2, 20, rng)
     gone = np.flatnonzero(~((sensor[row] == 1) & (target[row] == 0)))
     table, centre = equations(directions.take(gone), row[gone], len(sensor))
-    group = cheapest_pairing(table, sensor, np.arange(len(sensor)), centre)
+    group = cheapest_pairing(table, sensor, SetModel(centre))
     assert np.bincount(group * 2 + sensor).max() == 1
     assert np.count_nonzero(group == group[(sensor == 0) & (target == 0)]) == 1
 
@@ -119,8 +120,8 @@ def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:
         place = EARTH_M * up + 2000.0 * np.stack([apart, -apart])
         directions, row, sensor, _ = looked_at(place, np.tile(300.0 * up, (2, 1)), 2, 10, rng)
         table, centre = equations(directions, row, 4)
-        group = cheapest_pairing(table, sensor, np.arange(4), centre)
-        found.append(rivals(table, sensor, group, centre, 0.01).probability)
+        group = cheapest_pairing(table, sensor, SetModel(centre))
+        found.append(rivals(table, sensor, group, SetModel(centre), 0.01).probability)
     assert len(found[0]) == 2
     assert (found[0] > 0.2).all()
     assert not len(found[1])
