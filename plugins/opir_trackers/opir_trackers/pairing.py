@@ -64,7 +64,8 @@ _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
 #: Crossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
 
-#: With more sensors than this, crossings of wrong sets are so rare that the present pairing is start enough.
+#: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is start
+#: enough.
 _CERTAIN = 3
 
 #: Rounds of assignment of each sensor to the sets of the others.
@@ -161,6 +162,23 @@ def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
     first: IntArray = np.argmin(_losses(table, REWARD), axis=-1)
     return first
+
+
+def are_open(table: FloatArray, group: IntArray) -> BoolArray:
+    """Return which rows are of sets (n,), from 0, that the pairing may change: of two sensors, or that fit badly.
+
+    Lines of three sensors do not cross at all instants by chance.
+    """
+    sums = set_sums(table, group)
+    whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
+    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (_losses(sums, REWARD)[:, 0] < _FITTING * whole)
+    open_rows: BoolArray = ~is_sure[group]
+    return open_rows
+
+
+#: A set of three sensors is sure where it has lost less than this share of its reward: where the mean least squares of
+#: a degree of freedom are below 1.5.
+_FITTING = 0.25
 
 
 def _losses(table: FloatArray, reward: float) -> FloatArray:
@@ -279,24 +297,28 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
 
 
 def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel) -> tuple[IntArray, float]:
-    """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes."""
-    sensors, total = np.unique(sensor).tolist(), model.total(table, group)
+    """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes.
+
+    Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
+    """
+    sensors = np.unique(sensor).tolist()
+    ones, pairs = [[one] for one in sensors], [list(pair) for pair in pairwise(sensors)]
+    if len(sensors) == 2:
+        group = _reassigned(table, sensor, group, ones[1], model)
+        return group, model.total(table, group)
+    total, moves = model.total(table, group), ones
     for _ in range(_ROUNDS):
         before = total
-        for ones in _parts(sensors):
-            group = _reassigned(table, sensor, group, ones, model)
+        for some in moves:
+            group = _reassigned(table, sensor, group, some, model)
         total = model.total(table, group)
-        if len(sensors) == 2 or total <= before + _SETTLED:
+        if total > before + _SETTLED:
+            moves = ones
+        elif moves is pairs or len(sensors) == 3:
             break
+        else:
+            moves = pairs
     return group, total
-
-
-def _parts(sensors: list[int]) -> list[list[int]]:
-    """Return the sensors that are assigned to the sets of the others together: each one, and of four or more, pairs."""
-    if len(sensors) == 2:
-        return [sensors[1:]]
-    ones = [[one] for one in sensors]
-    return ones if len(sensors) == 3 else ones + [list(pair) for pair in pairwise(sensors)]
 
 
 def set_sums(table: FloatArray, group: IntArray) -> FloatArray:

@@ -20,6 +20,7 @@ from opir_trackers.pairing import (
     Directions,
     Rivals,
     SetModel,
+    are_open,
     cheapest_pairing,
     first_instants,
     intersections,
@@ -62,9 +63,10 @@ def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: Imm
     if not len(stretch.row):
         return now
     ready = _ready(tracks, stretch)
+    ready = ready[are_open(stretch.table[ready], ranks(tracks.number[ready]))]
     table, sensor = stretch.table[ready], tracks.sensor[ready]
     if len(ready) < 2 or np.ptp(sensor) == 0:
-        return now
+        return evolve(now, crowds=evolve(now.crowds, mixtures=Mixtures.empty(), paired_s=now.time_s))
     model = SetModel(stretch.centre, present=ranks(tracks.number[ready]))
     group = cheapest_pairing(table, sensor, model)
     number = tracks.number.copy()
