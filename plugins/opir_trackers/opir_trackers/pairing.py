@@ -64,8 +64,8 @@ _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
 #: Crossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
 
-#: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is start
-#: enough.
+#: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is
+#: start enough.
 _CERTAIN = 3
 
 #: Rounds of assignment of each sensor to the sets of the others.

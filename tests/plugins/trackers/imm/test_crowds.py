@@ -5,7 +5,7 @@ from opir_trackers.imm.crowds import begun_near, contested_tracks
 
 
 def contested(shared_in: int, sensors: int) -> list[int]:
-    """Return which of two tracks are contested that share their line in some sensors and have one each in the others."""
+    """Return which of two tracks are contested that share a line in some sensors and have their own in others."""
     track = np.tile([0, 1], sensors)
     line = np.concatenate([[2 * one, 2 * one + (one >= shared_in)] for one in range(sensors)])
     return contested_tracks(track, line, np.repeat(np.arange(sensors), 2), np.ones((2, sensors), dtype=bool)).tolist()
