@@ -192,14 +192,17 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     sensors = np.bincount(group, minlength=count)
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
     position = _positions(likely, group, count, sensors)
-    ready = np.flatnonzero((scans >= scans_needed) & np.isfinite(position).all(axis=1))
+    is_part = np.bincount(group, likely.is_part, count) > 0.0
+    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
+    needed = np.where(is_part & (sensors == 1), 2 * scans_needed, scans_needed)
+    ready = np.flatnonzero((scans >= needed) & np.isfinite(position).all(axis=1))
     sine = np.ones(count)
     if np.count_nonzero(sensors[ready] == 1):
         sine[group] = _sines(likely.direction_ecef, position[group])
     place, number = np.full(len(clusters), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = TrackCandidates(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
+    begun = TrackCandidates(position, time_s, sensors, sine, is_part)
     return Initiation(cluster, place[cluster], begun.take(ready))
 
 

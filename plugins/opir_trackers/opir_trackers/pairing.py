@@ -8,7 +8,7 @@ the others until nothing changes (multidimensional assignment by relaxation to t
 Optimization and Applications 3, 1994), from the present pairing and from none.
 """
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -64,9 +64,15 @@ _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
 #: Crossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
 
+#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of one target.
+_VAGUE_M = 300e3
+
 #: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is
 #: start enough.
 _CERTAIN = 3
+
+#: Up to so many sensors all pairs of sensors are assigned together, with more neighbours alone, which takes less time.
+_ALL_PAIRS = 5
 
 #: Rounds of assignment of each sensor to the sets of the others.
 _ROUNDS = 6
@@ -245,7 +251,8 @@ class SetModel(NamedTuple):
         met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
         radius = np.sqrt(np.sum(np.square(point + self.centre), axis=-1))
         blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
-        lawful = ((radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m)) | ~met
+        lawful = (radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m) & (blur_m < _SURE_SIGMAS * _VAGUE_M)
+        lawful |= ~met
         added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
         possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
         return possible
@@ -277,11 +284,13 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
 
 def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
     """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost."""
-    best, total = (None, -np.inf) if model.present is None else _relaxed(table, sensor, model.present, model)
-    if best is not None and np.ptp(sensor) >= _CERTAIN:
-        return best
-    other, sum_ = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
-    return other if best is None or sum_ > total + 1e-9 * abs(total) else best
+    if model.present is not None and np.ptp(sensor) >= _CERTAIN:
+        return _relaxed(table, sensor, model.present, model)[0]
+    starts = [_in_sequence(table, sensor, model), model.present]
+    if model.present is None:
+        starts[1] = _in_sequence(table, sensor.max() - sensor, model)
+    found = [_relaxed(table, sensor, start, model) for start in starts if start is not None]
+    return max(found, key=lambda each: each[1])[0]
 
 
 def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
@@ -302,7 +311,9 @@ def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetMod
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
     sensors = np.unique(sensor).tolist()
-    ones, pairs = [[one] for one in sensors], [list(pair) for pair in pairwise(sensors)]
+    ones = [[one] for one in sensors]
+    two = pairwise(sensors) if len(sensors) > _ALL_PAIRS else combinations(sensors, 2)
+    pairs = [list(pair) for pair in two]
     if len(sensors) == 2:
         group = _reassigned(table, sensor, group, ones[1], model)
         return group, model.total(table, group)

@@ -123,7 +123,11 @@ class AssociateAndUpdate:
     ) -> AssociationResult:
         """Return the estimates after a slice's lines, and their association, given the track table and the crowds."""
         ahead = self.with_bias_covariance(estimates, end_s, table.reports)
-        pairs, fractions = self.lone_pairs(ahead, lines, span, table, crowds), OutlierFractions(table.outliers)
+        if crowds.are_there:
+            pairs = self.lone_pairs(ahead, lines, span, table, crowds)
+        else:
+            pairs = self.gated_pairs(ahead, lines, span)
+        fractions = OutlierFractions(table.outliers)
         if len(table) > 1:
             rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
             crowds = self._with_tracks(crowds, rows, ahead, table)
@@ -219,8 +223,6 @@ class AssociateAndUpdate:
         crowds: Crowds,
     ) -> GatedPairs:
         """Return the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them."""
-        if not crowds.are_there:
-            return self.gated_pairs(predicted_measurements, lines, span)
         follows = crowds.follows(table.number, table.reports.shape[1])
         rows = np.flatnonzero(~follows.all(axis=1))
         bias, whole = predicted_measurements.bias_covariance, predicted_measurements

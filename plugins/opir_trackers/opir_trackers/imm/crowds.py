@@ -8,7 +8,7 @@ contested. While it is in, its lines are those of its focal-plane tracks, and it
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -59,11 +59,8 @@ class Crowds:
     kept: Directions = field(factory=Directions.empty)
     mixtures: Mixtures = field(factory=Mixtures.empty)
     paired_s: float = -np.inf
-
-    @property
-    def are_there(self) -> bool:
-        """Return whether any track is in a crowd."""
-        return self.tracks.number.size > 0
+    #: Whether any track is in a crowd.
+    are_there: bool = field(default=Factory(lambda self: self.tracks.number.size > 0, takes_self=True), init=False)
 
     def holds(self, number: IntArray) -> BoolArray:
         """Return which tracks (n,) are in a crowd."""

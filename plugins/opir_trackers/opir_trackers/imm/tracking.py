@@ -191,7 +191,8 @@ class ImmTracking:
         result = self.association.updated_tracks(estimates, end_s, lines, span, now.table, now.crowds)
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
-        return evolve(now.after(end_s, estimates, table), crowds=result.crowds), result.owner
+        then = now.after(end_s, estimates, table)
+        return then if result.crowds is now.crowds else evolve(then, crowds=result.crowds), result.owner
 
     def _with_launch_points(self, now: TrackerState) -> TrackerState:
         """Return the state with the launch points of young tracks."""
@@ -319,7 +320,9 @@ class ImmTracking:
         """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
         confirmed = self.confirmed(now)
         table, motion = now.table, now.motion
-        estimates = now.crowds.mixtures.mixed(now.estimates, table.number, now.time_s)
+        estimates = now.estimates
+        if now.crowds.are_there:
+            estimates = now.crowds.mixtures.mixed(estimates, table.number, now.time_s)
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
         last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
@@ -374,8 +377,10 @@ class ImmTracking:
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
-        pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
-        if now.crowds.are_there:
+        if not now.crowds.are_there:
+            pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        else:
+            pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
             theirs = crowd.label_pairs(
                 now.crowds, now.table.number, lines, self.config.cadence_s, self.config.gate_sigma
             )
