@@ -8,7 +8,7 @@ the others until nothing changes (multidimensional assignment by relaxation to t
 Optimization and Applications 3, 1994), from the present pairing and from none.
 """
 
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -70,9 +70,6 @@ _VAGUE_M = 300e3
 #: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is
 #: start enough.
 _CERTAIN = 3
-
-#: Up to so many sensors all pairs of sensors are assigned together, with more neighbours alone, which takes less time.
-_ALL_PAIRS = 5
 
 #: Rounds of assignment of each sensor to the sets of the others.
 _ROUNDS = 6
@@ -311,9 +308,7 @@ def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetMod
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
     sensors = np.unique(sensor).tolist()
-    ones = [[one] for one in sensors]
-    two = pairwise(sensors) if len(sensors) > _ALL_PAIRS else combinations(sensors, 2)
-    pairs = [list(pair) for pair in two]
+    ones, pairs = [[one] for one in sensors], [list(pair) for pair in pairwise(sensors)]
     if len(sensors) == 2:
         group = _reassigned(table, sensor, group, ones[1], model)
         return group, model.total(table, group)
