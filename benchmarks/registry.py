@@ -309,9 +309,9 @@ BENCHMARKS = (
     ),
     Benchmark(
         "salvos",
-        "How far apart must launches of a salvo be to have tracks of their own?",
+        "Does `imm` tell the launches of a salvo apart?",
         "salvos.py",
-        words("--runs 1 --spacings 5"),
+        words("--runs 1 --halves 5"),
         needs=("opir_trackers",),
     ),
     Benchmark(

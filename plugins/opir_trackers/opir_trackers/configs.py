@@ -214,9 +214,6 @@ class ImmConfig:
         maximum=10.0,
         help="length of a slice, whose looks update a track together; at most the cadence",
     )
-    settling: int = number(
-        default=2, minimum=0, maximum=20, help="maximum number of reassignments of a slice by the updated estimates"
-    )
     gate_sigma: float = number(default=GATE_SIGMAS, minimum=1.0, maximum=20.0, help="gate, in standard deviations")
     false_alarms_per_sr: float = number(
         default=100.0,

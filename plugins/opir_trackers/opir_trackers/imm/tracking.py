@@ -17,7 +17,7 @@ from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
-from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
+from opir_trackers.association import AssociationModel, associate_nearest, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
@@ -25,20 +25,10 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.outcomes import Outcomes, hypothesis_log_likelihood
 from opir_trackers.forecast.vehicles import vehicle_model
-from opir_trackers.imm import track_management
-from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
-from opir_trackers.imm.histories import (
-    LONGEST_S,
-    Histories,
-    are_open,
-    due_for_assignment,
-    mean_measurements,
-    reweighted,
-    slice_measurements,
-    smooth_boost_s,
-)
-from opir_trackers.imm.history_assignment import assigned_histories
-from opir_trackers.imm.neighbours import with_neighbours
+from opir_trackers.gating import GatedPairs
+from opir_trackers.imm import crowds as crowd, track_management
+from opir_trackers.imm.associate_and_update import AssociateAndUpdate
+from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import EndedTracks, TrackerState
@@ -50,12 +40,11 @@ from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
-from opir_trackers.triangulation import FAR_M
 
 #: The launch point is estimated for tracks no older than this, s.
 _YOUNG_S = 10.0
 
-_NOBODY = np.array([-1])
+_NOBODY, _NONE = np.array([-1]), np.empty(0, dtype=np.int64)
 
 #: Codes of ends.
 IMPACT, LOST = TRACK_ENDS.index("impact"), TRACK_ENDS.index("lost")
@@ -73,7 +62,6 @@ class ImmTracking:
     biases: Biases
     forces: Forces
     type_log_likelihood: FloatArray
-    boost_history_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
@@ -89,7 +77,6 @@ class ImmTracking:
         ]
         model = AssociationModel(track_management.clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
-        look_m = FAR_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
         filter_, biases = filter_of(config, context), Biases.of(context.sensors, config.clock_sigma_s)
         return cls(
             config=config,
@@ -100,7 +87,6 @@ class ImmTracking:
             biases=biases,
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
-            boost_history_s=min(smooth_boost_s(look_m, float(period_s.min(initial=1.0))), LONGEST_S),
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
             silence_limit_s=track_management.longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(
@@ -148,7 +134,7 @@ class ImmTracking:
             return now
         pause_s = self._longest_of_sensors(self.period_s, table)
         motion = self.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s)
-        return now.after(now.time_s, now.estimates, table, now.histories, motion)
+        return now.after(now.time_s, now.estimates, table, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand, whatever the filter says.
@@ -177,9 +163,13 @@ class ImmTracking:
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
             motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
             estimates = self.single.with_ascents(then.estimates, table, motion, then.table.seen_s, end_s)
-            then = then.after(end_s, estimates, table, then.histories, motion)
+            then = then.after(end_s, estimates, table, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
-        return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
+        then = self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
+        if not then.crowds.are_there:
+            return then
+        then = evolve(then, crowds=crowd.pruned(then.crowds, end_s, self.period_s))
+        return renewed(then, self.association.view, self.filter, self.config)
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -201,57 +191,15 @@ class ImmTracking:
         if not len(now.estimates.weight):
             return evolve(now, time_s=end_s), owner
         estimates = self.association.predicted(now.estimates, span)
-        histories = now.histories.predicted(self.filter.predicted, span)
         if not len(owner):
             after = self.filter.updated(estimates, end_s, no_measurements(), span)
             after = self.filter.with_open_coast(after, estimates, now.estimates, span)
-            return now.after(end_s, after, now.table, histories), owner
-        with_history = now.table.number.searchsorted(histories.number)
-        result = self.association.updated_tracks(estimates, end_s, lines, span, with_history, now.table)
+            return now.after(end_s, after, now.table), owner
+        result = self.association.updated_tracks(estimates, end_s, lines, span, now.table, now.crowds)
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
-        now = now.after(end_s, estimates, table, histories)
-        return self._with_histories(now, result, with_history, lines, span), result.owner
-
-    def _with_histories(
-        self, now: TrackerState, result: AssociationResult, rows: IntArray, lines: LinesOfSight, span: float
-    ) -> TrackerState:
-        """Return the state with the histories of tracks `rows` reassigned as far as the data decide."""
-        histories = now.histories
-        if not len(histories.number):
-            return now
-        before, age = now.estimates.part(rows), now.time_s - histories.begun_s
-        path = self.association.predicted_measurements(before, now.time_s)
-        measured = slice_measurements(path, result, rows, lines, self.association.model, span)
-        histories, estimates = reweighted(self.filter, histories.with_measurements(*measured), before, now.time_s)
-        assignment = assigned_histories(
-            self.filter,
-            histories,
-            estimates,
-            now.time_s,
-            self.biases.sigma_rad,
-            due_for_assignment(histories, age, span),
-        )
-        histories, boosts = assignment.histories, estimates.weight[:, 0] > 0.5
-        are_kept = are_open(histories, age, boosts, self.boost_history_s)
-        open_ = np.flatnonzero(are_kept & (histories.doubt > 0.0))
-        return evolve(
-            now,
-            estimates=now.estimates
-            if assignment.estimates is before
-            else now.estimates.put(rows, assignment.estimates),
-            histories=histories.of(are_kept),
-            ambiguous=(histories.number[open_], assignment.reported.take(open_)),
-        )
-
-    def reported_estimates(self, now: TrackerState) -> ModeEstimates:
-        """Return the estimates to report: of a track with an undecided history, the mixture."""
-        number, mixed = now.ambiguous
-        if not len(number):
-            return now.estimates
-        here = np.flatnonzero(np.isin(number, now.table.number))
-        rows = np.searchsorted(now.table.number, number[here])
-        return now.estimates.put(rows, mixed.take(here)) if len(here) else now.estimates
+        then = now.after(end_s, estimates, table)
+        return then if result.crowds is now.crowds else evolve(then, crowds=result.crowds), result.owner
 
     def _with_launch_points(self, now: TrackerState) -> TrackerState:
         """Return the state with the launch points of young tracks."""
@@ -272,7 +220,7 @@ class ImmTracking:
         points.covariance[:, 2, 2] += self.config.clock_sigma_s**2
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
-        return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)
+        return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance))
 
     def _with_initiated(self, now: TrackerState) -> TrackerState:
         """Return the state with tracks initiated from unassigned lines."""
@@ -289,36 +237,42 @@ class ImmTracking:
         pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, now.unclaimed.sensor[pairs.line])))
         association = associate_nearest(pairs, now.unclaimed, self.association.model)
         estimates = self.filter.updated(first, now.time_s, association.measurements, span)
-        return self._with_new_tracks(
-            now, first, AssociationResult(estimates, association.owner, association.assigned, pairs)
-        )
+        return self._with_new_tracks(now, first, estimates, association.owner)
 
-    def _with_new_tracks(self, now: TrackerState, first: ModeEstimates, result: AssociationResult) -> TrackerState:
+    def _with_new_tracks(
+        self, now: TrackerState, first: ModeEstimates, after: ModeEstimates, lines_of: IntArray
+    ) -> TrackerState:
         """Return the state with the new tracks that have enough lines, numbered in order."""
-        hits = np.bincount(result.owner[result.owner >= 0], minlength=len(first))
+        hits = np.bincount(lines_of[lines_of >= 0], minlength=len(first))
         good = hits >= self.needed_scans
         row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
-        owner, count = row[result.owner], int(good.sum())
+        owner, count = row[lines_of], int(good.sum())
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
         motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
-        path = self.filter.predicted_measurements(result.estimates, now.time_s)
-        sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
-        measured = mean_measurements(path, hard_measurements(result.assigned), sensor, self.config.slice_s)
-        begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *measured).of(good)
-        return evolve(
+        then = evolve(
             now,
-            estimates=ModeEstimates.concatenate([now.estimates, result.estimates.take(np.flatnonzero(good))]),
+            estimates=ModeEstimates.concatenate([now.estimates, after.take(np.flatnonzero(good))]),
             table=track_management.TrackTable.concatenate([now.table, fresh]),
             unclaimed=now.unclaimed.take(left),
             reported=now.reported[left],
-            histories=now.histories.joined(evolve(begun, number=number)),
             next_number=now.next_number + count,
             motion=MotionStatistics.concatenate([now.motion, motion]),
         )
+        return self._with_neighbours(then, count)
+
+    def _with_neighbours(self, now: TrackerState, fresh: int) -> TrackerState:
+        """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several are near."""
+        seen = now.table.reports >= 0
+        rows = crowd.begun_near(now.estimates.likelier_position_m, fresh, seen) if fresh else _NONE
+        rows = rows[~now.crowds.holds(now.table.number[rows])]
+        if not len(rows):
+            return now
+        path = self.filter.predicted_measurements(now.estimates, now.time_s)
+        return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, self.association.view))
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""
@@ -351,7 +305,8 @@ class ImmTracking:
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
             wider[fast] = np.eye(6)
-            drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits)
+            are_fresh, seen = table.begun_s == now.time_s, table.reports >= 0
+            drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits, seen, are_fresh)
         if not np.count_nonzero(drop):
             return now
         gone = np.flatnonzero(drop & self.confirmed(now))
@@ -371,7 +326,10 @@ class ImmTracking:
     def reported_tracks(self, now: TrackerState) -> ReportedTracks:
         """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
         confirmed = self.confirmed(now)
-        estimates, table, motion = self.reported_estimates(now), now.table, now.motion
+        table, motion = now.table, now.motion
+        estimates = now.estimates
+        if now.crowds.are_there:
+            estimates = now.crowds.mixtures.mixed(estimates, table.number, now.time_s)
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
         last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
@@ -380,7 +338,6 @@ class ImmTracking:
             order = np.argsort(last.table.number, kind="stable")
             estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
-        estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
         if self.biases.any or self.config.clock_sigma_s:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
@@ -402,15 +359,6 @@ class ImmTracking:
         still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
         around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
         return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
-
-    def _with_neighbours(
-        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable
-    ) -> ModeEstimates:
-        """Return the estimates with covariances that allow for the lines of sight of neighbours."""
-        if len(estimates) < 2:
-            return estimates
-        state, seen = self.association.moments(estimates)[0], table.reports >= 0
-        return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
 
     def _with_biases(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
@@ -436,7 +384,14 @@ class ImmTracking:
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
-        pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        if not now.crowds.are_there:
+            pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        else:
+            pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
+            theirs = crowd.label_pairs(
+                now.crowds, now.table.number, lines, self.config.cadence_s, self.config.gate_sigma
+            )
+            pairs = GatedPairs.concatenate([pairs, theirs])
         confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))

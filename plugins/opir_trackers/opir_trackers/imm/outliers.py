@@ -1,101 +1,27 @@
-"""Weights of measurements by expectation maximisation: lines shared by several tracks, and outliers.
+"""Outliers: weights of measurements by expectation maximisation.
 
-**Ambiguous measurements.** Two targets closer than a look's error are not resolved by hard assignment: each track would
-get the lines on its own side, and the estimates would repel. So an ambiguous line counts for each track with its
-association probability, which is recomputed with the updated tracks (EM: Dempster, Laird and Rubin, J. Royal
-Statistical Society B 39(1), 1977; Streit and Luginbuhl, "Probabilistic multi-hypothesis tracking", 1995), with one line
-per track and scan. Each iteration increases the likelihood of all lines, summed over all hypotheses.
-
-**Outliers.** A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a
-gate of that error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by
-EM as above. The information of the slice is then the observed information (Louis, J. Royal Statistical Society B 44(2),
-1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood of all
-its lines so far, over a grid of fractions: a running mean of weights would retain the first belief (Titterington, J.
-Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
+A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a gate of that
+error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by their inlier
+probability, which is recomputed with the updated track (EM: Dempster, Laird and Rubin, J. Royal Statistical Society B
+39(1), 1977). The information of the slice is then the observed information (Louis, J. Royal Statistical Society B
+44(2), 1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood
+of all its lines so far, over a grid of fractions: a running mean of weights would retain the first belief
+(Titterington, J. Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import dot, matvec
-from opir_core.interfaces import Columns
-from opir_trackers.assignment import marginals, ranks
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.estimation import matvec
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements
 
-#: Lines with a lower association probability, considering only rivals for the line, are not a track's.
-_LEAST_SHARE = 5e-3
-
 #: Weight of a measurement that is most probably unassigned.
-LEAST_WEIGHT = 1e-6
-
-
-@frozen(eq=False, repr=False)
-class AmbiguousMeasurements(Columns):
-    """Lines that may be part of measurements, one row each: measurement, line and scan.
-
-    `measured` (n, 2), rad, is the line in the tangent plane of the measurement; `log_odds` (n,) the log likelihood
-    ratio of a line on the track to a miss and a false alarm, per solid angle in units of its variance; `weight` (n,)
-    the last association probability; `end_s` (n,) the end of the line's slice.
-    """
-
-    measurement: IntArray
-    line: IntArray
-    scan: IntArray
-    measured: FloatArray
-    sigma_rad: FloatArray
-    log_odds: FloatArray
-    weight: FloatArray
-    end_s: FloatArray
-
-    @classmethod
-    def empty(cls) -> "AmbiguousMeasurements":
-        """Return an empty record."""
-        whole, none = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(whole, whole, whole, np.empty((0, 2)), none, none, none, none)
-
-    def with_probabilities(self, track: IntArray, expected: FloatArray) -> "AmbiguousMeasurements":
-        """Return the lines with association probabilities, one line per track and scan and one track per line.
-
-        `track` (m,) are the tracks of the measurements, `expected` (m, 2) their predicted directions.
-        """
-        apart = self.measured - expected.take(self.measurement, axis=0)
-        log = self.log_odds - 0.5 * dot(apart, apart) / np.square(self.sigma_rad)
-        ratio = np.exp(np.minimum(log, 300.0))
-        likely = np.flatnonzero(ratio > _LEAST_SHARE * (1.0 + np.bincount(self.line, ratio)[self.line]))
-        scan = ranks(track[self.measurement[likely]] * (int(self.scan.max(initial=0)) + 1) + self.scan[likely])
-        weight = np.zeros(len(self))
-        weight[likely] = marginals(scan, self.line[likely], ratio[likely])
-        return evolve(self, weight=weight)
-
-    def gathered(self, measurements: AngleMeasurements) -> tuple[AngleMeasurements, IntArray]:
-        """Return measurements with the weighted means of their lines, and which rows changed."""
-        sharp = np.maximum(self.weight, LEAST_WEIGHT) / np.square(self.sigma_rad)
-        total = np.bincount(self.measurement, sharp, len(measurements))
-        mine = np.flatnonzero(total)
-        measured, whitener = measurements.measured.copy(), measurements.whitener.copy()
-        for axis in (0, 1):
-            measured[mine, axis] = (
-                np.bincount(self.measurement, sharp * self.measured[:, axis], len(measurements))[mine] / total[mine]
-            )
-        whitener[mine] = np.sqrt(total[mine])[:, None, None] * np.eye(2)
-        return evolve(measurements, measured=measured, whitener=whitener), mine
-
-    def without(self, gone: BoolArray, measurement: IntArray) -> "AmbiguousMeasurements":
-        """Return the rest after measurements (m,) are removed, the others being renumbered `measurement` (m,).
-
-        A line that was theirs with some probability counts less for others.
-        """
-        left = gone[self.measurement]
-        size = int(self.line.max(initial=-1)) + 1
-        theirs = np.bincount(self.line[left], self.weight[left], size)
-        log_odds = self.log_odds + np.log(np.maximum(1.0 - theirs[self.line], LEAST_WEIGHT))
-        return evolve(self, log_odds=log_odds, measurement=measurement[self.measurement]).take(np.flatnonzero(~left))
+_LEAST_WEIGHT = 1e-6
 
 
 def predicted_directions(path: PredictedMeasurements, measurements: AngleMeasurements) -> FloatArray:
@@ -209,7 +135,7 @@ def reweighted(
             share = outlier.after(log_likelihood).share
     most = np.bincount(assigned.track, weight, len(before))
     left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
-    part = np.maximum(left / np.maximum(most, LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
+    part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
     # The rescaled measurements move the estimate as far as the weighted ones, with less information.
     seen = place + (assigned.measured - place) / part[:, None]
     after = filter_.updated(before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s)
@@ -241,7 +167,7 @@ def _weights(
     square = np.sum(np.square(assigned.measured - place), axis=1) * sharp
     mine = (1.0 - outlier) * np.exp(-0.5 * square) * sharp / (2.0 * np.pi)
     others = outlier * sharp / (np.pi * span.gate**2)
-    return np.maximum(mine / (mine + others), LEAST_WEIGHT), place, square
+    return np.maximum(mine / (mine + others), _LEAST_WEIGHT), place, square
 
 
 def _weighted(assigned: GatedPairs, seen: FloatArray, weight: FloatArray) -> AngleMeasurements:
