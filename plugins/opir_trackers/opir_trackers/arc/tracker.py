@@ -69,7 +69,7 @@ class ArcTracker(Tracker):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one."""
         before_s, lines = self._now.time_s, self._rays.of(detections)
-        self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.with_bias_sigma(lines))
+        self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
         confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:

@@ -31,6 +31,8 @@ from opir_trackers.imm.measurement_weights import (
 )
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.registration.registration import Registration
+from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import FAR_M
 
@@ -74,6 +76,7 @@ class AssociateAndUpdate:
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
     pair_cache: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
     assignment_cache: list[tuple[GatedPairs, IntArray | None, Association]] = field(factory=list)
+    correction_cache: list[Any] = field(factory=list)
 
     def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later, as `predicted_open`."""
@@ -83,16 +86,30 @@ class AssociateAndUpdate:
         """Return the predictions of the estimates about their time."""
         return self.cached("predicted_measurements", self.filter.predicted_measurements, estimates, time_s)
 
-    def with_bias_covariance(self, estimates: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
-        """Return the predictions including the biases of the sensors that see each track, by `reports`."""
+    def with_bias_covariance(
+        self, estimates: ModeEstimates, time_s: float, reports: IntArray, registration: Registration
+    ) -> PredictedMeasurements:
+        """Return the predictions including the shared errors of the sensors that see each track, by `reports`."""
         predicted_measurements = self.predicted_measurements(estimates, time_s)
-        if not self.biases.any:
+        if not registration.widens_gates:
             return predicted_measurements
-        seen, place = reports >= 0, estimates.likelier_position_m
         return self.cached(
             "blurred",
-            lambda one, when: one._replace(bias_covariance=self.biases.from_other_sensors(place, when, seen)),
+            lambda one, when: one._replace(
+                bias_covariance=registration.gate_covariance(
+                    estimates.likelier_state, reports >= 0, self.vantages(registration, when)
+                )
+            ),
             predicted_measurements,
+            time_s,
+        )
+
+    def vantages(self, registration: Registration, time_s: float) -> Vantages:
+        """Return the sensors at a time, their angles weighted as the registration leaves them."""
+        return self.cached(
+            "vantages",
+            lambda known, when: Vantages.of(self.biases.sensors, self.biases.weights(known.apart_rad), when),
+            registration,
             time_s,
         )
 
@@ -123,6 +140,7 @@ class AssociateAndUpdate:
         span: float,
         with_history: IntArray,
         table: TrackTable,
+        registration: Registration,
     ) -> AssociationResult:
         """Return the estimates after a slice's lines, and their association, given the track table.
 
@@ -130,7 +148,7 @@ class AssociateAndUpdate:
         targets a whole slice is more informative than one scan. Rows `with_history` are left out: all their data decide
         their assignment.
         """
-        ahead = self.with_bias_covariance(estimates, end_s, table.reports)
+        ahead = self.with_bias_covariance(estimates, end_s, table.reports, registration)
         pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
         association = self.nearest_association(pairs, lines)
         after = self.filter.updated(estimates, end_s, association.measurements, span)

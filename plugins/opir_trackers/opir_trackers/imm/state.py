@@ -10,6 +10,7 @@ from opir_trackers.imm.histories import Histories
 from opir_trackers.imm.track_management import SharedDetections, TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.registration.registration import Registration
 
 
 @frozen(eq=False)
@@ -39,7 +40,7 @@ class TrackerState:
 
     `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
     the recent scans in which tracks were detected. `motion` (rows of the table) says what each track is; `ended` are
-    those that ended since the last tick.
+    those that ended since the last tick; `registration` is what is known of the sensors.
     """
 
     time_s: float
@@ -55,6 +56,7 @@ class TrackerState:
     sightings: SharedDetections = field(factory=SharedDetections.empty)
     motion: MotionStatistics = field(factory=MotionStatistics.empty)
     ended: "EndedTracks | None" = None
+    registration: Registration = field(kw_only=True)
 
     def after(
         self,
@@ -66,7 +68,8 @@ class TrackerState:
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
         known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
-        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known, self.ended)
+        kept = self.unclaimed, self.reported, histories, *known, self.ended
+        return TrackerState(time_s, estimates, table, *kept, registration=self.registration)
 
     def without(self, drop: BoolArray) -> "TrackerState":
         """Return the state without some tracks (n,)."""
@@ -81,6 +84,7 @@ class TrackerState:
         return not (len(self.table) or len(self.unclaimed.time_s) or self.ended)
 
     @classmethod
-    def first(cls, sensors: int) -> "TrackerState":
+    def first(cls, sensors: int, registration: Registration) -> "TrackerState":
         """Return the state before the first detection, for a number of sensors."""
-        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))
+        none = ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64)
+        return cls(0.0, *none, registration=registration)

@@ -22,7 +22,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import air_velocity
+from opir_trackers.gating import GatedPairs
 from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
@@ -46,6 +46,7 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.registration.registration import Followed, Registration, registered, registration_of, shifted
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
@@ -69,6 +70,7 @@ class ImmTracking:
     association: AssociateAndUpdate
     period_s: FloatArray
     biases: Biases
+    registration: Registration
     forces: Forces
     type_log_likelihood: FloatArray
     boost_history_s: float
@@ -95,6 +97,7 @@ class ImmTracking:
             association=AssociateAndUpdate(config, filter_, model, context.light_time, biases),
             period_s=period_s,
             biases=biases,
+            registration=registration_of(config, context.sensors),
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
             boost_history_s=min(smooth_boost_s(look_m, float(period_s.min(initial=1.0))), LONGEST_S),
@@ -108,11 +111,11 @@ class ImmTracking:
 
     def start(self) -> TrackerState:
         """Return the state before the first detection."""
-        return TrackerState.first(len(self.period_s))
+        return TrackerState.first(len(self.period_s), self.registration)
 
     def lines_of_sight(self, detections: Detections) -> LinesOfSight:
-        """Return the lines of sight of detections, with the standard deviation of noise and bias."""
-        return self.biases.with_bias_sigma(LinesOfSight.of(detections))
+        """Return the lines of sight of detections."""
+        return LinesOfSight.of(detections)
 
     def stepped(
         self, now: TrackerState, tick_s: float, detections: Detections, cached: LinesOfSight | None = None
@@ -166,13 +169,33 @@ class ImmTracking:
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
         span = end_s - now.time_s
-        then, owner = self.associated(now, end_s, lines)
+        right = self.corrected(now.registration, lines)
+        then, owner = self.associated(now, end_s, right)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
+            motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
             then = then.after(end_s, then.estimates, table, then.histories, motion)
         then = self._with_unclaimed(then, lines, owner, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
+
+    def corrected(self, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
+        """Return lines of sight without the errors of their sensors that are known; the last result is cached."""
+        cache = self.association.correction_cache
+        if not cache or cache[0] is not registration or cache[1] is not lines:
+            cache[:] = [registration, lines, registration.corrected(lines)]
+        right: LinesOfSight = cache[2]
+        return right
+
+    def _registered(self, now: TrackerState, assigned: GatedPairs, lines: LinesOfSight) -> TrackerState:
+        """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it."""
+        before = now.registration
+        if not before.several or not len(assigned):
+            return now
+        vantages = self.association.vantages(before, now.time_s)
+        tracks = Followed.of(self.association.moments(now.estimates), now.table.reports >= 0)
+        after = registered(before, assigned, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
+        change = after.known.mean - before.known.mean
+        return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -200,10 +223,13 @@ class ImmTracking:
             after = self.filter.with_open_coast(after, estimates, now.estimates, span)
             return now.after(end_s, after, now.table, histories), owner
         with_history = now.table.number.searchsorted(histories.number)
-        result = self.association.updated_tracks(estimates, end_s, lines, span, with_history, now.table)
+        result = self.association.updated_tracks(
+            estimates, end_s, lines, span, with_history, now.table, now.registration
+        )
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
         now = now.after(end_s, estimates, table, histories)
+        now = self._registered(now, _unshared(result.assigned, result.pairs), lines)
         return self._with_histories(now, result, with_history, lines, span), result.owner
 
     def _with_histories(
@@ -257,11 +283,13 @@ class ImmTracking:
         table, estimates = now.table.part(young), now.estimates.part(young)
         predicted, thrust = self.association.predicted_measurements(estimates, now.time_s), self.config.thrust
         place, seen = estimates.likelier_position_m, table.reports >= 0
-        biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
+        biased = self._shared_covariance(now, estimates, table)
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
         prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
-        points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
+        points = launches(
+            predicted, first_s, prior, thrust.launch_noise_m_s2, None if biased is None else biased[:, :3, :3]
+        )
         points.covariance[:, 2, 2] += self.config.clock_sigma_s**2
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
@@ -271,16 +299,17 @@ class ImmTracking:
         """Return the state with tracks initiated from unassigned lines."""
         if len(now.unclaimed.time_s) < self.needed_scans:
             return now
-        initiation_ = initiation.track_candidates(now.unclaimed, self.needed_scans, self.biases.sigma_rad)
+        lines = self.corrected(now.registration, now.unclaimed)
+        initiation_ = initiation.track_candidates(lines, self.needed_scans, now.registration.loose_rad)
         if not len(initiation_.begun):
             return now
         first, span = (
             prior_estimates(initiation_.begun, now.time_s, self.config),
-            now.time_s - float(now.unclaimed.time_s.min()),
+            now.time_s - float(lines.time_s.min()),
         )
-        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), now.unclaimed, span)
-        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, now.unclaimed.sensor[pairs.line])))
-        association = associate_nearest(pairs, now.unclaimed, self.association.model)
+        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), lines, span)
+        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
+        association = associate_nearest(pairs, lines, self.association.model)
         estimates = self.filter.updated(first, now.time_s, association.measurements, span)
         return self._with_new_tracks(
             now, first, AssociationResult(estimates, association.owner, association.assigned, pairs)
@@ -295,14 +324,17 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
+        lines = self.corrected(now.registration, now.unclaimed)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
-        motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
+        motion = motion.with_lines(owner, lines, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
         path = self.filter.predicted_measurements(result.estimates, now.time_s)
         sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
         measured = mean_measurements(path, hard_measurements(result.assigned), sensor, self.config.slice_s)
         begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *measured).of(good)
-        return evolve(
+        mine = result.assigned.take(np.flatnonzero(good[result.assigned.track]))
+        mine = evolve(mine, track=len(now.table) + row[mine.track])
+        then = evolve(
             now,
             estimates=ModeEstimates.concatenate([now.estimates, result.estimates.take(np.flatnonzero(good))]),
             table=track_management.TrackTable.concatenate([now.table, fresh]),
@@ -312,6 +344,7 @@ class ImmTracking:
             next_number=now.next_number + count,
             motion=MotionStatistics.concatenate([now.motion, motion]),
         )
+        return self._registered(then, mine, lines)
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""
@@ -340,7 +373,8 @@ class ImmTracking:
             drop |= down
         if len(state) > 1:
             now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
-            wider = self._with_biases(now.estimates, now.time_s, table, covariance)
+            added = self._shared_covariance(now, now.estimates, table)
+            wider = covariance.copy() if added is None else covariance + added
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
             wider[fast] = np.eye(6)
@@ -375,8 +409,9 @@ class ImmTracking:
             last = EndedTracks(estimates, table, motion, last.end[order])
         estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
-        if self.biases.any or self.config.clock_sigma_s:
-            covariance = self._with_biases(estimates, now.time_s, table, covariance)
+        added = self._shared_covariance(now, estimates, table)
+        if added is not None:
+            covariance = covariance + added
         tracks = tracks_of(state, covariance, table, now.time_s)
         types = type_evidence(table.reports, self.type_log_likelihood)
         reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
@@ -405,18 +440,14 @@ class ImmTracking:
         state, seen = self.association.moments(estimates)[0], table.reports >= 0
         return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
 
-    def _with_biases(
-        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
-    ) -> FloatArray:
-        """Return covariances (n, 6, 6) including the sensors' biases and the offsets of their clocks."""
-        wider, seen = covariance.copy(), table.reports >= 0
-        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, seen)
-        if self.config.clock_sigma_s:
-            state = np.where(
-                estimates.weight[:, 1:] > estimates.weight[:, :1], estimates.coast_mean, estimates.boost_mean[:, :6]
-            )
-            wider[:, :3, :3] += self.biases.of_clocks(state[:, :3], air_velocity(state), time_s, seen)
-        return wider
+    def _shared_covariance(
+        self, now: TrackerState, estimates: ModeEstimates, table: track_management.TrackTable
+    ) -> FloatArray | None:
+        """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for none."""
+        if not now.registration.known.covariance.any():
+            return None
+        vantages = self.association.vantages(now.registration, now.time_s)
+        return now.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
@@ -428,13 +459,22 @@ class ImmTracking:
             return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
-        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
+        lines = self.corrected(now.registration, lines)
+        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports, now.registration)
         pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
         confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
         owner = self.association.nearest_association(pairs, lines.of_instants()).owner
         return np.concatenate([now.table.number, _NOBODY])[owner]
+
+
+def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
+    """Return the assigned pairs of tracks none of whose lines is in another's gate."""
+    shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
+    if not np.count_nonzero(shared):
+        return assigned
+    return assigned.take(np.flatnonzero(~np.isin(assigned.track, pairs.track[shared])))
 
 
 #: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else the fewest.

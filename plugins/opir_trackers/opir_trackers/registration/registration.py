@@ -1,0 +1,178 @@
+"""What a tracker knows of its sensors at a time, and what it does with it: correct lines, shift states, widen regions."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation import COAST
+from opir_core.plugin import Sensor
+from opir_trackers.configs import ImmConfig
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.gating import GatedPairs
+from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.registration.error_filter import ErrorFilter, Moments
+from opir_trackers.registration.misfits import mean_residuals, misfits
+from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
+
+#: Least standard deviation of a sensor's angle that is worth widening a gate, rad: a fortieth of a look's error.
+_NEGLIGIBLE_RAD = 5e-7
+
+
+@frozen(eq=False)
+class Registration:
+    """The filter of the sensors' shared errors, and what of it is taken off lines of sight.
+
+    `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,) is the standard
+    deviation of what the errors leave between the sensors that see a target.
+    """
+
+    errors: ErrorFilter
+    known: Moments
+    wide: Moments
+    apart_rad: FloatArray
+
+    @classmethod
+    def of(cls, errors: ErrorFilter) -> "Registration":
+        """Return the registration before the first look."""
+        known, wide = errors.reported(), errors.moments()
+        return cls(errors, known, wide, _angle_sigmas(known))
+
+    @property
+    def several(self) -> bool:
+        """Whether there are sensors that may be compared."""
+        return len(self.apart_rad) > 1
+
+    @property
+    def error(self) -> FloatArray:
+        """The errors (s, 3) that are taken off lines of sight."""
+        return self.known.mean.reshape(-1, ERRORS)
+
+    @property
+    def loose_rad(self) -> FloatArray:
+        """Standard deviations (s,) of the errors for the initiation of tracks, which improbable scales must not stop."""
+        return _LOOSE * _angle_sigmas(self.wide) if self.several else _angle_sigmas(self.known)
+
+    def corrected(self, lines: LinesOfSight) -> LinesOfSight:
+        """Return lines of sight without the errors that are known, and with the deviation of what is not."""
+        if self.known.mean.any():
+            lines = corrected(lines, self.error)
+        if not self.apart_rad.any():
+            return lines
+        return evolve(lines, sigma_rad=np.hypot(lines.sigma_rad, self.apart_rad[lines.sensor]))
+
+    @property
+    def widens_gates(self) -> bool:
+        """Whether what is not known of the errors counts in gates."""
+        return self.several and _angle_sigmas(self.wide).max() >= _NEGLIGIBLE_RAD
+
+    def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+        """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
+
+        `state` (n, 6) is inertial; `seen` (n, s) marks the sensors whose looks the track is made of.
+        """
+        own = _own_less_shift(state, seen, vantages)
+        return np.asarray(own @ self.wide.covariance @ own.transpose(0, 1, 3, 2))
+
+    def covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+        """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
+        shift = state_shifts(state, seen, vantages)
+        return np.asarray(shift @ self.known.covariance @ shift.transpose(0, 2, 1))
+
+    def predicted(self, step_s: float) -> "Registration":
+        """Return the registration a step later."""
+        return evolve(self, errors=self.errors.predicted(step_s))
+
+
+_LOOSE = 2.0
+
+
+def _angle_sigmas(known: Moments) -> FloatArray:
+    """Return the standard deviations (s,) of each sensor's angles, root mean square of both."""
+    variance = np.diagonal(known.covariance).reshape(-1, ERRORS)
+    return np.asarray(np.sqrt(0.5 * variance[:, :2].sum(axis=1)))
+
+
+def state_shifts(state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+    """Return the shifts (n, 6, q) of inertial states (n, 6) by all errors of 1 rad and 1 s.
+
+    Those of velocities are differences over a second of flight.
+    """
+    here = vantages.shifts(state[:, :3], state[:, 3:], seen)
+    then = vantages.shifts(state[:, :3] + state[:, 3:], state[:, 3:], seen)
+    return np.concatenate([here, then - here], axis=1)
+
+
+def _own_less_shift(state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+    """Return what each sensor sees less where the track is (n, s, 3, q), by all errors of 1 rad and 1 s."""
+    count, sensors = seen.shape
+    own = vantages.displacements(state[:, :3], state[:, 3:])
+    shift = vantages.shifts(state[:, :3], state[:, 3:], seen)
+    out = np.repeat(-shift[:, None], sensors, axis=1).reshape(count, sensors, 3, sensors, ERRORS)
+    which = np.arange(sensors)
+    out[:, which, :, which] += own.transpose(1, 0, 2, 3)
+    return out.reshape(count, sensors, 3, -1)
+
+
+def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registration:
+    """Return the registration of a scene's sensors before the first look."""
+    stated = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
+    return Registration.of(ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s))
+
+
+class Followed(NamedTuple):
+    """Tracks (n,) whose looks are compared: inertial states (n, 6), the standard deviation of their speeds, m/s, and
+    which sensors saw them (n, s)."""
+
+    state: FloatArray
+    speed_m_s: FloatArray
+    seen: BoolArray
+
+    @classmethod
+    def of(cls, moments: tuple[FloatArray, FloatArray], seen: BoolArray) -> "Followed":
+        """Return tracks with moments (n, 6) and (n, 6, 6)."""
+        state, covariance = moments
+        return cls(state, np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)), seen)
+
+
+def registered(
+    before: Registration, assigned: GatedPairs, sensor: IntArray, tracks: Followed, vantages: Vantages
+) -> Registration:
+    """Return the registration after a slice's assigned pairs (m,), by `sensor` (m,), of tracks (n,)."""
+    if not before.several or not len(assigned):
+        return before
+    means = mean_residuals(assigned, sensor, len(before.apart_rad))
+    found = misfits(means, tracks.state[:, :3], tracks.state[:, 3:], tracks.speed_m_s, vantages)
+    if not len(found.track):
+        return before
+    errors = before.errors.updated(found.about(before.known.mean))
+    after = evolve(before, errors=errors, known=errors.reported(), wide=errors.moments())
+    return evolve(after, apart_rad=_apart(after, tracks, vantages))
+
+
+def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArray:
+    """Return the largest deviations (s,), rad, that the errors leave between a sensor and the others, over tracks."""
+    rows = np.flatnonzero(tracks.seen.sum(axis=1) > 1)
+    if not now.widens_gates:
+        return np.zeros_like(now.apart_rad)
+    left = now.gate_covariance(tracks.state[rows], tracks.seen[rows], vantages)
+    off = tracks.state[rows, None, :3] - vantages.origin_m
+    square = np.sum(off * off, axis=2)
+    along = np.sum(off * (left @ off[..., None])[..., 0], axis=2) / square
+    across = np.trace(left, axis1=2, axis2=3) - along
+    return np.asarray(np.sqrt(np.max(np.where(tracks.seen[rows], 0.5 * across / square, 0.0), axis=0, initial=0.0)))
+
+
+def shifted(
+    estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages
+) -> ModeEstimates:
+    """Return estimates (n,) after a change (q,) of the errors that are taken off the lines that they were made of."""
+    if not len(estimates) or not change.any():
+        return estimates
+    moved = state_shifts(tracks.state, tracks.seen, vantages) @ change
+    boost, coast, burn = estimates.boost_mean.copy(), estimates.coast_mean - moved, estimates.burn_mean.copy()
+    boost[:, :COAST] -= moved
+    burn[:, :, :COAST] -= moved[:, None]
+    return evolve(estimates, boost_mean=boost, coast_mean=coast, burn_mean=burn)
