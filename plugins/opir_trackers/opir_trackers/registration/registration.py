@@ -113,7 +113,7 @@ def _own_less_shift(state: FloatArray, seen: BoolArray, vantages: Vantages) -> F
     out = np.repeat(-shift[:, None], sensors, axis=1).reshape(count, sensors, 3, sensors, ERRORS)
     which = np.arange(sensors)
     out[:, which, :, which] += own.transpose(1, 0, 2, 3)
-    return out.reshape(count, sensors, 3, -1)
+    return out.reshape(count, sensors, 3, ERRORS * sensors)
 
 
 def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registration:

@@ -70,7 +70,7 @@ class Vantages(NamedTuple):
         """
         turn = shifts_of_positions(position_m, self.origin_m, seen, self.weight)
         moved = turn @ self.displacements(position_m, velocity_m_s)
-        return np.asarray(moved.transpose(0, 2, 1, 3).reshape(len(position_m), 3, -1))
+        return np.asarray(moved.transpose(0, 2, 1, 3).reshape(*position_m.shape, ERRORS * seen.shape[1]))
 
 
 def corrected(lines: LinesOfSight, error: FloatArray) -> LinesOfSight:
