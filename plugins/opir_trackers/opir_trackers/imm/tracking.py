@@ -22,7 +22,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.gating import GatedPairs
+from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
@@ -46,6 +46,7 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.registration.innovations import OUTLIER_SIGMAS, explained_looks
 from opir_trackers.registration.registration import Followed, Registration, registered, registration_of, shifted
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
@@ -175,7 +176,8 @@ class ImmTracking:
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
             motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
             then = then.after(end_s, then.estimates, table, then.histories, motion)
-        then = self._with_unclaimed(then, lines, owner, reported, span)
+        then, explained = self._explained(then, right, owner, span)
+        then = self._with_unclaimed(then, lines, np.where(explained, 0, owner), reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
     def corrected(self, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
@@ -189,13 +191,31 @@ class ImmTracking:
     def _registered(self, now: TrackerState, assigned: GatedPairs, lines: LinesOfSight) -> TrackerState:
         """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it."""
         before = now.registration
-        if not before.several or not len(assigned):
+        if not len(assigned):
             return now
         vantages = self.association.vantages(before, now.time_s)
-        tracks = Followed.of(self.association.moments(now.estimates), now.table.reports >= 0)
+        moments, seen = self.association.moments(now.estimates), now.table.reports >= 0
+        tracks = Followed.of(now.table.number, moments, seen)
         after = registered(before, assigned, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
         change = after.known.mean - before.known.mean
         return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
+
+    def _explained(
+        self, now: TrackerState, lines: LinesOfSight, owner: IntArray, span: float
+    ) -> tuple[TrackerState, BoolArray]:
+        """Return the state, and which lines (m,) are no track's but a track explains them as outliers of its target."""
+        free, some = np.flatnonzero(owner < 0), np.zeros(len(owner), dtype=np.bool_)
+        if not len(free) or not len(now.table):
+            return now, some
+        path, left = self.association.predicted_measurements(now.estimates, now.time_s), lines.take(free)
+        wide = OUTLIER_SIGMAS
+        near = candidates(path, left, span, wide, self.association.light_time)
+        pairs = gated(path, left, *near, wide, self.association.light_time)
+        mine = np.flatnonzero(owner >= 0)
+        tracks = now.registration.tracks.of(now.table.number)
+        owned = owner[mine], lines.take(mine)
+        some[free], tracks = explained_looks(pairs, left, owned, tracks, self.config.gate_sigma)
+        return evolve(now, registration=evolve(now.registration, tracks=tracks)), some
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -216,6 +236,7 @@ class ImmTracking:
         span, owner = end_s - now.time_s, unassigned(len(lines.time_s))
         if not len(now.estimates.weight):
             return evolve(now, time_s=end_s), owner
+        now = evolve(now, registration=now.registration.predicted(span))
         estimates = self.association.predicted(now.estimates, span)
         histories = now.histories.predicted(self.filter.predicted, span)
         if not len(owner):

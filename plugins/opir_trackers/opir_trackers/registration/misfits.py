@@ -26,8 +26,9 @@ _IMPROBABLE = 13.8
 class MeanResiduals(NamedTuple):
     """Mean residuals (k, 2), rad, of rows `track` and `sensor` (k,), in the tangent planes of `axes` (k, 2, 3).
 
-    `variance` (k,) is that of each of the two; `time_s` (k,) the mean time; `scatter` (k,) the sum of squared deviations
-    of the looks from it in units of their variance, with `degrees` (k,) of freedom.
+    `variance` (k,) is that of each of the two, `look_rad` (k,) the error of a look, `time_s` (k,) the mean time;
+    `scatter_rad2` (k,) is the sum of squared deviations of the looks from a line over time, with `degrees` (k,) of
+    freedom.
     """
 
     track: IntArray
@@ -36,7 +37,8 @@ class MeanResiduals(NamedTuple):
     axes: FloatArray
     residual: FloatArray
     variance: FloatArray
-    scatter: FloatArray
+    look_rad: FloatArray
+    scatter_rad2: FloatArray
     degrees: FloatArray
 
 
@@ -46,29 +48,46 @@ def mean_residuals(assigned: GatedPairs, sensor: IntArray, sensors: int) -> Mean
     count, residual = len(key), assigned.measured
     middle = np.stack([_medians(group, count, residual[:, axis]) for axis in (0, 1)], axis=1)
     apart = residual - middle[group]
-    square = np.sum(apart * apart, axis=1) / np.square(assigned.sigma_rad)
-    good = np.flatnonzero(square <= _IMPROBABLE)
-    whose, weight = group[good], 1.0 / np.square(assigned.sigma_rad[good])
-    total = np.bincount(whose, weight, count)
-    # Where two looks are far apart neither is good.
-    some = np.flatnonzero(total)
-    mean = [np.bincount(whose, weight * values, count)[some] / total[some] for values in (*residual[good].T, assigned.time_s[good])]
-    place = np.full(count, -1)
-    place[some] = np.arange(len(some))
-    off = residual[good] - np.stack(mean[:2], axis=1)[place[whose]]
-    scatter = np.bincount(whose, weight * np.sum(off * off, axis=1), count)[some]
-    first = np.full(count, len(group))
-    np.minimum.at(first, group, np.arange(len(group)))
+    good = np.flatnonzero(np.sum(apart * apart, axis=1) <= _IMPROBABLE * np.square(assigned.sigma_rad))
+    # The median of each axis may be another look's, so that no look is near both.
+    some, whose = np.unique(group[good], return_inverse=True)
+    mean = _means(whose, len(some), np.column_stack([residual, assigned.time_s])[good])
+    looks = np.bincount(whose, minlength=len(some)).astype(np.float64)
+    look_rad = np.sqrt(_means(whose, len(some), np.square(assigned.sigma_rad[good])[:, None])[:, 0])
+    scatter, degrees = _scatter(whose, looks, residual[good] - mean[whose, :2], assigned.time_s[good] - mean[whose, 2])
     return MeanResiduals(
         key[some] // sensors,
         key[some] % sensors,
-        mean[2],
-        assigned.axes[first[some], :2],
-        np.stack(mean[:2], axis=1),
-        1.0 / total[some],
+        mean[:, 2],
+        assigned.axes[good[np.unique(whose, return_index=True)[1]], :2],
+        mean[:, :2],
+        look_rad * look_rad / looks,
+        look_rad,
         scatter,
-        2.0 * (np.bincount(whose, minlength=count)[some] - 1.0),
+        degrees,
     )
+
+
+def _means(group: IntArray, count: int, values: FloatArray) -> FloatArray:
+    """Return the means (count, p) of values (m, p) by group."""
+    looks = np.bincount(group, minlength=count)
+    return np.stack([np.bincount(group, column, count) / looks for column in values.T], axis=1)
+
+
+def _scatter(
+    group: IntArray, looks: FloatArray, residual: FloatArray, since_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and their degrees of freedom.
+
+    Both are about the means of their groups. What is not known of a velocity shows as a slope, which is no noise.
+    """
+    count = len(looks)
+    long = np.bincount(group, since_s * since_s, count)
+    total = np.bincount(group, np.sum(residual * residual, axis=1), count)
+    pulled = np.stack([np.bincount(group, since_s * residual[:, axis], count) for axis in (0, 1)], axis=1)
+    sloped = np.divide(np.sum(pulled * pulled, axis=1), long, out=np.zeros(count), where=long > 0.0)
+    enough = looks > 2.0
+    return np.where(enough, total - sloped, 0.0), np.where(enough, 2.0 * looks - 4.0, 0.0)
 
 
 def _medians(group: IntArray, count: int, values: FloatArray) -> FloatArray:

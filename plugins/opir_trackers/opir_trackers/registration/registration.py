@@ -14,7 +14,8 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.error_filter import ErrorFilter, Moments
-from opir_trackers.registration.misfits import mean_residuals, misfits
+from opir_trackers.registration.innovations import SensorInnovations, TrackInnovations, stated_squares
+from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, misfits
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
 #: Least standard deviation of a sensor's angle that is worth widening a gate, rad: a fortieth of a look's error.
@@ -26,19 +27,26 @@ class Registration:
     """The filter of the sensors' shared errors, and what of it is taken off lines of sight.
 
     `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,) is the standard
-    deviation of what the errors leave between the sensors that see a target.
+    deviation of what the errors leave between the sensors that see a target, `noise` (s,) the scale of their noise.
     """
 
     errors: ErrorFilter
     known: Moments
     wide: Moments
     apart_rad: FloatArray
+    noise: FloatArray
+    innovations: SensorInnovations
+    tracks: TrackInnovations
+    period_s: FloatArray
 
     @classmethod
-    def of(cls, errors: ErrorFilter) -> "Registration":
+    def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
         """Return the registration before the first look."""
         known, wide = errors.reported(), errors.moments()
-        return cls(errors, known, wide, _angle_sigmas(known))
+        apart_rad, none = _angle_sigmas(known), np.empty(0, dtype=np.int64)
+        sensors = len(apart_rad)
+        sums = SensorInnovations.of(sensors), TrackInnovations.fresh(none, sensors)
+        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
 
     @property
     def several(self) -> bool:
@@ -59,9 +67,15 @@ class Registration:
         """Return lines of sight without the errors that are known, and with the deviation of what is not."""
         if self.known.mean.any():
             lines = corrected(lines, self.error)
-        if not self.apart_rad.any():
+        if not self.apart_rad.any() and self.noise.max(initial=1.0) == 1.0:
             return lines
-        return evolve(lines, sigma_rad=np.hypot(lines.sigma_rad, self.apart_rad[lines.sensor]))
+        sigma_rad = np.hypot(self.noise[lines.sensor] * lines.sigma_rad, self.apart_rad[lines.sensor])
+        return evolve(lines, sigma_rad=sigma_rad)
+
+    def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
+        """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
+        stated: FloatArray = np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
+        return stated
 
     @property
     def widens_gates(self) -> bool:
@@ -83,7 +97,8 @@ class Registration:
 
     def predicted(self, step_s: float) -> "Registration":
         """Return the registration a step later."""
-        return evolve(self, errors=self.errors.predicted(step_s))
+        later = self.innovations.faded(step_s), self.tracks.faded(step_s, self.period_s)
+        return evolve(self, errors=self.errors.predicted(step_s), innovations=later[0], tracks=later[1])
 
 
 _LOOSE = 2.0
@@ -119,37 +134,55 @@ def _own_less_shift(state: FloatArray, seen: BoolArray, vantages: Vantages) -> F
 def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registration:
     """Return the registration of a scene's sensors before the first look."""
     stated = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
-    return Registration.of(ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s))
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
+    return Registration.of(ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s), period_s)
 
 
 class Followed(NamedTuple):
-    """Tracks (n,) whose looks are compared: inertial states (n, 6), the standard deviation of their speeds, m/s, and
-    which sensors saw them (n, s)."""
+    """Tracks (n,) whose looks are compared: their numbers, inertial states (n, 6), deviations of speeds, and visibility.
 
+    `speed_m_s` (n,) is the standard deviation of the speed, `seen` (n, s) marks the sensors that saw them.
+    """
+
+    number: IntArray
     state: FloatArray
     speed_m_s: FloatArray
     seen: BoolArray
 
     @classmethod
-    def of(cls, moments: tuple[FloatArray, FloatArray], seen: BoolArray) -> "Followed":
+    def of(cls, number: IntArray, moments: tuple[FloatArray, FloatArray], seen: BoolArray) -> "Followed":
         """Return tracks with moments (n, 6) and (n, 6, 6)."""
         state, covariance = moments
-        return cls(state, np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)), seen)
+        return cls(number, state, np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)), seen)
 
 
 def registered(
     before: Registration, assigned: GatedPairs, sensor: IntArray, tracks: Followed, vantages: Vantages
 ) -> Registration:
     """Return the registration after a slice's assigned pairs (m,), by `sensor` (m,), of tracks (n,)."""
-    if not before.several or not len(assigned):
+    if not len(assigned):
         return before
     means = mean_residuals(assigned, sensor, len(before.apart_rad))
+    after = _with_innovations(before, assigned, sensor, tracks, means)
+    if not before.several:
+        return after
     found = misfits(means, tracks.state[:, :3], tracks.state[:, 3:], tracks.speed_m_s, vantages)
     if not len(found.track):
-        return before
+        return after
     errors = before.errors.updated(found.about(before.known.mean))
-    after = evolve(before, errors=errors, known=errors.reported(), wide=errors.moments())
+    after = evolve(after, errors=errors, known=errors.reported(), wide=errors.moments())
     return evolve(after, apart_rad=_apart(after, tracks, vantages))
+
+
+def _with_innovations(
+    before: Registration, assigned: GatedPairs, sensor: IntArray, tracks: Followed, means: MeanResiduals
+) -> Registration:
+    """Return the registration with the innovations and the scatter of pairs (m,)."""
+    square = stated_squares(assigned, before.stated_rad(assigned.sigma_rad, sensor))
+    stated_rad = before.stated_rad(means.look_rad, means.sensor)
+    innovations = before.innovations.after(square, sensor, means, stated_rad)
+    mine = before.tracks.of(tracks.number).after(square, assigned.track, sensor)
+    return evolve(before, innovations=innovations, tracks=mine, noise=innovations.believed_scale)
 
 
 def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArray:
