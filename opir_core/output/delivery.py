@@ -111,7 +111,7 @@ def _outcome(
     plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool]
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
-    manifest = dict(run_manifest(plan, tally.counts()))
+    manifest = {**run_manifest(plan, tally.counts()), "sensor_health": tally.health}
     if files.parts:  # a run without files has no text, and needs no renderer
         from opir_core.output.events.rendering import chosen_renderer
 

@@ -99,6 +99,10 @@ class ErrorFilter:
         covariance = np.tensordot(weight, self.covariance, 1) + apart.T @ (weight[:, None] * apart)
         return Moments(mean, covariance)
 
+    def mean_prior(self) -> FloatArray:
+        """Return the prior variances (q,) of the errors, by the scales' present probabilities."""
+        return np.asarray(self.weight @ self.prior)
+
     def reported(self) -> Moments:
         """Return the moments as they are reported."""
         return self.moments(least=_NEGLECTED)

@@ -49,6 +49,11 @@ class Registration:
         return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
 
     @property
+    def reported(self) -> Moments:
+        """What is reported: where targets were compared, with improbable scales too."""
+        return self.wide if self.errors.used else self.known
+
+    @property
     def several(self) -> bool:
         """Whether there are sensors that may be compared."""
         return len(self.apart_rad) > 1
