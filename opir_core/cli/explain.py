@@ -82,8 +82,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
         )
     if plan["tracking"]["order"] == BY_REPORT:
         parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
-    if plan["sensors_assumed"]:
-        parts.append("\n".join(["the tracker begins with", *plan["sensors_assumed"]]))
+    parts += ["\n".join(["the tracker begins with", *lines]) for lines in [plan["sensors_assumed"]] if lines]
     parts += _hypothesis_table(plan["hypotheses"])
     parts += map(expectation_text, plan["expected_launches"])
     parts += [

@@ -14,7 +14,7 @@ class SensorHealth:
     """Estimates of each sensor (s,) with their standard deviations; nan where nothing is known.
 
     `bias_rad` (s, 2) is the line-of-sight bias: how far a line of sight to nadir is moved towards east and north.
-    `clock_s` (s,) is the offset of the clock, `noise_scale` (s,) the noise of lines of sight in units of what is stated.
+    `clock_s` (s,) is the offset of the clock, `noise_scale` (s,) its noise in units of the stated one.
     `innovations` (s,) is the mean square of normalised innovations, per angle, 1 for sensors that are as stated, and
     `outlier_share` (s,) the share of looks far off their target. `text` has a sentence for each sensor.
 

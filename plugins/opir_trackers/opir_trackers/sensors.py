@@ -5,7 +5,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TARGET_TYPES, Detections, Sensor, TrackerContext

@@ -22,9 +22,8 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
-from opir_trackers.imm import track_management
+from opir_trackers.imm import registering, track_management
 from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.histories import (
     LONGEST_S,
@@ -46,8 +45,7 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
-from opir_trackers.registration.innovations import OUTLIER_SIGMAS, explained_looks
-from opir_trackers.registration.registration import Followed, Registration, registered, registration_of, shifted
+from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
 from opir_trackers.triangulation import FAR_M
@@ -170,52 +168,15 @@ class ImmTracking:
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
         span = end_s - now.time_s
-        right = self.corrected(now.registration, lines)
+        right = registering.corrected(self.association, now.registration, lines)
         then, owner = self.associated(now, end_s, right)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
             motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
             then = then.after(end_s, then.estimates, table, then.histories, motion)
-        then, explained = self._explained(then, right, owner, span)
+        then, explained = registering.with_explained(self.association, then, right, owner, span)
         then = self._with_unclaimed(then, lines, np.where(explained, 0, owner), reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
-
-    def corrected(self, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
-        """Return lines of sight without the errors of their sensors that are known; the last result is cached."""
-        cache = self.association.correction_cache
-        if not cache or cache[0] is not registration or cache[1] is not lines:
-            cache[:] = [registration, lines, registration.corrected(lines)]
-        right: LinesOfSight = cache[2]
-        return right
-
-    def _registered(self, now: TrackerState, assigned: GatedPairs, lines: LinesOfSight) -> TrackerState:
-        """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it."""
-        before = now.registration
-        if not len(assigned):
-            return now
-        vantages = self.association.vantages(before, now.time_s)
-        moments, seen = self.association.moments(now.estimates), now.table.reports >= 0
-        tracks = Followed.of(now.table.number, moments, seen)
-        after = registered(before, assigned, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
-        change = after.known.mean - before.known.mean
-        return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
-
-    def _explained(
-        self, now: TrackerState, lines: LinesOfSight, owner: IntArray, span: float
-    ) -> tuple[TrackerState, BoolArray]:
-        """Return the state, and which lines (m,) are no track's but a track explains them as outliers of its target."""
-        free, some = np.flatnonzero(owner < 0), np.zeros(len(owner), dtype=np.bool_)
-        if not len(free) or not len(now.table):
-            return now, some
-        path, left = self.association.predicted_measurements(now.estimates, now.time_s), lines.take(free)
-        wide = OUTLIER_SIGMAS
-        near = candidates(path, left, span, wide, self.association.light_time)
-        pairs = gated(path, left, *near, wide, self.association.light_time)
-        mine = np.flatnonzero(owner >= 0)
-        tracks = now.registration.tracks.of(now.table.number)
-        owned = owner[mine], lines.take(mine)
-        some[free], tracks = explained_looks(pairs, left, owned, tracks, self.config.gate_sigma)
-        return evolve(now, registration=evolve(now.registration, tracks=tracks)), some
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -250,7 +211,9 @@ class ImmTracking:
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
         now = now.after(end_s, estimates, table, histories)
-        now = self._registered(now, _unshared(result.assigned, result.pairs), lines)
+        now = registering.registered_state(
+            self.association, now, registering.unshared(result.assigned, result.pairs), lines
+        )
         return self._with_histories(now, result, with_history, lines, span), result.owner
 
     def _with_histories(
@@ -304,7 +267,7 @@ class ImmTracking:
         table, estimates = now.table.part(young), now.estimates.part(young)
         predicted, thrust = self.association.predicted_measurements(estimates, now.time_s), self.config.thrust
         place, seen = estimates.likelier_position_m, table.reports >= 0
-        biased = self._shared_covariance(now, estimates, table)
+        biased = registering.shared_covariance(self.association, now, estimates, table)
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
         prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
@@ -320,7 +283,7 @@ class ImmTracking:
         """Return the state with tracks initiated from unassigned lines."""
         if len(now.unclaimed.time_s) < self.needed_scans:
             return now
-        lines = self.corrected(now.registration, now.unclaimed)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
         initiation_ = initiation.track_candidates(lines, self.needed_scans, now.registration.loose_rad)
         if not len(initiation_.begun):
             return now
@@ -345,7 +308,7 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
-        lines = self.corrected(now.registration, now.unclaimed)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
         motion = motion.with_lines(owner, lines, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
@@ -365,7 +328,7 @@ class ImmTracking:
             next_number=now.next_number + count,
             motion=MotionStatistics.concatenate([now.motion, motion]),
         )
-        return self._registered(then, mine, lines)
+        return registering.registered_state(self.association, then, mine, lines)
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""
@@ -394,7 +357,7 @@ class ImmTracking:
             drop |= down
         if len(state) > 1:
             now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
-            added = self._shared_covariance(now, now.estimates, table)
+            added = registering.shared_covariance(self.association, now, now.estimates, table)
             wider = covariance.copy() if added is None else covariance + added
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
@@ -430,7 +393,7 @@ class ImmTracking:
             last = EndedTracks(estimates, table, motion, last.end[order])
         estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
-        added = self._shared_covariance(now, estimates, table)
+        added = registering.shared_covariance(self.association, now, estimates, table)
         if added is not None:
             covariance = covariance + added
         tracks = tracks_of(state, covariance, table, now.time_s)
@@ -461,15 +424,6 @@ class ImmTracking:
         state, seen = self.association.moments(estimates)[0], table.reports >= 0
         return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
 
-    def _shared_covariance(
-        self, now: TrackerState, estimates: ModeEstimates, table: track_management.TrackTable
-    ) -> FloatArray | None:
-        """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for none."""
-        if not now.registration.known.covariance.any():
-            return None
-        vantages = self.association.vantages(now.registration, now.time_s)
-        return now.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
-
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
 
@@ -480,7 +434,7 @@ class ImmTracking:
             return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
-        lines = self.corrected(now.registration, lines)
+        lines = registering.corrected(self.association, now.registration, lines)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports, now.registration)
         pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
         confirmed = self.confirmed(now)
@@ -488,14 +442,6 @@ class ImmTracking:
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
         owner = self.association.nearest_association(pairs, lines.of_instants()).owner
         return np.concatenate([now.table.number, _NOBODY])[owner]
-
-
-def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
-    """Return the assigned pairs of tracks none of whose lines is in another's gate."""
-    shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if not np.count_nonzero(shared):
-        return assigned
-    return assigned.take(np.flatnonzero(~np.isin(assigned.track, pairs.track[shared])))
 
 
 #: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else the fewest.

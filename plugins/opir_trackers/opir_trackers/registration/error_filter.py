@@ -113,7 +113,9 @@ class ErrorFilter:
             return self
         good = np.flatnonzero(distances(misfits, self.moments()) <= _GATE * (1.0 + misfits.degrees))
         share = len(good) / len(misfits.track)
-        after = self if not len(good) else self._taken(misfits.matrix[good].sum(axis=0), misfits.vector[good].sum(axis=0))
+        after = (
+            self if not len(good) else self._taken(misfits.matrix[good].sum(axis=0), misfits.vector[good].sum(axis=0))
+        )
         refused = self.refused + _FORGETTING * (1.0 - share - self.refused)
         if refused > _MOST_REFUSED:
             return self._anew()
@@ -135,9 +137,7 @@ class ErrorFilter:
         log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * off * step, axis=1)
         log -= 0.5 * np.linalg.slogdet(gain)[1]
         log_weight = self.log_weight + log
-        return evolve(
-            self, mean=self.mean + step, covariance=covariance, log_weight=log_weight - log_weight.max()
-        )
+        return evolve(self, mean=self.mean + step, covariance=covariance, log_weight=log_weight - log_weight.max())
 
 
 #: Share of the last slice in the running mean of what is not believed, and the mean at which all begins anew.

@@ -83,7 +83,9 @@ def _sentence(
     if sigma_s == 0.0:
         yield "clock assumed to be right"
     else:
-        yield f"clock {found['clock_s'][row]:+.2f} ± {sigma_s:.2f} s" + _unseen(hidden, row, names, is_compared, _NAMES[2:])
+        yield f"clock {found['clock_s'][row]:+.2f} ± {sigma_s:.2f} s" + _unseen(
+            hidden, row, names, is_compared, _NAMES[2:]
+        )
     scale, scale_sigma = found["noise_scale"][row], found["noise_scale_sigma"][row]
     if np.isfinite(scale):
         yield f"noise {scale:.2f} ± {max(scale_sigma, 0.01):.2f} × stated"
@@ -109,9 +111,7 @@ def _bias(found: dict[str, FloatArray], row: int) -> str:
     return ", ".join(parts)
 
 
-def _unseen(
-    hidden: FloatArray, row: int, names: Sequence[str], is_compared: bool, errors: tuple[str, ...]
-) -> str:
+def _unseen(hidden: FloatArray, row: int, names: Sequence[str], is_compared: bool, errors: tuple[str, ...]) -> str:
     """Return what of a sensor's errors cannot be observed, in brackets."""
     mine = [ERRORS * row + _NAMES.index(error) for error in errors]
     parts = hidden[np.any(np.abs(hidden[:, mine]) > _PART, axis=1)]

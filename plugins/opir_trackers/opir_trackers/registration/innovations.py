@@ -7,23 +7,24 @@ in the mean for each of its two angles. Where the mean is far above 1, a sensor 
 whatever track and bias are. Their mean square, over some time, gives the scale of the noise; once it is significantly
 above 1, lines of sight get the larger error. A sensor that is better than stated gains nothing.
 
-**Explained looks.** A target gives at most one look a scan. So a look near a track that has none in this scan is
-probably an outlier of that track's target, while a second target soon has looks in the scans in which the track has its
-own. Such looks initiate no track, as long as they are fewer than the track's own.
+**Explained looks.** A target gives at most one look a scan. So outliers of a track's target lie near it in scans in
+which it has no look of its own, while a second target is seen in both kinds of scans, more often in those with one if
+the first is seen more often than not. Looks near a track that has none in their scan initiate no track while there are
+more of them than beside its own looks.
 """
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces import Columns
+from opir_core.interfaces import Columns, names_of
 from opir_trackers.association import scan_numbers
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.misfits import MeanResiduals
 
-#: Time, s, over which innovations and noise are averaged: long enough for 2 % of the noise of one target at 10 Hz, short
-#: enough to follow a sensor that changes; notional.
+#: Time, s, over which innovations and noise are averaged: long enough for 2 % of the noise of one target at 10 Hz,
+#: short enough to follow a sensor that changes; notional.
 MEMORY_S = 60.0
 
 #: Degrees of freedom for which the stated noise counts.
@@ -32,8 +33,8 @@ _BELIEVED = 20.0
 #: Number of standard deviations by which noise must exceed what is stated before it is believed.
 _SURE = 2.0
 
-#: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the track; notional: 44 km
-#: at 20 µrad from geostationary height. Farther ones seldom form the clusters that tracks begin with.
+#: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the track: 44 km at
+#: 20 µrad from geostationary height. Farther ones seldom form the clusters that tracks begin with. Notional.
 OUTLIER_SIGMAS = 60.0
 
 
@@ -106,19 +107,22 @@ class SensorInnovations:
 class TrackInnovations(Columns):
     """Sums over the looks of tracks, by number: normalised `square` and `looks`, with those `explained` as outliers.
 
-    `looks` and `explained` are (n, s), by sensor; all fade with the track's scans.
+    `looks`, `explained`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. The last two count the
+    unassigned looks of the last scans near the track, in scans without and with a look of its own.
     """
 
     number: IntArray
     square: FloatArray
     looks: FloatArray
     explained: FloatArray
+    instead: FloatArray
+    beside: FloatArray
 
     @classmethod
     def fresh(cls, number: IntArray, sensors: int) -> "TrackInnovations":
         """Return the sums of tracks without looks."""
         count = len(number)
-        return cls(number, np.zeros(count), np.zeros((count, sensors)), np.zeros((count, sensors)))
+        return cls(number, np.zeros(count), *(np.zeros((count, sensors)) for _ in range(4)))
 
     def of(self, number: IntArray) -> "TrackInnovations":
         """Return those of tracks (n,) in ascending order: of what is known, or without looks."""
@@ -127,7 +131,7 @@ class TrackInnovations(Columns):
         fresh = TrackInnovations.fresh(number, self.looks.shape[1])
         place = np.searchsorted(number, self.number)
         here = np.flatnonzero(np.append(number, -1)[place] == self.number)
-        for name in ("square", "looks", "explained"):
+        for name in names_of(TrackInnovations)[1:]:
             getattr(fresh, name)[place[here]] = getattr(self, name)[here]
         return fresh
 
@@ -141,7 +145,9 @@ class TrackInnovations(Columns):
         """Return the sums a step later, of sensors with scan periods (s,)."""
         kept = np.exp(-step_s / np.maximum(MEMORY_S, _SCANS * period_s))
         square = self.square * kept.max(initial=0.0)
-        return TrackInnovations(self.number, square, self.looks * kept, self.explained * kept)
+        soon = np.exp(-step_s / (_RECENT_SCANS * period_s))
+        recent = self.instead * soon, self.beside * soon
+        return TrackInnovations(self.number, square, self.looks * kept, self.explained * kept, *recent)
 
     def after(self, square: FloatArray, track: IntArray, sensor: IntArray) -> "TrackInnovations":
         """Return the sums after looks (m,) with normalised squares, by rows and sensors."""
@@ -150,8 +156,8 @@ class TrackInnovations(Columns):
         return evolve(self, square=self.square + np.bincount(track, square, len(self)), looks=looks)
 
 
-#: Scans of slow sensors over which a track's looks are counted.
-_SCANS = 10.0
+#: Scans of slow sensors over which a track's looks are counted, and those over which outliers are told from a target.
+_SCANS, _RECENT_SCANS = 10.0, 20.0
 
 
 def explained_looks(
@@ -169,18 +175,25 @@ def explained_looks(
     scans = int(scan.max(initial=0)) + 1
     has_own = np.zeros((len(tracks), scans), dtype=np.bool_)
     has_own[owner, scan[: len(owner)]] = True
-    mine = scan[len(owner) :][pairs.line]
-    good = np.flatnonzero(near & ~has_own[pairs.track, mine])
-    good = good[np.argsort(np.sum(pairs.measured[good] ** 2, axis=1), kind="stable")]
-    good = good[np.unique(pairs.line[good], return_index=True)[1]]
-    good = good[np.unique(pairs.track[good] * scans + mine[good], return_index=True)[1]]
-    track, sensor = pairs.track[good], free.sensor[pairs.line[good]].astype(np.int64)
-    explained = tracks.explained.copy()
-    np.add.at(explained, (track, sensor), 1.0)
-    sound = explained[track, sensor] <= tracks.looks[track, sensor]
+    near = _nearest(pairs, np.flatnonzero(near))
+    track, line = pairs.track[near], pairs.line[near]
+    mine, sensor = scan[len(owner) :][line], free.sensor[line].astype(np.int64)
+    beside, instead, explained = tracks.beside.copy(), tracks.instead.copy(), tracks.explained.copy()
+    own = has_own[track, mine]
+    np.add.at(beside, (track[own], sensor[own]), 1.0)
+    np.add.at(instead, (track[~own], sensor[~own]), 1.0)
+    of_target = ~own & (beside < instead)[track, sensor]
+    np.add.at(explained, (track[of_target], sensor[of_target]), 1.0)
+    of_target &= (explained <= tracks.looks)[track, sensor]
     which = np.zeros(len(free.time_s), dtype=np.bool_)
-    which[pairs.line[good[sound]]] = True
-    return which, evolve(tracks, explained=explained)
+    which[line[of_target]] = True
+    return which, evolve(tracks, explained=explained, instead=instead, beside=beside)
+
+
+def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
+    """Return those of rows of pairs with the nearest track of each line."""
+    order = rows[np.argsort(np.sum(pairs.measured[rows] ** 2, axis=1), kind="stable")]
+    return order[np.unique(pairs.line[order], return_index=True)[1]]
 
 
 def stated_squares(assigned: GatedPairs, stated_rad: FloatArray) -> FloatArray:
@@ -191,4 +204,3 @@ def stated_squares(assigned: GatedPairs, stated_rad: FloatArray) -> FloatArray:
     spread = np.exp(0.5 * assigned.log_volume)
     stated = np.maximum(spread - np.square(assigned.sigma_rad) + np.square(stated_rad), np.square(stated_rad))
     return np.asarray(assigned.distance * spread / stated)
-

@@ -77,7 +77,7 @@ def _means(group: IntArray, count: int, values: FloatArray) -> FloatArray:
 def _scatter(
     group: IntArray, looks: FloatArray, residual: FloatArray, since_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and their degrees of freedom.
+    """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and degrees of freedom.
 
     Both are about the means of their groups. What is not known of a velocity shows as a slope, which is no noise.
     """
@@ -126,8 +126,8 @@ def misfits(
     which counts where the sensors looked at different times.
     """
     sensors = len(vantages.origin_m)
-    seen = np.bincount(means.track, minlength=len(position_m))
-    rows = np.flatnonzero(seen >= 2)
+    seen = np.bincount(means.track, minlength=len(position_m)).astype(np.float64)
+    rows = np.flatnonzero(seen >= 2.0)
     place = np.full(len(position_m), -1)
     place[rows] = np.arange(len(rows))
     mine = np.flatnonzero(place[means.track] >= 0)
@@ -135,7 +135,7 @@ def misfits(
     apart = position_m[track] - vantages.origin_m[sensor]
     range_m = np.sqrt(np.sum(apart * apart, axis=1))
     slope = means.axes[mine] / range_m[:, None, None]
-    middle_s = np.bincount(track, means.time_s[mine], len(position_m)) / np.maximum(seen, 1)
+    middle_s = np.bincount(track, means.time_s[mine], len(position_m)) / np.maximum(seen, 1.0)
     moved = speed_m_s[track] * (means.time_s[mine] - middle_s[track]) / range_m
     sharp = 1.0 / np.sqrt(means.variance[mine] + moved * moved)
     stack = np.zeros((len(rows), sensors, 2, 3 + ERRORS * sensors + 1))
@@ -146,7 +146,7 @@ def misfits(
     stack[at[0][:, None], at[1][:, None], :, columns] = (slope @ own).transpose(0, 2, 1)
     stack[*at, :, -1] = means.residual[mine]
     stack[at] *= sharp[:, None, None]
-    return _without_position(rows, stack.reshape(len(rows), 2 * sensors, stack.shape[-1]), 2.0 * seen[rows] - 3.0)
+    return _without_position(rows, stack.reshape(len(rows), 2 * sensors, stack.shape[-1]), seen[rows] * 2.0 - 3.0)
 
 
 def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -> Misfits:

@@ -1,4 +1,4 @@
-"""What a tracker knows of its sensors at a time, and what it does with it: correct lines, shift states, widen regions."""
+"""What a tracker knows of its sensors at a time: it corrects lines of sight, shifts states and widens covariances."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -65,7 +65,7 @@ class Registration:
 
     @property
     def loose_rad(self) -> FloatArray:
-        """Standard deviations (s,) of the errors for the initiation of tracks, which improbable scales must not stop."""
+        """Standard deviations (s,) of the errors at the initiation of tracks, which large errors must not stop."""
         return _LOOSE * _angle_sigmas(self.wide) if self.several else _angle_sigmas(self.known)
 
     def corrected(self, lines: LinesOfSight) -> LinesOfSight:
@@ -144,7 +144,7 @@ def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registratio
 
 
 class Followed(NamedTuple):
-    """Tracks (n,) whose looks are compared: their numbers, inertial states (n, 6), deviations of speeds, and visibility.
+    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds, and visibility.
 
     `speed_m_s` (n,) is the standard deviation of the speed, `seen` (n, s) marks the sensors that saw them.
     """
@@ -203,9 +203,7 @@ def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArra
     return np.asarray(np.sqrt(np.max(np.where(tracks.seen[rows], 0.5 * across / square, 0.0), axis=0, initial=0.0)))
 
 
-def shifted(
-    estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages
-) -> ModeEstimates:
+def shifted(estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages) -> ModeEstimates:
     """Return estimates (n,) after a change (q,) of the errors that are taken off the lines that they were made of."""
     if not len(estimates) or not change.any():
         return estimates
