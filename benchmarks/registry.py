@@ -294,6 +294,13 @@ BENCHMARKS = (
         needs=("opir_trackers",),
     ),
     Benchmark(
+        "registration",
+        "Can the sensors be trusted: biases, clocks, noise and outliers, told or not?",
+        "registration.py",
+        ("--runs", "1", "--only", "as stated"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "salvos",
         "How far apart must launches of a salvo be to have tracks of their own?",
         "salvos.py",
