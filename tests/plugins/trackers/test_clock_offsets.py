@@ -1,12 +1,10 @@
-"""Clocks of sensors that are off: innovations do not show it, so positions are widened along the motion."""
+"""Clocks of sensors that are off: two sensors hardly show it, so positions are widened along the motion."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.sensors import Biases
-from opir_trackers.triangulation import triangulated
 
 import opir_core as opir
 
@@ -26,24 +24,6 @@ SIGMA_S = 0.25
 def plan(**tracker: Any) -> opir.Plan:
     scene = {"scene": "clocks", "epoch": "2026-04-01T12:00:00Z", "duration_s": 240.0, "seed": 4, "sensors": SENSORS}
     return opir.compile_plan(opir.scene_from_mapping({**scene, "targets": [TARGET], "tracker": tracker}))
-
-
-def test_against_triangulation_of_a_line_seen_too_late() -> None:
-    """At scene time 0 Earth-fixed and inertial axes are the same."""
-    sensors = plan(model="none").sensors
-    place, velocity = np.array([-2.8e6, -4.5e6, 3.7e6]), np.array([-2000.0, -1000.0, 2500.0])
-    origin = np.concatenate([sensor.orbit.position_ecef_m(np.zeros(1)) for sensor in sensors])
-    shifts = []
-    for late in range(2):
-        seen = np.array([place + (SIGMA_S * velocity if number == late else 0.0) for number in range(2)])
-        apart = seen - origin
-        direction = apart / np.linalg.norm(apart, axis=1)[:, None]
-        sigma = np.full(2, 2e-5)
-        shifts.append(triangulated(np.zeros(2, dtype=np.int64), 1, origin, direction, sigma).position_m[0] - place)
-    expected = sum(np.outer(shift, shift) for shift in shifts)
-    both = np.ones((1, 2), dtype=np.bool_)
-    found = Biases.of(sensors, SIGMA_S).of_clocks(place[None], velocity[None], 0.0, both)[0]
-    assert found == pytest.approx(expected, rel=0.02, abs=0.01 * np.trace(expected))
 
 
 @pytest.mark.slow

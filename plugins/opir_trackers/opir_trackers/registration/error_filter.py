@@ -131,6 +131,9 @@ class ErrorFilter:
         gain = np.eye(size) + matrix @ self.covariance
         covariance = self.covariance @ np.linalg.inv(gain)
         covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
+        # What is assumed stays so: rounding must not give it a variance.
+        covariance[np.broadcast_to((self.prior == 0.0)[:, :, None], covariance.shape)] = 0.0
+        covariance[np.broadcast_to((self.prior == 0.0)[:, None], covariance.shape)] = 0.0
         turned = matvec(np.broadcast_to(matrix, covariance.shape), self.mean)
         off = vector - turned
         step = matvec(covariance, off)
