@@ -23,7 +23,7 @@ from opir_trackers.registration.shared_errors import ERRORS
 SCALES_RAD = np.append(0.0, np.geomspace(10e-6, 320e-6, 6))
 _UNSTATED = 0.04
 
-#: Scales that are together less probable than this are left out of what is reported, as 95 % regions do.
+#: That sensors are not as stated counts if it is more probable than this, as what 95 % regions leave out.
 _NEGLECTED = 0.05
 
 #: Squared misfit of a target, in variances for each degree of freedom and one more, above which it is not believed.
@@ -88,12 +88,9 @@ class ErrorFilter:
         covariance[:, axis, axis] += (1.0 - kept * kept) * self.prior
         return evolve(self, mean=self.mean * kept, covariance=covariance)
 
-    def moments(self, *, least: float = 0.0) -> Moments:
-        """Return the moments over all scales, but for the least probable ones that have less than `least` together."""
+    def moments(self) -> Moments:
+        """Return the moments over all scales."""
         weight = self.weight
-        order = np.argsort(weight)
-        weight[order[np.cumsum(weight[order]) <= least]] = 0.0
-        weight /= weight.sum()
         mean = weight @ self.mean
         apart = self.mean - mean
         covariance = np.tensordot(weight, self.covariance, 1) + apart.T @ (weight[:, None] * apart)
@@ -104,8 +101,8 @@ class ErrorFilter:
         return np.asarray(self.weight @ self.prior)
 
     def reported(self) -> Moments:
-        """Return the moments as they are reported."""
-        return self.moments(least=_NEGLECTED)
+        """Return the moments that count: those of sensors as stated, if anything else is improbable."""
+        return self.moments() if self.weight[0] < 1.0 - _NEGLECTED else Moments(self.mean[0], self.covariance[0])
 
     def updated(self, misfits: Misfits) -> "ErrorFilter":
         """Return the filter after the misfits of targets (k,), those left out that are not believed."""
