@@ -11,8 +11,9 @@ squared error of the estimated biases over its covariance, per angle. Seeds are 
 
 import argparse
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -36,7 +37,7 @@ WITHIN = 12.592
 
 
 class Disturbance(NamedTuple):
-    """What is wrong with the sensors of a run: biases (s, 2), rad, clocks (s,), s, and more noise of looks (n,), rad."""
+    """What is wrong with the sensors of a run: biases (s, 2), rad, clocks (s,), s, more noise of looks (n,), rad."""
 
     bias_rad: np.ndarray
     clock_s: np.ndarray
@@ -51,8 +52,8 @@ class Case(NamedTuple):
 
     name: str
     drawn: Drawn
-    stated: dict[str, float] = {}
-    tracker: dict[str, float] = {}
+    stated: Mapping[str, float] = MappingProxyType({})
+    tracker: Mapping[str, float] = MappingProxyType({})
     sensors: int = 2
 
 
@@ -244,17 +245,25 @@ far off, and what [`imm`](../explanation/registration.md) makes of it.
 {rows}
 
 Held: states in their 95 % ellipsoid from 60 s after ignition to burnout, {runs} runs each, with the interval of
-independent states; NEES/6 has a median of 0.89 if covariances are right. Over bound: error of position in the last second
-of the burn over the Cramér–Rao bound of position and stated bias together; the stated bias is 0 where nothing is told, so
-there errors of hundreds of metres to kilometres remain, as two sensors do not show all of their biases, but the
-covariances say so. Bias NEES: squared error of each estimated angle over its variance, 1 if right; angles of a run are
-correlated. Noise found: in units of what is stated, by sensor. All figures: [registration.csv](registration.csv).
+independent states; NEES/6 has a median of 0.89 if covariances are right. Over bound: error of position in the last
+second of the burn over the Cramér–Rao bound of position and stated bias together. The stated bias is 0 where nothing is
+told; there errors of hundreds of metres to kilometres remain, as two sensors do not show all of their biases, but the
+covariances say so. Bias NEES: squared error of each estimated angle over its variance, 1 if right; the angles of a run
+are correlated, and its {runs} runs are few. Noise found: in units of what is stated, by sensor. All figures:
+[registration.csv](registration.csv).
 """
 
 
 def page_of(rows: list[dict[str, str]]) -> str:
     """Return the page."""
-    names = ("median_nees_per_6", "median_position_m", "median_over_bound", "tracks_a_launch", "bias_nees", "noise_found")
+    names = (
+        "median_nees_per_6",
+        "median_position_m",
+        "median_over_bound",
+        "tracks_a_launch",
+        "bias_nees",
+        "noise_found",
+    )
     lines = []
     for row in rows:
         held = f"{row['held_percent']} [{row['held_low95']}, {row['held_high95']}]"

@@ -45,7 +45,9 @@ def paths(rng: np.random.Generator) -> Any:
         up = Rotation.from_euler("zy", [longitude, -latitude], degrees=True).apply([1.0, 0.0, 0.0])
         aside = np.cross(up, rng.standard_normal(3))
         aside /= np.linalg.norm(aside)
-        made.append(lambda t, up=up, aside=aside: EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside))
+        made.append(
+            lambda t, up=up, aside=aside: EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
+        )
     return made
 
 

@@ -106,12 +106,8 @@ class AssociateAndUpdate:
 
     def vantages(self, registration: Registration, time_s: float) -> Vantages:
         """Return the sensors at a time, their angles weighted as the registration leaves them."""
-        return self.cached(
-            "vantages",
-            lambda known, when: Vantages.of(self.biases.sensors, self.biases.weights(known.apart_rad), when),
-            registration,
-            time_s,
-        )
+        places = self.cached("vantages", lambda own, when: Vantages.of(own.sensors, when), self.biases, time_s)
+        return places._replace(weight=self.biases.weights(registration.apart_rad))
 
     def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity."""

@@ -18,8 +18,8 @@ from opir_trackers.registration.innovations import SensorInnovations, TrackInnov
 from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, misfits
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
-#: Least standard deviation of a sensor's angle that is worth widening a gate, rad: a fortieth of a look's error.
-_NEGLIGIBLE_RAD = 5e-7
+#: Least standard deviation of a sensor's angle that is worth widening a gate, in errors of a look: 1 % of the variance.
+_NEGLIGIBLE = 0.1
 
 
 @frozen(eq=False)
@@ -28,6 +28,7 @@ class Registration:
 
     `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,) is the standard
     deviation of what the errors leave between the sensors that see a target, `noise` (s,) the scale of their noise.
+    `period_s` (s,) are their scan periods, `look_rad` (s,) the stated errors of their looks.
     """
 
     errors: ErrorFilter
@@ -38,15 +39,16 @@ class Registration:
     innovations: SensorInnovations
     tracks: TrackInnovations
     period_s: FloatArray
+    look_rad: FloatArray
 
     @classmethod
-    def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
+    def of(cls, errors: ErrorFilter, period_s: FloatArray, look_rad: FloatArray) -> "Registration":
         """Return the registration before the first look."""
         known, wide = errors.reported(), errors.moments()
         apart_rad, none = _angle_sigmas(known), np.empty(0, dtype=np.int64)
         sensors = len(apart_rad)
         sums = SensorInnovations.of(sensors), TrackInnovations.fresh(none, sensors)
-        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
+        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s, look_rad)
 
     @property
     def reported(self) -> Moments:
@@ -85,7 +87,7 @@ class Registration:
     @property
     def widens_gates(self) -> bool:
         """Whether what is not known of the errors counts in gates."""
-        return self.several and _angle_sigmas(self.wide).max() >= _NEGLIGIBLE_RAD
+        return self.several and bool(np.any(_angle_sigmas(self.wide) > _NEGLIGIBLE * self.look_rad))
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
@@ -140,7 +142,9 @@ def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registratio
     """Return the registration of a scene's sensors before the first look."""
     stated = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
-    return Registration.of(ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s), period_s)
+    look_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors])
+    errors = ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s)
+    return Registration.of(errors, period_s, look_rad)
 
 
 class Followed(NamedTuple):
@@ -193,9 +197,10 @@ def _with_innovations(
 def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArray:
     """Return the largest deviations (s,), rad, that the errors leave between a sensor and the others, over tracks."""
     rows = np.flatnonzero(tracks.seen.sum(axis=1) > 1)
-    if not now.widens_gates:
+    if not now.known.covariance.any():
         return np.zeros_like(now.apart_rad)
-    left = now.gate_covariance(tracks.state[rows], tracks.seen[rows], vantages)
+    own = _own_less_shift(tracks.state[rows], tracks.seen[rows], vantages)
+    left = own @ now.known.covariance @ own.transpose(0, 1, 3, 2)
     off = tracks.state[rows, None, :3] - vantages.origin_m
     square = np.sum(off * off, axis=2)
     along = np.sum(off * (left @ off[..., None])[..., 0], axis=2) / square

@@ -37,8 +37,8 @@ class Vantages(NamedTuple):
     weight: FloatArray
 
     @classmethod
-    def of(cls, sensors: Sequence[Sensor], weight: FloatArray, time_s: float) -> "Vantages":
-        """Return those of sensors at a scene time; `weight` (s,) are those of their angles."""
+    def of(cls, sensors: Sequence[Sensor], time_s: float) -> "Vantages":
+        """Return those of sensors at a scene time, with equal weights."""
         when = np.array([time_s - _HALF_S, time_s, time_s + _HALF_S])
         places = np.array([sensor.orbit.position_ecef_m(when) for sensor in sensors])
         count, now = len(sensors), np.full(len(sensors), time_s)
@@ -47,7 +47,7 @@ class Vantages(NamedTuple):
             earth_rotated(places[:, 1], now),
             earth_rotated(axes.reshape(-1, 3), np.full(3 * count, time_s)).reshape(count, 3, 3),
             earth_rotated((places[:, 2] - places[:, 0]) / (2.0 * _HALF_S), now),
-            weight,
+            np.ones(count),
         )
 
     def displacements(self, position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from opir_trackers.registration.shared_errors import Vantages
 from opir_core.estimation import tangent_axes
 
 SENSORS = (stub_sensor("A", -40.0), stub_sensor("B", 20.0), stub_sensor("C", 60.0))
-VANTAGES = Vantages.of(SENSORS, np.full(3, 1e9), 0.0)
+VANTAGES = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(3, 1e9))
 PLACE, SIGMA_RAD = np.array([5.9e6, 1.2e6, 2.4e6]), 2e-5
 ERROR = np.array([3e-5, -5e-5, 0.0, 1e-5, 2e-5, 0.0, -4e-5, 1e-5, 0.0])
 
@@ -63,8 +63,12 @@ def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
     misfit = base @ np.cross(*units)
     assert np.linalg.matrix_rank(matrix[:6, :6], tol=1e6) == 1
     # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple products.
-    spread = SIGMA_RAD / np.sqrt(10.0) * np.hypot(
-        np.linalg.norm(base @ _across(units[0], units[1])), np.linalg.norm(base @ _across(units[1], units[0]))
+    spread = (
+        SIGMA_RAD
+        / np.sqrt(10.0)
+        * np.hypot(
+            np.linalg.norm(base @ _across(units[0], units[1])), np.linalg.norm(base @ _across(units[1], units[0]))
+        )
     )
     assert np.sqrt(square) == pytest.approx(abs(misfit) / spread, rel=5e-3)
     assert vector.any()

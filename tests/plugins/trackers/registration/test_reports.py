@@ -1,4 +1,4 @@
-"""What `imm` finds of its sensors, in the summary, the manifest, a saved run, `explain`, `score`, status and metrics."""
+"""What `imm` finds of its sensors: summary, manifest, saved run, `explain`, `score`, status and metrics."""
 
 import json
 from pathlib import Path

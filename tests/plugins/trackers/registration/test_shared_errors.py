@@ -43,13 +43,13 @@ def test_against_triangulation_of_lines_with_an_error(sensor: int, error: int) -
     true = directions(PLACE - ORIGIN)
     if error == 2:
         early = PLACE - size * (VELOCITY - np.cross([0.0, 0.0, TURN_RAD_S], PLACE))
-        wrong = directions(np.where((EACH == sensor)[:, None], early, PLACE) - ORIGIN)
+        wrong = directions(np.where((sensor == EACH)[:, None], early, PLACE) - ORIGIN)
     else:
-        angles = np.where(EACH == sensor, size, 0.0)
+        angles = np.where(sensor == EACH, size, 0.0)
         bias = PointingBias(*((angles, 0.0 * angles) if error == 0 else (0.0 * angles, angles)))
         wrong = np.stack(bias.applied(*true.T, EACH, ORIGIN), axis=1)
     both = [triangulated(np.zeros(2, dtype=np.int64), 1, ORIGIN, one, np.full(2, 2e-5)) for one in (true, wrong)]
     expected = (both[1].position_m - both[0].position_m)[0]
-    vantages = Vantages.of(SENSORS, np.full(2, 1e9), 0.0)
+    vantages = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(2, 1e9))
     shift = vantages.shifts(PLACE[None], VELOCITY[None], np.ones((1, 2), dtype=np.bool_))
     assert size * shift[0, :, 3 * sensor + error] == pytest.approx(expected, rel=0.01, abs=0.3)
