@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate
@@ -16,6 +16,8 @@ from opir_trackers.registration.registration import Followed, Registration, regi
 
 def corrected(association: AssociateAndUpdate, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
     """Return lines of sight without the errors of their sensors that are known; the last result is cached."""
+    if not registration.corrects:
+        return lines
     cache = association.correction_cache
     if not cache or cache[0] is not registration or cache[1] is not lines:
         cache[:] = [registration, lines, registration.corrected(lines)]
@@ -24,12 +26,22 @@ def corrected(association: AssociateAndUpdate, registration: Registration, lines
 
 
 def registered_state(
-    association: AssociateAndUpdate, now: TrackerState, assigned: GatedPairs, lines: LinesOfSight
+    association: AssociateAndUpdate,
+    now: TrackerState,
+    assigned: GatedPairs,
+    lines: LinesOfSight,
+    pairs: GatedPairs | None = None,
 ) -> TrackerState:
-    """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it."""
-    before = now.registration
+    """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it.
+
+    Tracks that share a line with others in `pairs` do not count.
+    """
+    if not now.registration.is_due(now.time_s):
+        return now
+    assigned = assigned if pairs is None else _unshared(assigned, pairs)
     if not len(assigned):
         return now
+    before = evolve(now.registration.at(now.time_s), compared_s=now.time_s)
     vantages = association.vantages(before, now.time_s)
     moments, seen = association.moments(now.estimates), now.table.reports >= 0
     tracks = Followed.of(now.table.number, moments, seen)
@@ -38,7 +50,7 @@ def registered_state(
     return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
 
 
-def unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
+def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     """Return the assigned pairs of tracks none of whose lines is in another's gate."""
     shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
     if not np.count_nonzero(shared):
@@ -48,25 +60,26 @@ def unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
 
 def with_explained(
     association: AssociateAndUpdate, now: TrackerState, lines: LinesOfSight, owner: IntArray, span: float
-) -> tuple[TrackerState, BoolArray]:
-    """Return the state, and which lines (m,) are no track's but a track explains them as outliers of its target."""
+) -> tuple[TrackerState, IntArray]:
+    """Return the state, and the owners (m,) of lines with 0 for those that a track explains as outliers."""
+    if not len(now.table) or not np.count_nonzero(owner < 0):
+        return now, owner
     free, some = np.flatnonzero(owner < 0), np.zeros(len(owner), dtype=np.bool_)
-    if not len(free) or not len(now.table):
-        return now, some
     path, left = association.predicted_measurements(now.estimates, now.time_s), lines.take(free)
     near = candidates(path, left, span, OUTLIER_SIGMAS, association.light_time)
     pairs = gated(path, left, *near, OUTLIER_SIGMAS, association.light_time)
     mine = np.flatnonzero(owner >= 0)
-    tracks, owned = now.registration.tracks.of(now.table.number), (owner[mine], lines.take(mine))
+    known, owned = now.registration.at(now.time_s), (owner[mine], lines.take(mine))
+    tracks = known.tracks.of(now.table.number)
     some[free], tracks = explained_looks(pairs, left, owned, tracks, association.config.gate_sigma)
-    return evolve(now, registration=evolve(now.registration, tracks=tracks)), some
+    return evolve(now, registration=evolve(known, tracks=tracks)), np.where(some, 0, owner)
 
 
 def shared_covariance(
     association: AssociateAndUpdate, now: TrackerState, estimates: ModeEstimates, table: TrackTable
 ) -> FloatArray | None:
     """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for none."""
-    if not now.registration.known.covariance.any():
+    if not now.registration.has_errors:
         return None
     vantages = association.vantages(now.registration, now.time_s)
     return now.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)

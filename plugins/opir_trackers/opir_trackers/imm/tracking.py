@@ -174,8 +174,8 @@ class ImmTracking:
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
             motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
             then = then.after(end_s, then.estimates, table, then.histories, motion)
-        then, explained = registering.with_explained(self.association, then, right, owner, span)
-        then = self._with_unclaimed(then, lines, np.where(explained, 0, owner), reported, span)
+        then, claimed = registering.with_explained(self.association, then, right, owner, span)
+        then = self._with_unclaimed(then, lines, claimed, reported, span)
         return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
     def _with_unclaimed(
@@ -197,7 +197,6 @@ class ImmTracking:
         span, owner = end_s - now.time_s, unassigned(len(lines.time_s))
         if not len(now.estimates.weight):
             return evolve(now, time_s=end_s), owner
-        now = evolve(now, registration=now.registration.predicted(span))
         estimates = self.association.predicted(now.estimates, span)
         histories = now.histories.predicted(self.filter.predicted, span)
         if not len(owner):
@@ -211,9 +210,7 @@ class ImmTracking:
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
         now = now.after(end_s, estimates, table, histories)
-        now = registering.registered_state(
-            self.association, now, registering.unshared(result.assigned, result.pairs), lines
-        )
+        now = registering.registered_state(self.association, now, result.assigned, lines, result.pairs)
         return self._with_histories(now, result, with_history, lines, span), result.owner
 
     def _with_histories(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import COAST
@@ -18,8 +18,11 @@ from opir_trackers.registration.innovations import SensorInnovations, TrackInnov
 from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, misfits
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
-#: Least standard deviation of a sensor's angle that is worth widening a gate, in errors of a look: 1 % of the variance.
-_NEGLIGIBLE = 0.1
+#: Comparisons of a target's looks before gates rely on what is found.
+_FEW = 3
+
+#: Sensors that are as stated are compared again after this time, s: innovations and noise have a memory of 60 s.
+_AGAIN_S = 5.0
 
 
 @frozen(eq=False)
@@ -28,7 +31,7 @@ class Registration:
 
     `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,) is the standard
     deviation of what the errors leave between the sensors that see a target, `noise` (s,) the scale of their noise.
-    `period_s` (s,) are their scan periods, `look_rad` (s,) the stated errors of their looks.
+    `period_s` (s,) are their scan periods; `compared_s` is the time of the last comparison.
     """
 
     errors: ErrorFilter
@@ -39,16 +42,29 @@ class Registration:
     innovations: SensorInnovations
     tracks: TrackInnovations
     period_s: FloatArray
-    look_rad: FloatArray
+    time_s: float = 0.0
+    compared_s: float = -np.inf
+    #: Whether what is not known of the errors counts in gates, and whether anything is taken off lines of sight.
+    widens_gates: bool = field(
+        default=Factory(lambda own: own.several and bool(own._of_gates.covariance.any()), takes_self=True), init=False
+    )
+    corrects: bool = field(
+        default=Factory(
+            lambda own: bool(own.known.mean.any() or own.apart_rad.any() or own.noise.max(initial=1.0) > 1.0),
+            takes_self=True,
+        ),
+        init=False,
+    )
+    has_errors: bool = field(default=Factory(lambda own: bool(own.known.covariance.any()), takes_self=True), init=False)
 
     @classmethod
-    def of(cls, errors: ErrorFilter, period_s: FloatArray, look_rad: FloatArray) -> "Registration":
+    def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
         """Return the registration before the first look."""
         known, wide = errors.reported(), errors.moments()
         apart_rad, none = _angle_sigmas(known), np.empty(0, dtype=np.int64)
         sensors = len(apart_rad)
         sums = SensorInnovations.of(sensors), TrackInnovations.fresh(none, sensors)
-        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s, look_rad)
+        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
 
     @property
     def reported(self) -> Moments:
@@ -72,10 +88,10 @@ class Registration:
 
     def corrected(self, lines: LinesOfSight) -> LinesOfSight:
         """Return lines of sight without the errors that are known, and with the deviation of what is not."""
+        if not self.corrects:
+            return lines
         if self.known.mean.any():
             lines = corrected(lines, self.error)
-        if not self.apart_rad.any() and self.noise.max(initial=1.0) == 1.0:
-            return lines
         sigma_rad = np.hypot(self.noise[lines.sensor] * lines.sigma_rad, self.apart_rad[lines.sensor])
         return evolve(lines, sigma_rad=sigma_rad)
 
@@ -85,9 +101,12 @@ class Registration:
         return stated
 
     @property
-    def widens_gates(self) -> bool:
-        """Whether what is not known of the errors counts in gates."""
-        return self.several and bool(np.any(_angle_sigmas(self.wide) > _NEGLIGIBLE * self.look_rad))
+    def _of_gates(self) -> Moments:
+        return self.wide if self.errors.used < _FEW else self.known
+
+    def is_due(self, time_s: float) -> bool:
+        """Whether looks are compared at a time: always until sensors are known to be as stated, then now and then."""
+        return time_s - self.compared_s >= _AGAIN_S or self.widens_gates or self.corrects
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
@@ -95,17 +114,18 @@ class Registration:
         `state` (n, 6) is inertial; `seen` (n, s) marks the sensors whose looks the track is made of.
         """
         own = _own_less_shift(state, seen, vantages)
-        return np.asarray(own @ self.wide.covariance @ own.transpose(0, 1, 3, 2))
+        return np.asarray(own @ self._of_gates.covariance @ own.transpose(0, 1, 3, 2))
 
     def covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
         shift = state_shifts(state, seen, vantages)
         return np.asarray(shift @ self.known.covariance @ shift.transpose(0, 2, 1))
 
-    def predicted(self, step_s: float) -> "Registration":
-        """Return the registration a step later."""
+    def at(self, time_s: float) -> "Registration":
+        """Return the registration at a later time."""
+        step_s = time_s - self.time_s
         later = self.innovations.faded(step_s), self.tracks.faded(step_s, self.period_s)
-        return evolve(self, errors=self.errors.predicted(step_s), innovations=later[0], tracks=later[1])
+        return evolve(self, errors=self.errors.predicted(step_s), innovations=later[0], tracks=later[1], time_s=time_s)
 
 
 _LOOSE = 2.0
@@ -142,9 +162,8 @@ def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registratio
     """Return the registration of a scene's sensors before the first look."""
     stated = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
-    look_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors])
     errors = ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s)
-    return Registration.of(errors, period_s, look_rad)
+    return Registration.of(errors, period_s)
 
 
 class Followed(NamedTuple):
