@@ -91,7 +91,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1200), ({"slice_s": 0.5}, 2350)],
+    [({}, 1265), ({"slice_s": 0.5}, 2500)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_core.estimation import matvec
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate
 from opir_trackers.imm.state import TrackerState
@@ -45,9 +46,19 @@ def registered_state(
     vantages = association.vantages(before, now.time_s)
     moments, seen = association.moments(now.estimates), now.table.reports >= 0
     tracks = Followed.of(now.table.number, moments, seen)
-    after = registered(before, assigned, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
+    left = _with_residuals(assigned, association.predicted_measurements(now.estimates, now.time_s))
+    after = registered(before, left, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
     change = after.known.mean - before.known.mean
     return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
+
+
+def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedPairs:
+    """Return pairs with residuals about the updated tracks in place of innovations.
+
+    A prediction may be tens of kilometres off along the line of the only sensor so far: misfits would not be linear.
+    """
+    local = matvec(assigned.axes, path.positions(assigned.track, assigned.time_s) - assigned.origin_m)
+    return evolve(assigned, measured=assigned.measured - local[:, :2] / local[:, 2:])
 
 
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:

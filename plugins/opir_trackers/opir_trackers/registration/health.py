@@ -78,7 +78,8 @@ def _sentence(
 ) -> Iterator[str]:
     """Yield what is known of a sensor, part by part."""
     is_compared = now.errors.used > 0
-    yield _bias(found, row) + _unseen(hidden, row, names, is_compared, _NAMES[:2])
+    is_small = found["bias_sigma_rad"][row].max() < _SMALL_RAD
+    yield _bias(found, row) + ("" if is_small else _unseen(hidden, row, names, is_compared, _NAMES[:2]))
     sigma_s = found["clock_sigma_s"][row]
     if sigma_s == 0.0:
         yield "clock assumed to be right"
@@ -96,6 +97,9 @@ def _sentence(
         is_wrong = square > _WRONG and now.innovations.looks[row] > _ENOUGH
         yield f"innovations {square:.2f} × their stated variance" + (": not as stated" if is_wrong else "")
 
+
+#: Biases below this, rad, are 0 in the figures: what of them is not observed is not worth a word.
+_SMALL_RAD = 5e-7
 
 #: Least share of outliers that is worth a word.
 _FEW = 0.02
