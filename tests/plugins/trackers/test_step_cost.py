@@ -114,8 +114,8 @@ def test_more_targets_take_few_more_calls_a_tick() -> None:
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
-    # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 2800
+    # One tick of the first is one with new impact regions. In the others sensors are compared, as long as they are new.
+    assert sorted(calls[3:12])[-2] <= 4700
     assert np.median(calls[75:]) <= 650
 
 
@@ -128,4 +128,4 @@ def test_new_impact_regions_take_few_calls() -> None:
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
     renewed = calls[calls > 3000]
     assert len(renewed) == 5
-    assert max(renewed) <= 11_500
+    assert max(renewed) <= 11_900

@@ -1,4 +1,4 @@
-"""Sensors in low orbits: a second sensor sees a target first where a lone one has left it open by tens of kilometres."""
+"""Low orbits: a second sensor sees a target first where a lone one has left it open by tens of kilometres."""
 
 import numpy as np
 import pytest
