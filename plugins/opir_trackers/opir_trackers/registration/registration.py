@@ -21,6 +21,9 @@ from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 #: Comparisons of a target's looks before gates rely on what is found.
 _FEW = 3
 
+#: Looks that tracks explain as outliers, from which all looks are counted.
+_SOME = 0.5
+
 #: Sensors that are as stated are compared again after this time, s: innovations and noise have a memory of 60 s.
 _AGAIN_S = 5.0
 
@@ -54,6 +57,9 @@ class Registration:
             takes_self=True,
         ),
         init=False,
+    )
+    has_outliers: bool = field(
+        default=Factory(lambda own: bool(own.tracks.explained.sum() > _SOME), takes_self=True), init=False
     )
     has_errors: bool = field(default=Factory(lambda own: bool(own.known.covariance.any()), takes_self=True), init=False)
 
@@ -106,7 +112,7 @@ class Registration:
 
     def is_due(self, time_s: float) -> bool:
         """Whether looks are compared at a time: always until sensors are known to be as stated, then now and then."""
-        return time_s - self.compared_s >= _AGAIN_S or self.widens_gates or self.corrects
+        return time_s - self.compared_s >= _AGAIN_S or self.widens_gates or self.corrects or self.has_outliers
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
