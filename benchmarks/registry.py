@@ -308,6 +308,13 @@ BENCHMARKS = (
         needs=("opir_trackers", "opir_stonesoup", "stonesoup"),
     ),
     Benchmark(
+        "registration",
+        "Can the sensors be trusted: biases, clocks, noise and outliers, told or not?",
+        "registration.py",
+        ("--runs", "1", "--only", "as stated"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "salvos",
         "Does `imm` tell the launches of a salvo apart?",
         "salvos.py",

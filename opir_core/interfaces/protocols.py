@@ -21,6 +21,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
+from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.scene.scene import EMITTER_TYPES
 
 
@@ -491,6 +492,10 @@ class Tracker(PluginPart):
 
     def expected_launches(self, duration_s: float) -> float | None:
         """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        return None
+
+    def sensor_health(self) -> SensorHealth | None:
+        """Return what it has found of the sensors up to the last tick, or None for one that judges none."""
         return None
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:

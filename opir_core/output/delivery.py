@@ -107,7 +107,7 @@ def deliver(
     except BaseException:
         files.abandon()
         raise
-    manifest = dict(run_manifest(plan, tally.counts()))
+    manifest = {**run_manifest(plan, tally.counts()), "sensor_health": tally.health}
     return _outcome(plan, tally, report, files, staged, {**manifest, "files": [*manifest["files"], *inputs]})
 
 

@@ -12,6 +12,7 @@ from opir_scoring.benchmark_tables import DESCRIPTION
 from opir_scoring.evidence import evidence_of_files
 from opir_scoring.scorecard_tables import scorecard_text
 from opir_scoring.scorecards import ScoreSettings, scorecard
+from opir_scoring.sensor_scores import sensor_scores, sensor_text
 
 #: Powers of ten that leave room for sums in a double.
 _LARGEST_POWER = 280.0
@@ -30,7 +31,11 @@ def score(arguments: argparse.Namespace) -> int:
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
-    text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
+    sensors = [] if arguments.tracks else sensor_scores(evidence)
+    if arguments.json:
+        text = json.dumps({**card.as_plain(), "sensors": sensors}, indent=2)
+    else:
+        text = "\n\n".join(part for part in (scorecard_text({tracker: card}), sensor_text(sensors)) if part)
     sys.stdout.write(text + "\n")
     return 0
 

@@ -33,6 +33,8 @@ from opir_trackers.imm.outliers import (
 )
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
+from opir_trackers.registration.registration import Registration
+from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
 
 _Asked = TypeVar("_Asked")
@@ -40,7 +42,8 @@ _Answer = TypeVar("_Answer")
 
 
 class AssociationResult(NamedTuple):
-    """Estimates after a slice, the track row of each line, -1 for none, the pairs assigned to lone tracks, and crowds.
+    """Estimates after a slice, the track row of each line, -1 for none, the pairs assigned to lone tracks, the crowds,
+    and the pairs within the gates of lone tracks.
 
     `outliers` (n, fractions) is the log likelihood of the outlier fractions of each track; None where all tracks have
     next to none.
@@ -50,6 +53,7 @@ class AssociationResult(NamedTuple):
     owner: IntArray
     assigned: GatedPairs
     crowds: Crowds
+    pairs: GatedPairs
     outliers: FloatArray | None = None
 
 
@@ -66,6 +70,7 @@ class AssociateAndUpdate:
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
     pair_cache: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
     assignment_cache: list[tuple[GatedPairs, IntArray | None, Association]] = field(factory=list)
+    correction_cache: list[Any] = field(factory=list)
 
     def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later, as `predicted_open`."""
@@ -75,18 +80,28 @@ class AssociateAndUpdate:
         """Return the predictions of the estimates about their time."""
         return self.cached("predicted_measurements", self.filter.predicted_measurements, estimates, time_s)
 
-    def with_bias_covariance(self, estimates: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
-        """Return the predictions including the biases of the sensors that see each track, by `reports`."""
+    def with_bias_covariance(
+        self, estimates: ModeEstimates, time_s: float, reports: IntArray, registration: Registration
+    ) -> PredictedMeasurements:
+        """Return the predictions including the shared errors of the sensors that see each track, by `reports`."""
         predicted_measurements = self.predicted_measurements(estimates, time_s)
-        if not self.biases.any:
+        if not registration.widens_gates:
             return predicted_measurements
-        seen, place = reports >= 0, estimates.likelier_position_m
         return self.cached(
             "blurred",
-            lambda one, when: one._replace(bias_covariance=self.biases.from_other_sensors(place, when, seen)),
+            lambda one, when: one._replace(
+                bias_covariance=registration.gate_covariance(
+                    estimates.likelier_state, reports >= 0, self.vantages(registration, when)
+                )
+            ),
             predicted_measurements,
             time_s,
         )
+
+    def vantages(self, registration: Registration, time_s: float) -> Vantages:
+        """Return the sensors at a time, their angles weighted as the registration leaves them."""
+        places = self.cached("vantages", lambda own, when: Vantages.of(own.sensors, when), self.biases, time_s)
+        return places._replace(weight=self.biases.weights(registration.apart_rad))
 
     def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity."""
@@ -120,9 +135,11 @@ class AssociateAndUpdate:
         span: float,
         table: TrackTable,
         crowds: Crowds,
+        registration: Registration,
     ) -> AssociationResult:
-        """Return the estimates after a slice's lines, and their association, given the track table and the crowds."""
-        ahead = self.with_bias_covariance(estimates, end_s, table.reports)
+        """Return the estimates after a slice's lines, and their association, given what is known of tracks, crowds and
+        sensors."""
+        ahead = self.with_bias_covariance(estimates, end_s, table.reports, registration)
         if crowds.are_there:
             pairs = self.lone_pairs(ahead, lines, span, table, crowds)
         else:
@@ -144,7 +161,7 @@ class AssociateAndUpdate:
             crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table)
             measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
         after = self.filter.updated(estimates, end_s, measurements, span)
-        result = AssociationResult(after, owner, association.assigned, crowds)
+        result = AssociationResult(after, owner, association.assigned, crowds, pairs)
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
         suspects = suspect_tracks(result.assigned, share)
         if len(suspects) and association.is_ambiguous:
@@ -164,7 +181,7 @@ class AssociateAndUpdate:
         """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
         fresh = np.zeros(table.reports.shape, dtype=bool)
         fresh[assigned.track, sensor[assigned.line]] = True
-        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, fresh.shape[1])
+        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, table.reports.shape[-1])
         rows = np.flatnonzero(fresh.any(axis=1))
         return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
 

@@ -42,7 +42,7 @@ class Mixtures(Columns):
         np.add.at(shift, track, probability[:, None] * apart)
         np.add.at(square, track, probability[:, None, None] * apart[:, :, None] * apart[:, None, :])
         spread = square - shift[:, :, None] * shift[:, None, :]
-        left = 1.0 - np.bincount(track, probability, count)
+        left: FloatArray = 1.0 - np.bincount(track, probability, count).astype(np.float64)
         return cls(number, np.full(count, time_s), shift, spread, left)
 
     def mixed(self, estimates: ModeEstimates, number: IntArray, time_s: float) -> ModeEstimates:

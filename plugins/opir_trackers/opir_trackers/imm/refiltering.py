@@ -79,7 +79,7 @@ def refiltered(
 
 def _lines(directions: Directions) -> LinesOfSight:
     """Return kept directions as lines of sight."""
-    scan = np.arange(len(directions))
+    scan = np.arange(len(directions), dtype=np.int32)
     return LinesOfSight(
         directions.time_s,
         directions.sensor,
@@ -111,7 +111,9 @@ class _Priors(NamedTuple):
         for number in np.flatnonzero((self.there[rows].sum(axis=1) >= _LEAST_INSTANTS) & old).tolist():
             used = np.flatnonzero(self.there[rows[number]])
             path = earth_rotated(self.place[rows[number], used], emitted_s[used])
-            fit = np.linalg.lstsq(np.vander(emitted_s[used] - time_s, 4, increasing=True), path, rcond=None)[0]
+            fit: FloatArray = np.linalg.lstsq(
+                np.vander(emitted_s[used] - time_s, 4, increasing=True), path, rcond=None
+            )[0]
             one = np.array([number])
             estimates = estimates.put(one, _about(fit, estimates.take(one)))
         return estimates

@@ -10,6 +10,7 @@ from opir_trackers.imm.crowds import Crowds
 from opir_trackers.imm.track_management import SharedDetections, TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.registration.registration import Registration
 
 
 @frozen(eq=False)
@@ -38,8 +39,8 @@ class TrackerState:
     """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
 
     `crowds` are the tracks in focal planes of tracks that share lines; `sightings` are the recent scans in which tracks
-    were detected. `motion` (rows of the table) says what each track is; `ended` are
-    those that ended since the last tick.
+    were detected. `motion` (rows of the table) says what each track is; `ended` are those that ended since the last
+    tick; `registration` is what is known of the sensors.
     """
 
     time_s: float
@@ -52,6 +53,7 @@ class TrackerState:
     sightings: SharedDetections = field(factory=SharedDetections.empty)
     motion: MotionStatistics = field(factory=MotionStatistics.empty)
     ended: "EndedTracks | None" = None
+    registration: Registration = field(kw_only=True)
 
     def after(
         self,
@@ -62,7 +64,8 @@ class TrackerState:
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
         known = self.crowds, self.next_number, self.sightings, self.motion if motion is None else motion
-        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, *known, self.ended)
+        kept = self.unclaimed, self.reported, *known, self.ended
+        return TrackerState(time_s, estimates, table, *kept, registration=self.registration)
 
     def without(self, drop: BoolArray) -> "TrackerState":
         """Return the state without some tracks (n,)."""
@@ -77,6 +80,7 @@ class TrackerState:
         return not (len(self.table) or len(self.unclaimed.time_s) or self.ended)
 
     @classmethod
-    def first(cls, sensors: int) -> "TrackerState":
+    def first(cls, sensors: int, registration: Registration) -> "TrackerState":
         """Return the state before the first detection, for a number of sensors."""
-        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))
+        none = ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64)
+        return cls(0.0, *none, registration=registration)

@@ -22,11 +22,10 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.outcomes import Outcomes, hypothesis_log_likelihood
 from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.gating import GatedPairs
-from opir_trackers.imm import crowds as crowd, track_management
+from opir_trackers.imm import crowds as crowd, registering, track_management
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate
 from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
@@ -38,6 +37,7 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
 
@@ -60,6 +60,7 @@ class ImmTracking:
     association: AssociateAndUpdate
     period_s: FloatArray
     biases: Biases
+    registration: Registration
     forces: Forces
     type_log_likelihood: FloatArray
     memory_s: FloatArray
@@ -85,6 +86,7 @@ class ImmTracking:
             association=AssociateAndUpdate(config, filter_, model, context.light_time, biases),
             period_s=period_s,
             biases=biases,
+            registration=registration_of(config, context.sensors),
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
@@ -100,11 +102,11 @@ class ImmTracking:
 
     def start(self) -> TrackerState:
         """Return the state before the first detection."""
-        return TrackerState.first(len(self.period_s))
+        return TrackerState.first(len(self.period_s), self.registration)
 
     def lines_of_sight(self, detections: Detections) -> LinesOfSight:
-        """Return the lines of sight of detections, with the standard deviation of noise and bias."""
-        return self.biases.with_bias_sigma(LinesOfSight.of(detections))
+        """Return the lines of sight of detections."""
+        return LinesOfSight.of(detections)
 
     def stepped(
         self, now: TrackerState, tick_s: float, detections: Detections, cached: LinesOfSight | None = None
@@ -158,13 +160,15 @@ class ImmTracking:
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
         span = end_s - now.time_s
-        then, owner = self.associated(now, end_s, lines)
+        right = registering.corrected(self.association, now.registration, lines)
+        then, owner = self.associated(now, end_s, right)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
+            motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
             estimates = self.single.with_ascents(then.estimates, table, motion, then.table.seen_s, end_s)
             then = then.after(end_s, estimates, table, motion)
-        then = self._with_unclaimed(then, lines, owner, reported, span)
+        then, claimed = registering.with_explained(self.association, then, right, owner, span)
+        then = self._with_unclaimed(then, lines, claimed, reported, span)
         then = self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
         if not then.crowds.are_there:
             return then
@@ -195,11 +199,14 @@ class ImmTracking:
             after = self.filter.updated(estimates, end_s, no_measurements(), span)
             after = self.filter.with_open_coast(after, estimates, now.estimates, span)
             return now.after(end_s, after, now.table), owner
-        result = self.association.updated_tracks(estimates, end_s, lines, span, now.table, now.crowds)
+        known = now.table, now.crowds, now.registration
+        result = self.association.updated_tracks(estimates, end_s, lines, span, *known)
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
         then = now.after(end_s, estimates, table)
-        return then if result.crowds is now.crowds else evolve(then, crowds=result.crowds), result.owner
+        then = then if result.crowds is now.crowds else evolve(then, crowds=result.crowds)
+        then = registering.registered_state(self.association, then, result.assigned, lines, result.pairs)
+        return then, result.owner
 
     def _with_launch_points(self, now: TrackerState) -> TrackerState:
         """Return the state with the launch points of young tracks."""
@@ -212,11 +219,13 @@ class ImmTracking:
         table, estimates = now.table.part(young), now.estimates.part(young)
         predicted, thrust = self.association.predicted_measurements(estimates, now.time_s), self.config.thrust
         place, seen = estimates.likelier_position_m, table.reports >= 0
-        biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
+        biased = registering.shared_covariance(self.association, now, estimates, table)
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
         prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
-        points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
+        points = launches(
+            predicted, first_s, prior, thrust.launch_noise_m_s2, None if biased is None else biased[:, :3, :3]
+        )
         points.covariance[:, 2, 2] += self.config.clock_sigma_s**2
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
@@ -226,16 +235,17 @@ class ImmTracking:
         """Return the state with tracks initiated from unassigned lines."""
         if len(now.unclaimed.time_s) < self.needed_scans:
             return now
-        initiation_ = initiation.track_candidates(now.unclaimed, self.needed_scans, self.biases.sigma_rad)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
+        initiation_ = initiation.track_candidates(lines, self.needed_scans, now.registration.loose_rad)
         if not len(initiation_.begun):
             return now
         first, span = (
             prior_estimates(initiation_.begun, now.time_s, self.config),
-            now.time_s - float(now.unclaimed.time_s.min()),
+            now.time_s - float(lines.time_s.min()),
         )
-        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), now.unclaimed, span)
-        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, now.unclaimed.sensor[pairs.line])))
-        association = associate_nearest(pairs, now.unclaimed, self.association.model)
+        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), lines, span)
+        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
+        association = associate_nearest(pairs, lines, self.association.model)
         estimates = self.filter.updated(first, now.time_s, association.measurements, span)
         return self._with_new_tracks(now, first, estimates, association.owner)
 
@@ -250,8 +260,9 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
-        motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
+        motion = motion.with_lines(owner, lines, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
         then = evolve(
             now,
@@ -301,7 +312,8 @@ class ImmTracking:
             drop |= down
         if len(state) > 1:
             now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
-            wider = self._with_biases(now.estimates, now.time_s, table, covariance)
+            added = registering.shared_covariance(self.association, now, now.estimates, table)
+            wider = covariance.copy() if added is None else covariance + added
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
             wider[fast] = np.eye(6)
@@ -339,8 +351,9 @@ class ImmTracking:
             estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
-        if self.biases.any or self.config.clock_sigma_s:
-            covariance = self._with_biases(estimates, now.time_s, table, covariance)
+        added = registering.shared_covariance(self.association, now, estimates, table)
+        if added is not None:
+            covariance = covariance + added
         tracks = tracks_of(state, covariance, table, now.time_s)
         types = type_evidence(table.reports, self.type_log_likelihood)
         reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
@@ -360,19 +373,6 @@ class ImmTracking:
         around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
         return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
 
-    def _with_biases(
-        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
-    ) -> FloatArray:
-        """Return covariances (n, 6, 6) including the sensors' biases and the offsets of their clocks."""
-        wider, seen = covariance.copy(), table.reports >= 0
-        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, seen)
-        if self.config.clock_sigma_s:
-            state = np.where(
-                estimates.weight[:, 1:] > estimates.weight[:, :1], estimates.coast_mean, estimates.boost_mean[:, :6]
-            )
-            wider[:, :3, :3] += self.biases.of_clocks(state[:, :3], air_velocity(state), time_s, seen)
-        return wider
-
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
 
@@ -383,7 +383,8 @@ class ImmTracking:
             return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
-        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
+        lines = registering.corrected(self.association, now.registration, lines)
+        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports, now.registration)
         if not now.crowds.are_there:
             pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
         else:
