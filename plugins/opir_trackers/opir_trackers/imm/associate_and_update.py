@@ -37,6 +37,8 @@ from opir_trackers.registration.registration import Registration
 from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
 
+_NONE = np.empty(0, dtype=np.int64)
+
 _Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
@@ -144,7 +146,6 @@ class AssociateAndUpdate:
             pairs = self.lone_pairs(ahead, lines, span, table, crowds)
         else:
             pairs = self.gated_pairs(ahead, lines, span)
-        fractions = OutlierFractions(table.outliers)
         if len(table) > 1:
             rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
             crowds = self._with_tracks(crowds, rows, ahead, table)
@@ -162,18 +163,26 @@ class AssociateAndUpdate:
             measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
         after = self.filter.updated(estimates, end_s, measurements, span)
         result = AssociationResult(after, owner, association.assigned, crowds, pairs)
+        shared = ambiguous_tracks(pairs, lines) if association.is_ambiguous else _NONE
+        slice_span = SliceSpan(end_s, span, self.config.gate_sigma)
+        return self._with_outliers(result, estimates, slice_span, OutlierFractions(table.outliers), shared)
+
+    def _with_outliers(
+        self,
+        result: AssociationResult,
+        estimates: ModeEstimates,
+        span: SliceSpan,
+        fractions: OutlierFractions,
+        shared: IntArray,
+    ) -> AssociationResult:
+        """Return the result with outliers weighted down, but for tracks `shared`, which share lines."""
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
-        suspects = suspect_tracks(result.assigned, share)
-        if len(suspects) and association.is_ambiguous:
-            suspects = np.setdiff1d(suspects, ambiguous_tracks(pairs, lines), assume_unique=True)
-        if not len(suspects):
-            if not np.count_nonzero(share > FEW):
-                return result
-            outliers = fractions.log + clean_log_likelihood(result.assigned, fractions, self.config.gate_sigma)
-            return result._replace(outliers=outliers)
-        return self._with_outlier_weights(
-            result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
-        )
+        suspects = np.setdiff1d(suspect_tracks(result.assigned, share), shared, assume_unique=True)
+        if len(suspects):
+            return self._with_outlier_weights(result, estimates, span, fractions, suspects)
+        if not np.count_nonzero(share > FEW):
+            return result
+        return result._replace(outliers=fractions.log + clean_log_likelihood(result.assigned, fractions, span.gate))
 
     def _with_new_sensors(
         self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable

@@ -79,10 +79,10 @@ def refiltered(
 
 def _lines(directions: Directions) -> LinesOfSight:
     """Return kept directions as lines of sight."""
-    scan = np.arange(len(directions), dtype=np.int32)
+    scan = np.arange(len(directions))
     return LinesOfSight(
         directions.time_s,
-        directions.sensor,
+        directions.sensor.astype(np.int32),
         scan,
         directions.origin_ecef_m,
         directions.direction_ecef,
@@ -111,9 +111,8 @@ class _Priors(NamedTuple):
         for number in np.flatnonzero((self.there[rows].sum(axis=1) >= _LEAST_INSTANTS) & old).tolist():
             used = np.flatnonzero(self.there[rows[number]])
             path = earth_rotated(self.place[rows[number], used], emitted_s[used])
-            fit: FloatArray = np.linalg.lstsq(
-                np.vander(emitted_s[used] - time_s, 4, increasing=True), path, rcond=None
-            )[0]
+            powers = np.vander(emitted_s[used] - time_s, 4, increasing=True)
+            fit = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
             one = np.array([number])
             estimates = estimates.put(one, _about(fit, estimates.take(one)))
         return estimates

@@ -131,6 +131,20 @@ def _repaired(
     held_by, rows_of = np.unique(number, return_counts=True)
     now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
     several = np.intersect1d(changed, held_by[rows_of > 1])
+    return _with_states(now, number, several, stretch, filter_, config, light_time)
+
+
+def _with_states(
+    now: TrackerState,
+    number: IntArray,
+    several: IntArray,
+    stretch: _Stretch,
+    filter_: ImmFilter,
+    config: ImmConfig,
+    light_time: bool,
+) -> TrackerState:
+    """Return the state with the tracks `several` filtered anew over the stretch of their focal-plane tracks."""
+    kept = now.crowds.kept
     which = _places(several, number)
     held = np.flatnonzero(which >= 0)
     sums = np.zeros((len(several), *stretch.table.shape[1:]))
