@@ -218,7 +218,7 @@ class Trajectories(PluginPart):
     def burns_s(self) -> FloatArray:
         """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
 
-        The first begins at `ignition_s`, the last ends at `burnout_s`. Between burns the plume is dark: as after burnout.
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Between burns plumes are dark, as after burnout.
         """
         return one_burn_s(self.ignition_s, self.burnout_s)
 
