@@ -133,11 +133,7 @@ class AssociateAndUpdate:
             crowds = self._with_tracks(crowds, rows, ahead, table)
         update = None
         if crowds.are_there:
-            update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
-            sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
-            pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
-            # Those that join now are alone for this slice.
-            update = update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table))
+            update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table)
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
         if update is not None:
@@ -158,13 +154,30 @@ class AssociateAndUpdate:
             result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
         )
 
+    def _followed(
+        self,
+        crowds: Crowds,
+        pairs: GatedPairs,
+        lines: LinesOfSight,
+        end_s: float,
+        span: float,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+    ) -> tuple[CrowdUpdate, GatedPairs]:
+        """Return the crowds after a slice, with the tracks that share lines with them, and the pairs of lone tracks."""
+        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
+        sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
+        pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
+        # Those that join now are alone for this slice.
+        return update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table)), pairs
+
     def _with_new_sensors(
         self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable
     ) -> Crowds:
         """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
         fresh = np.zeros(table.reports.shape, dtype=bool)
         fresh[assigned.track, sensor[assigned.line]] = True
-        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, fresh.shape[1])
+        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, table.reports.shape[1])
         rows = np.flatnonzero(fresh.any(axis=1))
         return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
 

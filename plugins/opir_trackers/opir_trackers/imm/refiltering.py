@@ -82,7 +82,7 @@ def _lines(directions: Directions) -> LinesOfSight:
     scan = np.arange(len(directions))
     return LinesOfSight(
         directions.time_s,
-        directions.sensor,
+        directions.sensor.astype(np.int32),
         scan,
         directions.origin_ecef_m,
         directions.direction_ecef,
@@ -113,7 +113,7 @@ class _Priors(NamedTuple):
             path = earth_rotated(self.place[rows[number], used], emitted_s[used])
             fit = np.linalg.lstsq(np.vander(emitted_s[used] - time_s, 4, increasing=True), path, rcond=None)[0]
             one = np.array([number])
-            estimates = estimates.put(one, _about(fit, estimates.take(one)))
+            estimates = estimates.put(one, _about(fit.astype(np.float64, copy=False), estimates.take(one)))
         return estimates
 
 
