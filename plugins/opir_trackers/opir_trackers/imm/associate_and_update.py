@@ -151,11 +151,7 @@ class AssociateAndUpdate:
             crowds = self._with_tracks(crowds, rows, ahead, table)
         update = None
         if crowds.are_there:
-            update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
-            sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
-            pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
-            # Those that join now are alone for this slice.
-            update = update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table))
+            update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table)
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
         if update is not None:
@@ -183,6 +179,23 @@ class AssociateAndUpdate:
         if not np.count_nonzero(share > FEW):
             return result
         return result._replace(outliers=fractions.log + clean_log_likelihood(result.assigned, fractions, span.gate))
+
+    def _followed(
+        self,
+        crowds: Crowds,
+        pairs: GatedPairs,
+        lines: LinesOfSight,
+        end_s: float,
+        span: float,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+    ) -> tuple[CrowdUpdate, GatedPairs]:
+        """Return the crowds after a slice, with the tracks that share lines with them, and the pairs of lone tracks."""
+        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
+        sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
+        pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
+        # Those that join now are alone for this slice.
+        return update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table)), pairs
 
     def _with_new_sensors(
         self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable

@@ -123,9 +123,8 @@ class FocalPlanePairs(NamedTuple):
 
     def part(self, rows: IntArray) -> "FocalPlanePairs":
         """Return some pairs."""
-        return FocalPlanePairs(
-            self.row[rows], self.line[rows], self.off.take(rows, axis=0), self.variance[rows], self.distance[rows]
-        )
+        squares = self.variance.take(rows), self.distance.take(rows)
+        return FocalPlanePairs(self.row.take(rows), self.line.take(rows), self.off.take(rows, axis=0), *squares)
 
 
 def gated_pairs(
@@ -265,8 +264,8 @@ def _after_scan(
     row, place = np.unique(pairs.row, return_inverse=True)
     total, time_s = np.bincount(place, beta), lines.time_s[pairs.line]
     when = np.maximum(np.bincount(place, beta * time_s) / np.maximum(total, 1e-300), time_s.min())
-    off = np.empty((len(row), 2))
-    off[:, 0], off[:, 1] = (np.bincount(place, beta * pairs.off[:, axis]) for axis in (0, 1))
+    sums = [np.bincount(place, beta * pairs.off[:, axis]) for axis in (0, 1)]
+    off = np.stack(sums, axis=1).astype(np.float64, copy=False)
     spread = 0.5 * (np.bincount(place, beta * dot(pairs.off, pairs.off)) - dot(off, off))
     part = tracks.take(row).predicted(when)
     noise = np.bincount(place, np.square(lines.sigma_rad[pairs.line])) / np.bincount(place)

@@ -42,8 +42,8 @@ class Mixtures(Columns):
         np.add.at(shift, track, probability[:, None] * apart)
         np.add.at(square, track, probability[:, None, None] * apart[:, :, None] * apart[:, None, :])
         spread = square - shift[:, :, None] * shift[:, None, :]
-        left: FloatArray = 1.0 - np.bincount(track, probability, count).astype(np.float64)
-        return cls(number, np.full(count, time_s), shift, spread, left)
+        left = 1.0 - np.bincount(track, probability, count)
+        return cls(number, np.full(count, time_s), shift, spread, left.astype(np.float64, copy=False))
 
     def mixed(self, estimates: ModeEstimates, number: IntArray, time_s: float) -> ModeEstimates:
         """Return the estimates of tracks `number` (n,), ascending, at a time, as mixtures where they are."""

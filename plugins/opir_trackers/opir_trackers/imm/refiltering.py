@@ -114,7 +114,7 @@ class _Priors(NamedTuple):
             powers = np.vander(emitted_s[used] - time_s, 4, increasing=True)
             fit = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
             one = np.array([number])
-            estimates = estimates.put(one, _about(fit, estimates.take(one)))
+            estimates = estimates.put(one, _about(fit.astype(np.float64, copy=False), estimates.take(one)))
         return estimates
 
 

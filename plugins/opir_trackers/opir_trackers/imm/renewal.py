@@ -131,28 +131,28 @@ def _repaired(
     held_by, rows_of = np.unique(number, return_counts=True)
     now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
     several = np.intersect1d(changed, held_by[rows_of > 1])
-    return _with_states(now, number, several, stretch, filter_, config, light_time)
+    return _filtered_anew(now, several, number, stretch, filter_, config, light_time) if len(several) else now
 
 
-def _with_states(
+def _filtered_anew(
     now: TrackerState,
-    number: IntArray,
     several: IntArray,
+    number: IntArray,
     stretch: _Stretch,
     filter_: ImmFilter,
     config: ImmConfig,
     light_time: bool,
 ) -> TrackerState:
-    """Return the state with the tracks `several` filtered anew over the stretch of their focal-plane tracks."""
+    """Return the state with tracks `several` (k,) filtered anew, where their directions cross at a definite place."""
     kept = now.crowds.kept
     which = _places(several, number)
     held = np.flatnonzero(which >= 0)
     sums = np.zeros((len(several), *stretch.table.shape[1:]))
     np.add.at(sums, which[held], stretch.table[held])
     instants = np.unique(stretch.kept.time_s)
-    first_s = instants[first_instants(sums)] if len(several) else several
+    first_s = instants[first_instants(sums)]
     sums[instants < first_s[:, None]] = 0.0
-    fixed = np.flatnonzero(_are_fixed(sums)) if len(several) else several
+    fixed = np.flatnonzero(_are_fixed(sums))
     whose = _places(several[fixed], kept.number)
     mine = np.flatnonzero((whose >= 0) & (kept.time_s >= np.append(first_s[fixed], np.inf)[whose]))
     if not len(mine):
