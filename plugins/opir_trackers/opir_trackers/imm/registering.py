@@ -37,7 +37,7 @@ def registered_state(
 
     Tracks that share a line with others in `pairs` do not count.
     """
-    if not now.registration.is_due(now.time_s):
+    if not now.registration.is_due(now.time_s, len(now.table)):
         return now
     assigned = assigned if pairs is None else _unshared(assigned, pairs)
     if not len(assigned):

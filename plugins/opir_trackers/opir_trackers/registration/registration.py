@@ -19,7 +19,10 @@ from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, mi
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
 #: Comparisons of a target's looks before gates rely on what is found.
-_FEW = 3
+_FEW = 15
+
+#: Up to so many tracks sensors that are as stated are compared now and then: of more, each shows another combination.
+_LONE = 3
 
 #: Looks that tracks explain as outliers, from which all looks are counted.
 _SOME = 0.5
@@ -110,9 +113,10 @@ class Registration:
     def _of_gates(self) -> Moments:
         return self.wide if self.errors.used < _FEW else self.known
 
-    def is_due(self, time_s: float) -> bool:
-        """Whether looks are compared at a time: always until sensors are known to be as stated, then now and then."""
-        return time_s - self.compared_s >= _AGAIN_S or self.widens_gates or self.corrects or self.has_outliers
+    def is_due(self, time_s: float, tracks: int) -> bool:
+        """Whether looks are compared at a time; those of few tracks now and then, once sensors are as stated."""
+        always = tracks > _LONE or self.widens_gates or self.corrects or self.has_outliers
+        return always or time_s - self.compared_s >= _AGAIN_S
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
