@@ -1,6 +1,6 @@
-"""Can the sensors be trusted? Biases, clocks, noise and outliers that `imm` is told of, or not.
+"""Can the sensors be trusted? Biases, clocks, noise and outliers, stated in the scene or not.
 
-    python benchmarks/registration.py [--runs 10] [--only "60 µrad, not told"] [--write docs/benchmarks]
+    python benchmarks/registration.py [--runs 10] [--only "60 µrad, not stated"] [--write docs/benchmarks]
 
 Twelve SRBMs and IRBMs rise within six seconds in the view of two SBIRS-GEO (or three). Their lines of sight are
 disturbed here, after the simulation: turned by a bias drawn for each sensor, spread by more noise, or moved far off;
@@ -48,7 +48,7 @@ Drawn = Callable[[np.random.Generator, Detections, int], Disturbance]
 
 
 class Case(NamedTuple):
-    """A case: what disturbs the lines, what is told of it (settings of sensors and tracker), and number of sensors."""
+    """A case: what disturbs the lines, what settings of sensors and tracker state of it, and number of sensors."""
 
     name: str
     drawn: Drawn
@@ -93,10 +93,10 @@ def late_clocks(rng: np.random.Generator, detections: Detections, sensors: int) 
 
 CASES = (
     Case("as stated", as_stated),
-    Case("60 µrad, not told", biased),
-    Case("60 µrad, told", biased, {"line_of_sight_bias_sigma_urad": 1e6 * BIAS_RAD}),
-    Case("60 µrad, not told, three sensors", biased, sensors=3),
-    Case("clocks off by 0.12 s, told", late_clocks, tracker={"clock_sigma_s": CLOCK_S}),
+    Case("60 µrad, not stated", biased),
+    Case("60 µrad, stated", biased, {"line_of_sight_bias_sigma_urad": 1e6 * BIAS_RAD}),
+    Case("60 µrad, not stated, three sensors", biased, sensors=3),
+    Case("clocks off by 0.12 s, stated", late_clocks, tracker={"clock_sigma_s": CLOCK_S}),
     Case("3 × noise in 30 % of the looks", noisier),
     Case("30 % outliers of 400 µrad", strayed),
     Case("3 × noise of one sensor", one_wrong),
@@ -116,14 +116,14 @@ class Outcome(NamedTuple):
     noise: np.ndarray
 
 
-def scene_of(seed: int, case: Case, told: bool) -> opir.Scene:
-    """Return a run's scene, with what is told of the sensors or without."""
+def scene_of(seed: int, case: Case, is_stated: bool) -> opir.Scene:
+    """Return a run's scene, with what is stated of the sensors or without."""
     rng = np.random.default_rng(seed)
     sensors = [
-        {"model": "SBIRS-GEO", "id": f"S{row}", "orbital_slot_deg": slot, **(case.stated if told else {})}
+        {"model": "SBIRS-GEO", "id": f"S{row}", "orbital_slot_deg": slot, **(case.stated if is_stated else {})}
         for row, slot in enumerate(SLOTS_DEG[: case.sensors])
     ]
-    tracker = {"model": "imm", "regions_every_s": 600.0, **case.tracker} if told else {"model": "none"}
+    tracker = {"model": "imm", "regions_every_s": 600.0, **case.tracker} if is_stated else {"model": "none"}
     return opir.scene_from_mapping(
         {
             "scene": "registration",
@@ -184,8 +184,8 @@ def followed(plan: opir.Plan, detections: Detections) -> tuple[np.ndarray, Track
 
 def outcome_of(case: Case, seed: int) -> Outcome:
     """Return what came of a run."""
-    run = opir.simulate(scene_of(seed, case, told=False))
-    plan, rng = opir.compile_plan(scene_of(seed, case, told=True)), np.random.default_rng([1, seed])
+    run = opir.simulate(scene_of(seed, case, is_stated=False))
+    plan, rng = opir.compile_plan(scene_of(seed, case, is_stated=True)), np.random.default_rng([1, seed])
     wrong = case.drawn(rng, run.detections, case.sensors)
     seen = disturbed(run.detections, wrong, rng)
     order = np.argsort(seen.time_ns, kind="stable")
@@ -247,7 +247,7 @@ far off, and what [`imm`](../explanation/registration.md) makes of it.
 Held: states in their 95 % ellipsoid from 60 s after ignition to burnout, {runs} runs each, with the interval of
 independent states; NEES/6 has a median of 0.89 if covariances are right. Over bound: error of position in the last
 second of the burn over the Cramér–Rao bound of position and stated bias together. The stated bias is 0 where nothing is
-told; there errors of hundreds of metres to kilometres remain, as two sensors do not show all of their biases, but the
+stated; there errors of hundreds of metres to kilometres remain, as two sensors do not show all of their biases, but the
 covariances say so. Bias NEES: squared error of each estimated angle over its variance, 1 if right; the angles of a run
 are correlated, and its {runs} runs are few. Noise found: in units of what is stated, by sensor. All figures:
 [registration.csv](registration.csv).

@@ -75,6 +75,7 @@ def _precession(t: FloatArray) -> tuple[Any, ...]:
     return ("z", -zeta), ("y", theta), ("z", -z)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def nutation_rad(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad."""
     arguments = [(start + (rate + bend * t) * t) * _DEGREE for start, rate, bend in _ARGUMENTS]
