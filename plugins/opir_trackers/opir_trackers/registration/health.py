@@ -79,7 +79,10 @@ def _sentence(
     """Yield what is known of a sensor, part by part."""
     is_compared = now.errors.used > 0
     is_small = found["bias_sigma_rad"][row].max() < _SMALL_RAD
-    yield _bias(found, row) + ("" if is_small else _unseen(hidden, row, names, is_compared, _NAMES[:2]))
+    if is_small:
+        yield "no sign of a bias" if is_compared else "bias assumed to be 0: no target is seen by two sensors"
+    else:
+        yield _bias(found, row) + _unseen(hidden, row, names, is_compared, _NAMES[:2])
     sigma_s = found["clock_sigma_s"][row]
     if sigma_s == 0.0:
         yield "clock assumed to be right"
