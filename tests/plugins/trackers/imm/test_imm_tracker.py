@@ -164,9 +164,9 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apa
 def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_is_not() -> None:
     detections, _ = launches([(30.0, 10.0, 0.0)], 40.0)
     west = detections.take(np.flatnonzero(detections.sensor == 0))
-    plain, strict = tracker(), tracker(lost_sigma_m=1e4)
+    plain, strict = tracker(), tracker(lost_sigma_m=3e3)
     told, kept = (stepped(one, by_second(west, 40)) for one in (plain, strict))
-    assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 1e4
+    assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 3e3
     assert np.array_equal(kept.state, told.state)
     nothing = west.take(slice(0, 0))
     told = [strict.step(time_s, nothing) for time_s in (40.3, 45.0, 46.0)]
