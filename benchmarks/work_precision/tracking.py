@@ -24,7 +24,6 @@ from attrs import evolve
 from opir_scoring.gospa_metric import gospa
 from opir_testing.doubles import stub_sensor
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.histories import Histories
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.imm.tracking import ImmTracking
@@ -143,7 +142,7 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         now, owner = tracking.associated(now, end, rays)
         now = evolve(now, table=now.table.with_detections(owner, rays.time_s, rays.sensor, np.full(len(owner), -1)))
         taken += time.process_time() - start
-        told.append((end, tracking.filter.moments(tracking.reported_estimates(now))[0][:, :3]))
+        told.append((end, tracking.filter.moments(now.estimates)[0][:, :3]))
     return told, taken
 
 
@@ -151,9 +150,7 @@ def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
     roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
-    none = Histories.none()
-    histories = Histories(number, np.zeros(len(bank)), bank, none.measurements, none.sensor)
-    return evolve(tracking.start(), estimates=bank, table=roster, histories=histories, next_number=len(bank))
+    return evolve(tracking.start(), estimates=bank, table=roster, next_number=len(bank))
 
 
 _SLOTS = (("WEST", 10.0), ("EAST", 100.0))

@@ -51,7 +51,7 @@ def test_a_mutant_is_told_with_its_line_before_and_after() -> None:
         ("plugins/opir_testing/opir_testing/contracts/trackers.py", "tests/contracts"),
         ("opir_core/arrays.py", None),
         ("plugins/opir_trackers/opir_trackers/gating.py", "tests/plugins/trackers"),
-        ("plugins/opir_trackers/opir_trackers/imm/histories.py", "tests/plugins/trackers/imm"),
+        ("plugins/opir_trackers/opir_trackers/imm/crowds.py", "tests/plugins/trackers/imm"),
         ("plugins/opir_dsp/opir_dsp/plugin.py", None),
     ],
 )

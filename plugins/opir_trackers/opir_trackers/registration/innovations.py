@@ -107,7 +107,8 @@ class SensorInnovations:
 class TrackInnovations(Columns):
     """Sums over the looks of tracks, by number: normalised `square` and `looks`, with those `explained` as outliers.
 
-    `looks`, `explained`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. The last two count the
+    `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. `owned` are its
+    own looks in slices with unassigned ones, also those that were not compared: looks of crowds. The last two count the
     unassigned looks of the last scans near the track, in scans without and with a look of its own.
     """
 
@@ -115,6 +116,7 @@ class TrackInnovations(Columns):
     square: FloatArray
     looks: FloatArray
     explained: FloatArray
+    owned: FloatArray
     instead: FloatArray
     beside: FloatArray
 
@@ -122,7 +124,7 @@ class TrackInnovations(Columns):
     def fresh(cls, number: IntArray, sensors: int) -> "TrackInnovations":
         """Return the sums of tracks without looks."""
         count = len(number)
-        return cls(number, np.zeros(count), *(np.zeros((count, sensors)) for _ in range(4)))
+        return cls(number, np.zeros(count), *(np.zeros((count, sensors)) for _ in range(5)))
 
     def of(self, number: IntArray) -> "TrackInnovations":
         """Return those of tracks (n,) in ascending order: of what is known, or without looks."""
@@ -147,7 +149,8 @@ class TrackInnovations(Columns):
         square = self.square * kept.max(initial=0.0)
         soon = np.exp(-step_s / (_RECENT_SCANS * period_s))
         recent = self.instead * soon, self.beside * soon
-        return TrackInnovations(self.number, square, self.looks * kept, self.explained * kept, *recent)
+        lasting = self.looks * kept, self.explained * kept, self.owned * kept
+        return TrackInnovations(self.number, square, *lasting, *recent)
 
     def after(self, square: FloatArray, track: IntArray, sensor: IntArray) -> "TrackInnovations":
         """Return the sums after looks (m,) with normalised squares, by rows and sensors."""
@@ -158,6 +161,10 @@ class TrackInnovations(Columns):
 
 #: Scans of slow sensors over which a track's looks are counted, and those over which outliers are told from a target.
 _SCANS, _RECENT_SCANS = 10.0, 20.0
+
+
+#: Looks that a track explains before it has as many of its own: those of the first scans.
+_FIRST = 4.0
 
 
 def explained_looks(
@@ -179,15 +186,17 @@ def explained_looks(
     track, line = pairs.track[near], pairs.line[near]
     mine, sensor = scan[len(owner) :][line], free.sensor[line].astype(np.int64)
     beside, instead, explained = tracks.beside.copy(), tracks.instead.copy(), tracks.explained.copy()
+    owned = tracks.owned.copy()
+    np.add.at(owned, (owner, lines.sensor), 1.0)
     own = has_own[track, mine]
     np.add.at(beside, (track[own], sensor[own]), 1.0)
     np.add.at(instead, (track[~own], sensor[~own]), 1.0)
     of_target = ~own & (beside < instead)[track, sensor]
     np.add.at(explained, (track[of_target], sensor[of_target]), 1.0)
-    of_target &= (explained <= tracks.looks)[track, sensor]
+    of_target &= (explained <= np.maximum(tracks.looks, owned) + _FIRST)[track, sensor]
     which = np.zeros(len(free.time_s), dtype=np.bool_)
     which[line[of_target]] = True
-    return which, evolve(tracks, explained=explained, instead=instead, beside=beside)
+    return which, evolve(tracks, explained=explained, owned=owned, instead=instead, beside=beside)
 
 
 def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
