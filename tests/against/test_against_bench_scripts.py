@@ -8,41 +8,95 @@ from opir_coverage.bench.budget import noise_budget, waterfall
 from opir_coverage.bench.curves import curve, first_report_s, least_intensities_w_sr, operating_characteristic
 from opir_coverage.bench.frames import frame
 from opir_coverage.bench.stand import Bench, Poses
-from scipy.special import ndtr
+from scipy.special import j0, j1, ndtr
 
 H_C = 6.62607015e-34 * 299792458.0
 
 
+def photons_per_s(kelvin, low_um, high_um):
+    """Return the photons per s, m² and sr of a black body in a band."""
+    um = np.linspace(low_um, high_um, 4001) * 1e-6
+    spectral = 2.0 * 299792458.0 / um**4 / np.expm1(H_C / (um * 1.380649e-23 * kelvin))
+    return float(np.sum(0.5 * (spectral[1:] + spectral[:-1]) * np.diff(um)))
+
+
 def test_detector_noise_is_that_of_electrons():
-    """Dark current of i t electrons has the variance i t; m reads of r electrons m r². The rest is common to both."""
+    """Dark current, warm optics of i t electrons have the variance i t; m reads of r electrons m r²; steps m s²/12."""
     plane = {"aperture_m": 0.5, "integration_time_ms": 20.0, "dark_current_e_s": 3e9, "read_noise_e": 80.0}
-    bench = Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane={**plane, "subframes": 9})
+    bench = Bench.of_model("SBIRS-GEO").changed(
+        sensor__focal_plane={**plane, "subframes": 9, "optics_temperature_k": 260}
+    )
     found = noise_budget(bench, Poses.of())
     named = {each.name: each.sigma_w_m2 for each in found.terms}
-    ratio = named["dark current and warm optics"] / named["read-out"]
-    assert np.allclose(ratio, math.sqrt(3e9 * 0.020 / (9 * 80.0**2)), rtol=1e-6)
+    cone, pitch_m = math.pi / (4.0 * 2.0**2 + 1.0), 28e-6 * 2.0 * 0.5
+    warm = [0.3 * photons_per_s(260.0, *edges) * cone * pitch_m**2 * 0.7 * 0.9 for edges in ((2.5, 3.0), (4.0, 5.0))]
+    read = named["read-out"]
+    assert np.allclose(named["dark current"] / read, math.sqrt(3e9 * 0.020 / (9 * 80.0**2)), rtol=1e-6)
+    assert np.allclose(named["warm optics"] / read, np.sqrt(np.array(warm) * 0.020 / (9 * 80.0**2)), rtol=1e-4)
+    assert np.allclose(named["conversion"] / read, 2e7 / 2**16 / math.sqrt(12.0) / 80.0, rtol=1e-6)
     whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
-    assert np.allclose(whole, found.whole_w_m2, rtol=1e-3)
+    assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
+
+
+def test_terms_add_up_where_drift_alone_decorrelates_frames():
+    bench = Bench.of_model("SBIRS-GEO").with_planes(drift_urad_s=50.0, registration_urad=30.0)
+    found = noise_budget(bench, Poses.of())
+    whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
+    assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
+    assert {each.name for each in found.terms} >= {"clutter by frame registration", "clutter by drift"}
+
+
+def test_a_stated_noise_is_that_of_the_detector():
+    bench = Bench.of_model("SBIRS-GEO").changed(sensor__nei_w_m2=3e-13)
+    found = noise_budget(bench, Poses.of())
+    assert found.terms[0].name == "detector (stated or calibrated NEI)"
+    assert found.terms[0].sigma_w_m2 == pytest.approx(np.full(2, 3e-13))
+
+
+def airy_share(radius_rad, wavelength_um, aperture_m):
+    """Return the share of an Airy pattern's light within a radius: 1 - J0² - J1²."""
+    at = math.pi * radius_rad * aperture_m / (wavelength_um * 1e-6)
+    return 1.0 - float(j0(at)) ** 2 - float(j1(at)) ** 2
+
+
+def planck(kelvin, low_um, high_um):
+    um = np.linspace(low_um, high_um, 2001) * 1e-6
+    spectral = 2.0 * H_C * 299792458.0 / um**5 / np.expm1(H_C / (um * 1.380649e-23 * kelvin))
+    return float(np.sum(0.5 * (spectral[1:] + spectral[:-1]) * np.diff(um)))
+
+
+def photon_noise(bench):
+    """Return the photon noise of a bench's first band, W/m²."""
+    found = noise_budget(bench, Poses.of())
+    return next(each.sigma_w_m2[0] for each in found.terms if each.name == "photons of the background")
 
 
 def test_photon_noise_is_poisson():
     """E hc/λ over A η t, E the radiance of the background in a pixel; in LWIR within that of 200 to 330 K."""
-    bench = Bench.of_model("DSP")
+    bench = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
     sensor = bench.sensor
     found = noise_budget(bench, Poses.of())
-    sigma = next(each.sigma_w_m2[0] for each in found.terms if each.name == "photons of the background")
+    sigma = photon_noise(bench)
     low, high = sensor.bands[0].lower_um, sensor.bands[0].upper_um
     photon_j = H_C / (0.5e-6 * (low + high))
     radiance = sigma**2 * sensor.radiometer.collection_m2_s / photon_j / sensor.radiometer.ifov_rad**2
-
-    def planck(kelvin):
-        um = np.linspace(low, high, 2001) * 1e-6
-        spectral = 2.0 * H_C * 299792458.0 / um**5 / np.expm1(H_C / (um * 1.380649e-23 * kelvin))
-        return float(np.sum(0.5 * (spectral[1:] + spectral[:-1]) * np.diff(um)))
-
-    assert planck(200.0) < radiance < planck(330.0)
-    slope = (planck(300.01) - planck(299.99)) / 0.02
+    assert planck(200.0, low, high) < radiance < planck(330.0, low, high)
+    slope = (planck(300.01, low, high) - planck(299.99, low, high)) / 0.02
     assert found.nedt_k[0] == pytest.approx(found.whole_w_m2[0] / (slope * sensor.radiometer.ifov_rad**2), rel=1e-3)
+
+
+def test_photon_noise_of_a_focal_plane_is_that_of_its_pixels_and_frames():
+    """Two frames of 81 pixels have 162 times the variance of one, over the squared share of the light in them.
+
+    At least that in a circle of 3 pixels, 1.5 less than the square's and 1 for the blur and the place on a pixel.
+    """
+    alone = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
+    plane = {"spatial_filter": "sum", "core_pixels": 9, "aperture_m": 0.9, "integration_time_ms": 1.0}
+    efficiency = {"optics_transmission": 0.6, "quantum_efficiency": 0.6, "fill_factor": 0.8}
+    both = Bench.of_model("DSP").changed(sensor__focal_plane={**plane, **efficiency})
+    collection = math.pi / 4.0 * 0.9**2 * 0.6 * 0.6 * 0.8 * 1e-3
+    ratio = (photon_noise(both) / photon_noise(alone)) ** 2 * collection / alone.sensor.radiometer.collection_m2_s
+    assert 1.0 < ratio / 162.0 < 1.0 / airy_share(3.0 * 56e-6, 10.0, 0.9) ** 2
 
 
 def test_the_waterfall_ends_at_the_margin():
@@ -52,6 +106,18 @@ def test_the_waterfall_ends_at_the_margin():
     assert sum(each.gain_db for each in steps) == pytest.approx(steps[-1].level_db)
 
 
+def test_a_frame_difference_leaves_nothing_of_a_target_that_stands_still():
+    """The source is the class's, whatever is left; a target far from where it was keeps all its light."""
+    bench = Bench.of_model("SBIRS-GEO").with_planes(registration_urad=0.0, drift_urad_s=0.0)
+    single = bench.with_planes(temporal_filter="none").signals(Poses.of()).irradiance_w_m2[0]
+    for speed, left in ((0.0, 0.0), (5000.0, 1.0)):
+        found = noise_budget(bench, Poses.of(speed_m_s=speed))
+        assert found.light_w_m2 == pytest.approx(single, rel=1e-9)
+        assert found.signals.irradiance_w_m2[0] == pytest.approx(
+            left * single, rel=1e-9, abs=1e-3 * float(single.min())
+        )
+
+
 def bare(sensor="DSP"):
     """Return a sensor before a dark background without air."""
     return Bench.of_model(sensor).changed(atmosphere="clear", background="none")
@@ -59,12 +125,11 @@ def bare(sensor="DSP"):
 
 def test_the_least_intensity_is_that_of_the_closed_form():
     """T NEI R² in vacuum, with R from the law of cosines on a sphere."""
-    bench, height_m, elevation = bare(), 30e3, math.radians(35.0)
+    bench, height_m, elevation = bare().changed(sensor__nei_w_m2=4e-12), 30e3, math.radians(35.0)
     found = bench.signals(Poses.of(height_m=height_m, elevation_rad=elevation))
     near, far = 6371008.8 + height_m, 42164170.0
     range_m = math.sqrt(far**2 - (near * math.cos(elevation)) ** 2) - near * math.sin(elevation)
-    radiometer = bench.sensor.radiometer
-    expected = radiometer.threshold * radiometer.nei_w_m2[0] * range_m**2
+    expected = bench.sensor.radiometer.threshold * 4e-12 * range_m**2
     assert least_intensities_w_sr(bench, found)[0, 0] == pytest.approx(expected, rel=3e-3)
 
 
@@ -83,7 +148,7 @@ def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
 
 def test_lines_of_sight_are_as_sharp_as_the_signal():
     """√(pointing² + (IFOV/SNR)²) without a focal plane."""
-    bench = bare().changed(sensor__nei_w_m2=4e-12)
+    bench = bare().changed(sensor__nei_w_m2=4e-12, sensor__focal_plane=None)
     poses = Poses.of(height_m=np.array([20e3, 60e3]))
     model, looks = bench.model(poses)
     snr = bench.signals(poses).snr[:, 0]
@@ -109,18 +174,32 @@ def test_the_first_report_of_a_sure_sensor_follows_the_second_look():
 
 
 def test_a_frame_holds_the_electrons_of_its_target_and_the_noise_of_its_background():
-    bench = Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane="notional").whole()
-    poses = Poses.of("ICBM")
+    """A frame is single: of a target that stands still it has all the light."""
+    plane = {"aperture_m": 0.5, "optics_transmission": 0.8, "quantum_efficiency": 0.6, "fill_factor": 0.95}
+    times = {"integration_time_ms": 12.0, "subframes": 20, "dark_current_e_s": 4e7, "optics_temperature_k": 0.0}
+    noise = {"read_noise_e": 90.0, "well_capacity_e": 3e7, "bits": 16}
+    bench = Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane={**plane, **times, **noise})
+    poses = Poses.of("ICBM", speed_m_s=0.0)
     made = frame(bench, poses, 96, 3)
-    plane = bench.focal_plane()
-    seconds = plane["integration_time_ms"] * 1e-3
-    area = math.pi / 4.0 * plane["aperture_m"] ** 2 * plane["optics_transmission"] * plane["quantum_efficiency"]
-    photons = bench.signals(poses).irradiance_w_m2[0, 0] * area * seconds / (H_C / 2.75e-6)
+    area = math.pi / 4.0 * 0.5**2 * 0.8 * 0.6 * 0.95
+    single = bench.changed(sensor__focal_plane={**plane, **times, **noise, "temporal_filter": "none"})
+    photons = single.signals(poses).irradiance_w_m2[0, 0] * area * 0.012 / (H_C / 2.75e-6)
     assert made.target.sum() == pytest.approx(photons, rel=1e-6)
     assert made.mask[48, 48]
     assert made.mask.sum() < 40
-    mean = made.background + plane["dark_current_e_s"] * seconds
+    mean = made.background + 4e7 * 0.012
     away = ~made.mask
-    noise = made.electrons[away] - (mean + made.target)[away]
-    expected = math.sqrt(np.mean(mean) + plane["read_noise_e"] ** 2 * plane["subframes"])
-    assert np.std(noise) == pytest.approx(expected, rel=0.03)
+    left = made.electrons[away] - (mean + made.target)[away]
+    reading = 20 * (90.0**2 + (3e7 / 2**16) ** 2 / 12.0)
+    assert np.std(left) == pytest.approx(math.sqrt(np.mean(mean + made.target) + reading), rel=0.03)
+
+
+def test_the_spot_of_a_frame_is_the_airy_pattern():
+    """Nearly without blur: shares of pixels within the circles inside and around squares of 1, 3, … pixels."""
+    plane = {"aperture_m": 0.2, "blur_urad": 0.5, "jitter_urad": 0.0}
+    made = frame(Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane=plane), Poses.of("ICBM"), 64)
+    spot = made.target / made.target.sum()
+    for half in (0.5, 1.5, 3.5):
+        side = slice(32 - int(half), 33 + int(half))
+        inner, outer = (airy_share(radius * half * 28e-6, 2.75, 0.2) for radius in (1.0, math.sqrt(2.0)))
+        assert inner - 2e-3 < spot[side, side].sum() < outer + 2e-3

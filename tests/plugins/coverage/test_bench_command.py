@@ -9,13 +9,15 @@ from repository import ROOT
 from opir_core.cli.main import main
 
 SCENE = str(ROOT / "examples" / "photons.yaml")
+WITHOUT_PLANE = ["--set", "sensors[0].focal_plane=null", "--set", "sensors[0].nei_w_m2=4e-12"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
-        ["budget", "--sensor", "SBIRS-GEO", "--set", "sensors[0].focal_plane=notional"],
+        ["budget", "--sensor", "SBIRS-GEO"],
+        ["budget", "--sensor", "DSP", *WITHOUT_PLANE],
         ["budget", SCENE, "--sensor", "SBIRS-1", "--waterfall", "--band", "SWIR"],
         ["curve", "--sensor", "DSP", "--of", "pd", "--values", "1,10"],
         ["curve", "--sensor", "DSP", "--of", "first-report", "--against", "elevation", "--values", "20,60"],
@@ -34,7 +36,7 @@ def test_results_are_printed_as_data_and_drawn(words, tmp_path, capsys):
 
 
 def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
-    words = ["--sensor", "SBIRS-GEO", "--set", "sensors[0].focal_plane=notional", "--pixels", "32"]
+    words = ["--sensor", "SBIRS-GEO", "--pixels", "32"]
     assert main(["physics", "frame", *words, "-o", str(tmp_path / "frame")]) == 0
     with np.load(tmp_path / "frame" / "frame.npz") as arrays:
         assert arrays["electrons"].shape == arrays["mask"].shape == (32, 32)
@@ -47,7 +49,7 @@ def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
     [
         (["budget"], "give a scene, or a sensor model"),
         (["budget", SCENE, "--sensor", "S9"], "'S9' is not one of DSP-1"),
-        (["frame", "--sensor", "DSP"], "has no focal plane"),
+        (["frame", "--sensor", "DSP", *WITHOUT_PLANE], "has no focal plane"),
         (["curve", "--sensor", "DSP", "--of", "first-report"], "of a whole boost"),
     ],
 )

@@ -48,6 +48,7 @@ def _on_bench(quantities: Any, name: str, words: str, run: Callable[[argparse.Na
         help="between flight and sensor (default 90: from the side)",
     )
     add("--burned", type=float, default=0.4, metavar="SHARE", help="share of the burn that is over (default 0.4)")
+    add("--speed", type=float, default=1000.0, metavar="M_S", help="of the target, m/s (default 1000)")
     add_overrides(parser)
     if run is None:
         add("--json", action="store_true", help="print JSON")

@@ -14,15 +14,17 @@ from opir_photons.radiometry import band_radiance_slope
 from opir_core.arrays import FloatArray
 from opir_coverage.bench.stand import Bench, Poses, Signals
 
-#: Terms of noise, and the settings that switch each off; those below a focal plane need one.
+#: Terms of a focal plane's NEI, and the settings that switch each off.
 _OF_FOCAL_PLANE: Mapping[str, Mapping[str, Any]] = {
-    "dark current and warm optics": {"dark_current_e_s": 0.0},
+    "dark current": {"dark_current_e_s": 0.0},
+    "warm optics": {"optics_temperature_k": 0.0},
     "read-out": {"read_noise_e": 0.0},
-    "frame registration": {"registration_urad": 0.0},
-    "drift": {"drift_urad_s": 0.0},
+    "conversion": {"bits": 64},
 }
 #: Clutter of the background, by setting of a scene, for all kinds of structure.
 _STRUCTURES = ("cloud", "terrain", "sea", "limb")
+#: The share of a variance or of light below which it is a rounding error.
+_ROUNDING = 1e-9
 #: The temperature at which NEDT is given, K.
 SCENE_K = 300.0
 
@@ -37,13 +39,17 @@ class NoiseTerm:
 
 @frozen(eq=False)
 class NoiseBudget:
-    """The noise of one look by term, its whole (B,), W/m², the NEI of a dark background, and the NEDT at 300 K, K."""
+    """The noise of one look by term, its whole (B,), W/m², the NEI of a dark background, and the NEDT at 300 K, K.
+
+    `light_w_m2` (B,) is the target's irradiance, of which `signals` have what frame difference and wells leave.
+    """
 
     bands: tuple[str, ...]
     terms: Sequence[NoiseTerm]
     whole_w_m2: FloatArray
     nei_w_m2: FloatArray
     nedt_k: FloatArray
+    light_w_m2: FloatArray
     signals: Signals
 
 
@@ -62,7 +68,8 @@ def noise_budget(bench: Bench, poses: Poses) -> NoiseBudget:
     slope = [float(band_radiance_slope(SCENE_K, band.lower_um, band.upper_um)) for band in bench.sensor.bands]
     with np.errstate(divide="ignore"):
         nedt = total / (np.array(slope) * ifov_sr)
-    return NoiseBudget(tuple(band.name for band in bench.sensor.bands), terms, total, nei, nedt, whole)
+    names = tuple(band.name for band in bench.sensor.bands)
+    return NoiseBudget(names, terms, total, nei, nedt, bench.light_w_m2(poses)[0], whole)
 
 
 def _left(whole: FloatArray, rest: FloatArray) -> FloatArray:
@@ -80,32 +87,33 @@ def _without_clutter(bench: Bench) -> Any:
 
 
 def _detector_terms(bench: Bench, poses: Poses, nei: FloatArray) -> Iterator[NoiseTerm]:
-    """Yield the terms of the NEI: one for a sensor that states it, else those of its focal plane."""
+    """Yield the terms of the NEI: those of focal planes, and what they do not explain."""
     rest = np.square(nei)
-    known = bench.focal_plane()
-    if known.get("nei") == "computed":
-        for name in ("dark current and warm optics", "read-out"):
-            changes = {f"sensor__focal_plane__{key}": value for key, value in _OF_FOCAL_PLANE[name].items()}
-            without = bench.changed(background="none", **changes).signals(poses).noise_w_m2[0]
+    if bench.planes:
+        for name, changes in _OF_FOCAL_PLANE.items():
+            without = bench.with_planes(**changes).changed(background="none").signals(poses).noise_w_m2[0]
             own = _left(nei, without)
             rest = rest - np.square(own)
-            yield NoiseTerm(name, own)
-    if np.any(rest > 1e-9 * np.square(nei)):
-        yield NoiseTerm("detector (stated NEI)", np.sqrt(np.maximum(rest, 0.0)))
+            if own.any():
+                yield NoiseTerm(name, own)
+    if np.any(rest > _ROUNDING * np.square(nei)):
+        yield NoiseTerm("detector (stated or calibrated NEI)", np.sqrt(np.maximum(rest, 0.0)))
 
 
 def _clutter_terms(bench: Bench, poses: Poses, clutter: FloatArray) -> list[NoiseTerm]:
-    """Return clutter, of sensors with a focal plane by what lets it through the frame difference."""
-    known = bench.focal_plane()
-    if not known or known.get("temporal_filter") == "none" or not clutter.any():
+    """Return clutter, of sensors with a frame difference by what lets it through.
+
+    Both together leave less than the sum of each alone: drift has what it leaves alone, registration what it adds.
+    """
+    if not bench.planes or bench.planes[0].temporal_filter == "none" or not clutter.any():
         return [NoiseTerm("clutter", clutter)]
-    own = []
-    for name in ("frame registration", "drift"):
-        changes = {f"sensor__focal_plane__{key}": value for key, value in _OF_FOCAL_PLANE[name].items()}
-        without = bench.changed(**changes)
-        still = without.changed(background=_without_clutter(without)).signals(poses).noise_w_m2[0]
-        own.append(NoiseTerm(f"clutter by {name}", _left(clutter, _left(without.signals(poses).noise_w_m2[0], still))))
-    return own
+    without = bench.with_planes(registration_urad=0.0)
+    still = without.changed(background=_without_clutter(without)).signals(poses).noise_w_m2[0]
+    drift = _left(without.signals(poses).noise_w_m2[0], still)
+    return [
+        NoiseTerm("clutter by frame registration", _left(clutter, drift)),
+        NoiseTerm("clutter by drift", np.minimum(drift, clutter)),
+    ]
 
 
 @frozen
@@ -123,12 +131,16 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
 
     The last level is the margin: the SNR over the threshold.
     """
-    look = budget.signals
-    intensity = look.intensity_w_sr[0, band]
+    look, light = budget.signals, budget.light_w_m2[band]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        intensity = light * look.range_m[0] ** 2 / look.transmittance[0, band]
+        left = look.irradiance_w_m2[0, band] / light
+    left = 1.0 if abs(left - 1.0) < _ROUNDING else left
     gains = [
         ("source", intensity, f"{intensity:.3g} W/sr"),
         ("range", 1.0 / look.range_m[0] ** 2, f"{1e-3 * look.range_m[0]:.0f} km"),
         ("air", look.transmittance[0, band], f"transmittance {look.transmittance[0, band]:.3g}"),
+        ("frame difference and wells", left, f"{left:.3g} of it left"),
         ("detector noise", 1.0 / budget.nei_w_m2[band], f"NEI {budget.nei_w_m2[band]:.3g} W/m2"),
         ("background and clutter", budget.nei_w_m2[band] / budget.whole_w_m2[band], f"SNR {look.snr[0, band]:.3g}"),
         ("threshold", 1.0 / threshold, f"{threshold:g} sigma"),

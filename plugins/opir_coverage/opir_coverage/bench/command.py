@@ -55,6 +55,7 @@ def _pose(arguments: argparse.Namespace) -> dict[str, float]:
         "elevation_rad": math.radians(arguments.elevation),
         "aspect_rad": math.radians(arguments.aspect),
         "burned": arguments.burned,
+        "speed_m_s": arguments.speed,
     }
 
 
@@ -75,7 +76,8 @@ def _terms(bench: Bench, found: NoiseBudget) -> BenchResult:
         ["all noise", *found.whole_w_m2],
         ["NEI before a dark background", *found.nei_w_m2],
         ["NEDT at 300 K, K", *found.nedt_k],
-        ["irradiance of the target", *found.signals.irradiance_w_m2[0]],
+        ["irradiance of the target", *found.light_w_m2],
+        ["left by frame difference and wells", *found.signals.irradiance_w_m2[0]],
         ["SNR of one look", *found.signals.snr[0]],
     ]
     names = [each.name for each in found.terms]

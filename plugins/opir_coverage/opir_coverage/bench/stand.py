@@ -16,12 +16,14 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, length, local_axes
-from opir_core.plugin import DetectionProbability, Exposures, Sensor, TargetClass, Trajectories
+from opir_core.plugin import DetectionProbability, Exposures, FocalPlaneConfig, Sensor, TargetClass, Trajectories
 from opir_core.reading import scene_mapping
 from opir_coverage.launches import detection_of, target_class_of
 
-#: The scene time at which posed targets are seen, s, their speed, m/s, and the least cosine of an angle that turns.
-_NOW_S, _SPEED_M_S, _LEAST = 3600.0, 1000.0, 1e-9
+#: The scene time at which posed targets are seen, s, and the least cosine of an angle that turns.
+_NOW_S, _LEAST = 3600.0, 1e-9
+#: Settings of a focal plane that passes the whole light of a target.
+_ALL_LIGHT: Mapping[str, Any] = {"temporal_filter": "none", "well_capacity_e": 1e18, "bits": 64}
 #: What of a scene the bench leaves out.
 _LEFT_OUT: Mapping[str, Any] = {"targets": [], "sources": [], "outputs": [], "tracker": "none", "duration_s": 7200.0}
 #: The scene of a sensor alone.
@@ -37,13 +39,14 @@ _ALONE: Mapping[str, Any] = {
 
 @frozen(eq=False, kw_only=True)
 class Poses:
-    """Targets (n,) of a class: height, m, the sensor's elevation above their horizon and the aspect, rad, and the
-    share of the burn that is over."""
+    """Targets (n,) of a class: height, m, the sensor's elevation above their horizon and the aspect, rad, the share of
+    the burn that is over, and the speed, m/s, by which a frame difference finds them elsewhere than a lag earlier."""
 
     height_m: FloatArray
     elevation_rad: FloatArray
     aspect_rad: FloatArray
     burned: FloatArray
+    speed_m_s: FloatArray
     target_class: str = "ICBM"
 
     @classmethod
@@ -54,6 +57,7 @@ class Poses:
             "elevation_rad": math.radians(40.0),
             "aspect_rad": 0.5 * math.pi,
             "burned": 0.4,
+            "speed_m_s": 1000.0,
             **values,
         }
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in whole.values()))
@@ -76,14 +80,8 @@ class Signals:
 
     @property
     def irradiance_w_m2(self) -> FloatArray:
-        """The irradiances (n, B) of the targets at the aperture, as the sensor takes them in."""
+        """The irradiances (n, B) of the targets at the aperture that frame difference and wells leave."""
         return self.snr * self.noise_w_m2
-
-    @property
-    def intensity_w_sr(self) -> FloatArray:
-        """The in-band intensities (n, B) at the source; nan where no light passes."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.irradiance_w_m2 * np.square(self.range_m)[:, None] / self.transmittance
 
 
 @frozen(eq=False)
@@ -95,7 +93,7 @@ class PosedTargets(Trajectories):
     burnout_s: FloatArray
     class_names: Sequence[str]
     place_m: FloatArray
-    heading: FloatArray
+    velocity_m_s: FloatArray
     profile: str
 
     @classmethod
@@ -108,13 +106,13 @@ class PosedTargets(Trajectories):
         ignition_s = _NOW_S - poses.burned * profile.burn_time_s
         sensor_m = np.asarray(plan.sensors[0].orbit.position_ecef_m(np.array([_NOW_S])))[0]
         place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
-        heading = _headings(sensor_m, place_m, poses.aspect_rad)
+        velocity_m_s = poses.speed_m_s[:, None] * _headings(sensor_m, place_m, poses.aspect_rad)
         burnout_s = ignition_s + profile.burn_time_s
-        return cls(code, ignition_s, burnout_s, [kind.name] * count, place_m, heading, profile.name)
+        return cls(code, ignition_s, burnout_s, [kind.name] * count, place_m, velocity_m_s, profile.name)
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,)."""
-        return self.place_m[target] + (_SPEED_M_S * (time_s - _NOW_S))[:, None] * self.heading[target]
+        return self.place_m[target] + (time_s - _NOW_S)[:, None] * self.velocity_m_s[target]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each target."""
@@ -167,9 +165,24 @@ class Bench:
         """Return the block of the scene's background, with all its settings."""
         return dict(scene_mapping(self.plan.scene)["background"])
 
-    def focal_plane(self) -> dict[str, Any]:
-        """Return the settings of the sensor's focal plane, {} without one."""
-        return dict(self.sensor.settings.get("focal_plane") or {})
+    @property
+    def planes(self) -> Sequence[FocalPlaneConfig]:
+        """The sensor's focal planes by band; () without one."""
+        return () if self.sensor.radiometer is None else self.sensor.radiometer.focal_planes
+
+    def with_planes(self, **changes: Any) -> "Bench":
+        """Return the bench with settings of the focal planes of all bands replaced."""
+        sensor = self.whole().mapping["sensors"][0]
+        by_band = {
+            band: {name: value for name, value in own.items() if name not in changes}
+            for band, own in sensor["band_focal_plane"].items()
+        }
+        changed = {**sensor, "focal_plane": {**sensor["focal_plane"], **changes}, "band_focal_plane": by_band}
+        return Bench({**self.mapping, "sensors": [changed]})
+
+    def light_w_m2(self, poses: Poses) -> FloatArray:
+        """Return the irradiances (n, B) of targets at the aperture, whole: no frame difference, no full wells."""
+        return (self.with_planes(**_ALL_LIGHT) if self.planes else self).signals(poses).irradiance_w_m2
 
     def whole(self) -> "Bench":
         """Return the bench with all settings of its sensor written out, for changes of single ones."""

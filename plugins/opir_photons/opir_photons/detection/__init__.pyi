@@ -10,6 +10,10 @@ from opir_photons.detection.cfar import (
 from opir_photons.detection.correlated_looks import (
     effective_looks as effective_looks,
 )
+from opir_photons.detection.focal_planes import (
+    blur_rad as blur_rad,
+    unlit_electrons_per_s as unlit_electrons_per_s,
+)
 from opir_photons.detection.fused_bands import (
     FusedBands as FusedBands,
 )

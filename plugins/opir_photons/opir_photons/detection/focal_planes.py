@@ -206,17 +206,14 @@ class _BandTerms:
     @classmethod
     def of(cls, plane: FocalPlaneConfig, band: Band, pixel: float) -> "_BandTerms":
         """Return the terms of a focal plane in a band, for pixels of an angular width."""
-        middle_um, time_s, blur = (
-            0.5 * (band.lower_um + band.upper_um),
-            plane.integration_time_ms * 1e-3,
-            _blur_rad(plane),
-        )
+        middle_um, time_s = 0.5 * (band.lower_um + band.upper_um), plane.integration_time_ms * 1e-3
+        blur = blur_rad(plane)
         sigma = float(blurred_sigma_rad(airy_sigma_rad(middle_um, plane.aperture_m), blur))
         weights = filter_weights(plane.spatial_filter, plane.core_pixels, sigma, pixel)
         spread = PointSpread.of(middle_um, plane.aperture_m, blur, pixel)
         spot = FilteredSpot.of(weights, spread, plane.phase)
         efficiency = plane.quantum_efficiency * plane.fill_factor
-        unlit_e = _unlit_e_s(plane, band, pixel) * time_s
+        unlit_e = unlit_electrons_per_s(plane, band, pixel) * time_s
         read_e = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
         return cls(
             phase=plane.phase,
@@ -234,7 +231,7 @@ class _BandTerms:
         )
 
 
-def _unlit_e_s(plane: FocalPlaneConfig, band: Band, pixel_rad: float) -> float:
+def unlit_electrons_per_s(plane: FocalPlaneConfig, band: Band, pixel_rad: float) -> float:
     """Return the electrons per s of a pixel without light from outside: dark current and warm optics."""
     pitch_m = pixel_rad * plane.f_number * plane.aperture_m
     dark = plane.dark_current_e_s
@@ -265,7 +262,7 @@ def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
     return float(cfar_loss(ndtr(-threshold), plane.reference_cells))
 
 
-def _blur_rad(plane: FocalPlaneConfig) -> float:
+def blur_rad(plane: FocalPlaneConfig) -> float:
     """Return the width of spots besides diffraction, rad: blur, jitter and drift."""
     smear = plane.drift_urad_s * plane.integration_time_ms * 1e-3
     return float(blurred_sigma_rad(plane.blur_urad * 1e-6, plane.jitter_urad * 1e-6, smear * 1e-6))
