@@ -182,7 +182,7 @@ def noise_chance(sensor: Any) -> float:
 
 
 def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold() -> None:
-    low = {"threshold_sigma": 4.4, "coincidence_sigma": 1.0}
+    low = {"threshold_sigma": 5.4, "coincidence_sigma": 1.0}
     plan = opir.compile_plan(scene(0, fleet(**low), duration_s=120.0))
     detections, truth = drawn(plan)
     assert (truth.target < 0).all()
