@@ -1,7 +1,7 @@
 # Everyday commands, one line each.
 PLUGINS = $(wildcard ./plugins/*/)
 
-.PHONY: install test all explore lint types format ci site mutants benchmarks
+.PHONY: install test all explore kafka lint types format ci site mutants benchmarks
 
 install:
 	python -m pip install -e ".[test,peers,lint,docs]" $(addprefix -e ,$(PLUGINS))
@@ -14,6 +14,9 @@ all:
 
 explore:
 	python -m pytest -m hypothesis --hypothesis-profile=explore
+
+kafka:
+	python -m pytest -m "" tests/journeys/test_real_kafka.py
 
 lint:
 	python -m ruff check . && python -m ruff format --check .

@@ -19,7 +19,6 @@ ERRORS: Mapping[str, tuple[str, str]] = {
     "leave out the focal plane": ("counts", "counts, relative"),
     "launches of the classifier": ("type", "share of types"),
     "tracker cadence and slice": ("position_km", "tracked position, km"),
-    "reassignments": ("position_km", "tracked position, km"),
     "impact regions": ("impact_area", "area of regions, relative"),
     "tracker": ("from_truth_km", "impact from truth, km"),
 }

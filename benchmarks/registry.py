@@ -172,6 +172,13 @@ BENCHMARKS = (
         "coverage", "What do the default constellations see of the Earth?", "earth_coverage.py", words("--step-s 43200")
     ),
     Benchmark(
+        "coverage_map",
+        "How long does a map of coverage take?",
+        "coverage_map.py",
+        words("--grid 30"),
+        writes=False,
+    ),
+    Benchmark(
         "first_detection",
         "When is each class first detected, by sensor, climate and cloud?",
         "first_detection.py",
@@ -294,10 +301,24 @@ BENCHMARKS = (
         needs=("opir_trackers",),
     ),
     Benchmark(
+        "tracking_set",
+        "How do trackers compare on the published set of lines of sight of boosts?",
+        "tracking_set/tracking_set.py",
+        ("--cases", "one-launch", "--seeds", "2", "--trackers", "imm", "LMB filter"),
+        needs=("opir_trackers", "opir_stonesoup", "stonesoup"),
+    ),
+    Benchmark(
+        "registration",
+        "Can the sensors be trusted: biases, clocks, noise and outliers, told or not?",
+        "registration.py",
+        ("--runs", "1", "--only", "as stated"),
+        needs=("opir_trackers",),
+    ),
+    Benchmark(
         "salvos",
-        "How far apart must launches of a salvo be to have tracks of their own?",
+        "Does `imm` tell the launches of a salvo apart?",
         "salvos.py",
-        words("--runs 1 --spacings 5"),
+        words("--runs 1 --halves 5"),
         needs=("opir_trackers",),
     ),
     Benchmark(

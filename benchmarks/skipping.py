@@ -90,13 +90,13 @@ PARTS = (
     Part(
         "encoder forge-c2",
         ("outputs=[{jsonl: {path: events.jsonl}}, {jsonl: {path: other.jsonl, encoder: forge-c2}}]",),
-        ("opir_core.output.events.forge_c2",),
+        ("opir_export.encoders.forge_c2",),
         SAME,
     ),
     Part(
         "encoder udl",
         ("outputs=[{jsonl: {path: events.jsonl}}, {jsonl: {path: other.jsonl, encoder: udl}}]",),
-        ("opir_core.output.events.udl",),
+        ("opir_export.encoders.udl",),
         SAME,
     ),
     Part(

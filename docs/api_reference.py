@@ -39,6 +39,7 @@ PUBLIC = (
     "opir_core.doors",
     "opir_photons.radiometry",
     "opir_photons.detection",
+    "opir_coverage",
     "opir_scoring",
     "opir_testing",
 )

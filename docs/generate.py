@@ -12,6 +12,7 @@ from unittest.mock import patch
 
 from api_reference import api_pages
 from attrs import asdict, fields
+from claims import claims_page
 from modelled import modelled_pages
 
 from opir_core.cli.main import main as opir
@@ -27,7 +28,7 @@ HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|
 #: So many satellites of a fleet are told one by one.
 _FEW = 6
 
-PHOTONS = ("classification", "detection", "radiometry")
+PHOTONS = ("classification", "detection", "imagers", "radiometry")
 PLUGINS = [
     *PHOTONS,
     "dsp",
@@ -60,6 +61,7 @@ def pages() -> Mapping[Path, str]:
         **{DOCS / "reference" / "api" / name: text for name, text in api_pages().items()},
         DOCS / "explanation" / "paper-errata.md": errata_page(),
         DOCS / "reference" / "paper-figures.md": figures_page(checks()),
+        DOCS / "reference" / "claims.md": claims_page(),
         DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }
@@ -115,7 +117,7 @@ def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
     text, settings = (
         io.StringIO(),
-        {"COLUMNS": "100", "OPIR_PLUGINS": "export,http,paper,physics,readers,report,studies,testing"},
+        {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,paper,readers,report,studies,testing"},
     )
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])

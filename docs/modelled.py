@@ -37,24 +37,26 @@ PARTS = (
     Part(
         "Plume intensity in SWIR, MWIR and LWIR",
         "notional",
-        "table of in-band radiant intensity by class (`plumes.json`), chosen within 0.1 to 1 % of jet power over 4π",
+        "gases: table of in-band radiant intensity by class (`plumes.json`), chosen within 0.1 to 1 % of jet power over"
+        " 4π; to these add the particles",
         "any real vehicle; differences within a class; flicker",
         "No accuracy is claimed: the range that the table was chosen from spans a factor of 10. Set `scale` or"
         " `peak_w_sr` of the signature",
     ),
     Part(
-        "Plume intensity in other bands",
+        "Plume intensity in other bands, particles",
         "notional",
-        "rule: a grey continuum that carries all of LWIR; the rest of SWIR and MWIR in the hot H₂O and CO₂ bands near"
-        " 2.7 and 4.3 µm",
-        "spectral lines; gas bands near 2.0, 6.3 and 15 µm; spectra of particles",
-        "Not estimated. Signal too low in the omitted gas bands",
+        "gases: a grey continuum that carries all of LWIR, hot H₂O and CO₂ near 2.7, 4.3 and 6.3 µm. By"
+        " [propellant](radiometry.md#propellants) soot or alumina: a stated share of jet power with a stated spread",
+        "spectral lines; gas bands near 2.0 and 15 µm; soot of single engines; alumina that emits more in long waves",
+        "Kerosene: a factor of 3, held against GOES-16. Solid: a factor of 4. Signal too low in the omitted gas bands",
     ),
     Part(
         "Plume against altitude, stage and aspect",
         "notional",
-        "afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; stages of the"
-        " flight, or equal shares of a single burn; projected area of a slender body",
+        "gases: afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; soot ends with"
+        " afterburning, alumina does not; stages of the flight, or equal shares of a single burn; projected area of a"
+        " slender body",
         "chemistry; plume structure; obscuration by the body; thrust tail-off; residual flame in gaps between stages",
         "Not estimated. Plumes are fully bright up to the end of a burn, and dark in gaps at once",
     ),
@@ -121,7 +123,8 @@ PARTS = (
         " elevation",
         "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air beyond the limb, 0"
         " here",
-        "Not estimated. It changes only the noise: photon noise as √L, clutter as L",
+        "4.3 µm by day: up to 10 K (DeSouza-Machado et al., 2007), 50 to 60 % of the radiance. The rest is not"
+        " estimated. It changes only the noise: photon noise as √L, clutter as L",
     ),
     Part(
         "Clutter",

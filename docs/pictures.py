@@ -11,7 +11,11 @@ from matplotlib import pyplot
 DOCS = Path(__file__).resolve().parent
 GALLERY = DOCS.parent / "examples" / "gallery"
 #: The script of each picture, and the number of its figure.
-PICTURES = {"pacific-map": ("plot_pacific_map", 1), "impact-regions": ("plot_impact_regions", 1)}
+PICTURES = {
+    "pacific-map": ("plot_pacific_map", 1),
+    "impact-regions": ("plot_impact_regions", 1),
+    "coverage-map": ("plot_coverage_map", 1),
+}
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ from opir_core.output.saved_runs import (
 from opir_core.planning.plan import (
     Plan as Plan,
     compile_plan as compile_plan,
+    reseeded as reseeded,
 )
 from opir_core.reading import (
     load_scene as load_scene,
@@ -41,6 +42,7 @@ from opir_core.simulation.engine import (
 from opir_core.simulation.run import (
     Run as Run,
     plan_windows as plan_windows,
+    replicates as replicates,
     run_of_plan as run_of_plan,
     simulate as simulate,
     windows as windows,

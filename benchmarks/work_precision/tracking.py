@@ -191,13 +191,12 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
     yield "known", np.nan, mean_gospa_m(case, followed_known(case))
     tracked(case)  # what is imported at the first use is not counted
     ways: list[dict[str, float]] = [
-        {"slice_s": 1.0, "settling": 0},
-        {"slice_s": 1.0, "settling": 2},
-        {"slice_s": 2.0, "settling": 5, "cadence_s": 2.0},
+        {"slice_s": 1.0},
+        {"slice_s": 2.0, "cadence_s": 2.0},
     ]
     for way in ways:
         told, taken = tracked(case, **way)
-        name = f"imm, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
+        name = f"imm, slices of {way['slice_s']} s"
         yield name, 1e3 * taken / frames, mean_gospa_m(case, told)
     if not first or not is_installed("Stone Soup"):
         return

@@ -45,7 +45,7 @@ peers, and the line "same runs", have the first {peer_runs} only. The bound for 
 **A hundred targets, association unknown.** P_d 0.9, 20 clutter points a frame, 20 frames a second, {raid_duration} s;
 targets spread over 2000 km or within 100 km (raid). GOSPA (c = 5 km, p = 2, alpha = 2) per target over the last half:
 median of {seeds} seeds [least, largest]; for Stone Soup the first seed. With the true association `imm` has {known} m
-in both. Its constants were tuned on seeds 0 to 15. Slices of 1 s with two reassignments (`slice_s`, `settling`):
+in both. Its constants were tuned on seeds 0 to 15. Slices of 1 s (`slice_s`):
 
 {raid}
 
@@ -177,8 +177,8 @@ def write_page(source: Path) -> None:
 
 #: Cadences that the short table leaves out.
 UNSHOWN = ("imm, coast, 0.1 s", "imm, coast, 5 s", "imm, coast, 10 s", "Stone Soup UKF, two-body")
-#: The slices and reassignments that the short table has.
-SHOWN = "imm, slices of 1.0 s, assigned anew 2 times"
+#: The slices that the short table has.
+SHOWN = "imm, slices of 1.0 s"
 
 
 def _spread(row: Row) -> str:

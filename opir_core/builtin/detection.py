@@ -32,6 +32,7 @@ class ConstantDetection(DetectionProbability):
     band_count: NDArray[np.uint8]
     band_confirmation: float
     needs_geometry: bool = False
+    uses_seed: bool = False
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
         """Return the probabilities (n,) of pairs."""

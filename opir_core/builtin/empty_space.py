@@ -19,6 +19,8 @@ from opir_core.interfaces.radiometric_models import (
 class ClearSky(Transmittance):
     """An atmosphere with a transmittance of 1."""
 
+    uses_seed: bool = False
+
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return 1 for all paths."""
         return np.ones(len(path))

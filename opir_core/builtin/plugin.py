@@ -5,6 +5,7 @@ Nothing heavy is imported before a component is built.
 """
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -33,6 +34,7 @@ from opir_core.host.components import (
     TrackerModel,
 )
 from opir_core.host.hookspecs import hookimpl
+from opir_core.output.events import schema_text
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:
@@ -50,7 +52,9 @@ def _encoder(name: str, summary: str, module: str, encoder: str, **options: bool
     def build(_config: Any, context: Any) -> Any:
         return getattr(import_module(f"opir_core.output.events.{module}"), encoder)(context, **options)
 
-    return EventEncoder(name=name, summary=summary, build=build, encodes_tracks=name == "tracks")
+    encodes_tracks = name == "tracks"
+    schema = partial(schema_text, "track" if encodes_tracks else "detection")
+    return EventEncoder(name=name, summary=summary, build=build, encodes_tracks=encodes_tracks, schema=schema)
 
 
 ENCODERS = (
@@ -61,12 +65,6 @@ ENCODERS = (
         "forge",
         "ForgeEncoder",
         has_irradiances=True,
-    ),
-    _encoder(
-        "forge-c2",
-        "a flat record with or without a position, for command-and-control consumers",
-        "forge_c2",
-        "ForgeC2Encoder",
     ),
     _encoder(
         "forge-tracks",
@@ -81,7 +79,6 @@ ENCODERS = (
         "tracks",
         "TracksEncoder",
     ),
-    _encoder("udl", "a MissileTrack of the Unified Data Library, simulated", "udl", "UdlEncoder"),
 )
 
 SINKS = (

@@ -1,5 +1,6 @@
 from opir_core.cli.answer_lines import (
     answers as answers,
+    reported_tables as reported_tables,
     source_table as source_table,
     track_table as track_table,
 )

@@ -82,7 +82,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
         )
     if plan["tracking"]["order"] == BY_REPORT:
         parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
-    parts += _hypothesis_table(plan["hypotheses"])
+    parts += _assumed(plan["sensors_assumed"]) + _hypothesis_table(plan["hypotheses"])
     parts += map(expectation_text, plan["expected_launches"])
     parts += [
         f"{name} knows the true types of targets: its reports are no test of discrimination"
@@ -90,6 +90,10 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     ]
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
+
+
+def _assumed(sensors: Sequence[str]) -> list[str]:
+    return ["\n".join(["the tracker begins with", *sensors])] if sensors else []
 
 
 def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:

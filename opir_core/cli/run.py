@@ -191,6 +191,9 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         head,
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
+        "\n".join(
+            f"{row['sensor_id']}: {row['health']['text']}" for row in outcome.summary["sensors"] if row["health"]
+        ),
         _target_table(targets, is_delayed=is_delayed),
         *reported_tables(outcome.summary),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),

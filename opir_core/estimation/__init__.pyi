@@ -5,6 +5,7 @@ from opir_core.estimation.directions import (
     tangent_axes as tangent_axes,
 )
 from opir_core.estimation.ellipses import (
+    CONTAINMENT as CONTAINMENT,
     containment_ellipse as containment_ellipse,
 )
 from opir_core.estimation.motion import (

@@ -57,7 +57,7 @@ def ecef_state(
     sidereal = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
     if frame == "EME2000":
         centuries = (epoch_us * 1e-6 + time_s + _TT_LESS_UTC_S - _J2000_UNIX_S) / _CENTURY_S
-        longitude, obliquity, shift = _nutation(centuries)
+        longitude, obliquity, shift = nutation_rad(centuries)
         turns = (*_precession(centuries), ("x", obliquity), ("z", -longitude), ("x", -obliquity - shift))
         position_m, velocity_m_s = (_turned(vectors, turns) for vectors in (position_m, velocity_m_s))
         sidereal = sidereal + longitude * np.cos(obliquity)
@@ -75,7 +75,7 @@ def _precession(t: FloatArray) -> tuple[Any, ...]:
     return ("z", -zeta), ("y", theta), ("z", -z)
 
 
-def _nutation(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def nutation_rad(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad."""
     arguments = [(start + (rate + bend * t) * t) * _DEGREE for start, rate, bend in _ARGUMENTS]
     longitude, shift = np.zeros_like(t), np.zeros_like(t)

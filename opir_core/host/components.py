@@ -171,12 +171,14 @@ class EventEncoder(Component):
     """`build(config, context) -> Encoder`: detections to message bytes.
 
     With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track and tick.
+    `schema()` returns the JSON Schema (draft 2020-12) of a message as text; `opir schema NAME` prints it.
     """
 
     hook = "opir_event_encoders"
     kind = "event encoder"
 
     encodes_tracks: bool = False
+    schema: Callable[[], str] | None = None
 
 
 @frozen(kw_only=True)
@@ -217,8 +219,9 @@ class FileReader(Component):
     """`build(config, context) -> StateTable`, or what else `yields` names: the content of a file.
 
     `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one of `FILE_CONTENTS`:
-    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM. `example` is a small file of
-    the format, for the documentation and the conformance tests.
+    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM, of detections by the keys of
+    an event. `example` is a small file of the format, for the documentation and the conformance tests.
+    `orbit(path, satellite, epoch_us, readers)`, of one reader, returns the orbit of a sensor from any file.
     """
 
     hook = "opir_readers"
@@ -227,6 +230,7 @@ class FileReader(Component):
     recognises: Callable[[str], bool]
     yields: str = "trajectories"
     example: str
+    orbit: Callable[..., Any] | None = None
 
 
 @frozen(kw_only=True)

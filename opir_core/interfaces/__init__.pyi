@@ -22,6 +22,9 @@ from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS as TRACK_CONTAINMENTS,
     TRACK_ENDS as TRACK_ENDS,
 )
+from opir_core.interfaces.viewpoints import (
+    Viewpoints as Viewpoints,
+)
 from opir_core.interfaces.weighed_tracks import (
     hypothesis_columns as hypothesis_columns,
 )

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 @frozen(kw_only=True)
 class SensorContext:
-    """The context of a sensor model."""
+    """The context of a sensor model; `readers` returns the readers of files that plugins offer (`FileReader`)."""
 
     id: str
     epoch_us: int
+    readers: Callable[[], Sequence[Any]] = field(default=tuple, eq=False)
 
 
 @frozen(kw_only=True)

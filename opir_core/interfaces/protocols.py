@@ -21,6 +21,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
+from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.scene.scene import EMITTER_TYPES
 
 
@@ -40,11 +41,10 @@ class Radiometer:
     `nei_w_m2` are noise-equivalent irradiances per look, nan where they follow from the focal plane; `ifov_rad` is the
     angle across a resolution cell; `collection_m2_s` the product of aperture area, efficiency and integration time,
     which gives photons from irradiance. A look detects above `threshold` standard deviations of its noise. For rules
-    over several bands that is the threshold of the band `reference`, and `coincidence` that of the others; `ratios`
-    bound their intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise may
-    carry a measurement beyond these bounds, in standard deviations. `confirmation` are the detections M that a sensor
-    needs in N successive scans to report the last of them, within the distance that a source moves at
-    `confirmation_speed_m_s`.
+    over several bands it is that of the band `reference`, and `coincidence` that of the others; `ratios` bound their
+    intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise may carry a
+    measurement beyond these bounds, in standard deviations. `confirmation` are the detections M that a sensor needs in
+    N successive scans to report the last, within the distance that a source moves at `confirmation_speed_m_s`.
 
     With `focal_planes`, by band, noise, clutter, saturation and the accuracy of lines of sight follow from them, in
     pixels of `ifov_rad`.
@@ -218,8 +218,7 @@ class Trajectories(PluginPart):
     def burns_s(self) -> FloatArray:
         """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
 
-        The first begins at `ignition_s`, the last ends at `burnout_s`. Where one does not follow at once, the plume is
-        dark: only sensors that follow bodies observe the target, as after burnout.
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Between burns plumes are dark, as after burnout.
         """
         return one_burn_s(self.ignition_s, self.burnout_s)
 
@@ -320,6 +319,11 @@ class DetectionProbability(PluginPart):
         """Whether `probability` reads the geometry columns of its exposures."""
         return True
 
+    @optional
+    def uses_seed(self) -> bool:
+        """Whether the model is built from the scene's seed; replicates share one that is not."""
+        return True
+
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return P_d (n,) of all looks of the pairs, or None if it varies from look to look."""
         return None
@@ -348,10 +352,7 @@ class DetectionProbability(PluginPart):
         raise NotImplementedError
 
     def breakpoints_s(self) -> FloatArray | None:
-        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none.
-
-        The grid of the interpolation starts with these times.
-        """
+        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none."""
         return None
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray | None:
@@ -486,6 +487,10 @@ class Tracker(PluginPart):
 
     def expected_launches(self, duration_s: float) -> float | None:
         """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        return None
+
+    def sensor_health(self) -> SensorHealth | None:
+        """Return what it has found of the sensors up to the last tick, or None for one that judges none."""
         return None
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:

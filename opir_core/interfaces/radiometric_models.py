@@ -177,6 +177,11 @@ class Transmittance(PluginPart):
         return np.full(len(point_ecef_m), -np.inf)
 
     @optional
+    def uses_seed(self) -> bool:
+        """Whether the built atmosphere depends on the scene's seed; replicates of a run share one that does not."""
+        return True
+
+    @optional
     def clear(self) -> "Transmittance":
         """The same air without its clouds."""
         return self

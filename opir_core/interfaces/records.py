@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, ObjectArray, WordArray
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.sensor_health import SensorHealth
 
 if TYPE_CHECKING:
     from opir_core.interfaces.viewpoints import AzimuthElevation
@@ -268,7 +269,8 @@ class Window:
     """The results of a slice of scene time [start_s, end_s).
 
     `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of the ticks in the
-    window; `estimates` those to which `detections.estimate` refers.
+    window; `estimates` those to which `detections.estimate` refers. `health` is what the tracker has found of the
+    sensors, if it says so.
     """
 
     start_s: float
@@ -278,6 +280,7 @@ class Window:
     truth: DetectionTruth
     tracks: Tracks
     estimates: Tracks
+    health: SensorHealth | None = None
 
     def __repr__(self) -> str:
         """Return the window in one line."""

@@ -17,4 +17,5 @@ from opir_core.live.running import (
 from opir_core.live.status import (
     LATE_EDGES_S as LATE_EDGES_S,
     LiveStatus as LiveStatus,
+    SensorStatus as SensorStatus,
 )

@@ -43,17 +43,22 @@ UNPACED_STEP_NS = 1_000_000_000
 #: Maximum number of cycles that a late run processes as one.
 _CATCHING_UP = 20
 
+#: Time over which the load of a run is averaged, ns.
+_LOAD_NS = 2_000_000_000
+
 
 class Pace:
     """Scene time against the monotonic clock, which is independent of changes of the wall clock.
 
-    `speed` is scene time per real time, None for unpaced; `cycle_ns` the real time of a cycle.
+    `speed` is scene time per real time, None for unpaced; `cycle_ns` the real time of a cycle. `load` is the work of
+    the last seconds over the real time that it may take: above 1 the run falls behind; `least_load` the least so far.
     """
 
     def __init__(self, speed: float | None, cycle_ns: int) -> None:
         self.speed = speed
         self._step_ns = UNPACED_STEP_NS if speed is None else max(1, round(cycle_ns * speed))
         self._start_ns = time.monotonic_ns()
+        self.load, self.least_load, self._measured_ns = 0.0, 0.0, 0.0
 
     @property
     def cycle_ns(self) -> int:
@@ -77,6 +82,23 @@ class Pace:
         if self.speed is None:
             return 0
         return time.monotonic_ns() - self._start_ns - int(scene_ns / self.speed)
+
+    def worked(self, busy_ns: int, scene_ns: int) -> None:
+        """Count the work of a cycle of some scene time, averaged over `_LOAD_NS` of real time."""
+        if self.speed is not None and scene_ns > 0:
+            due_ns = scene_ns / self.speed
+            self.load += min(1.0, due_ns / _LOAD_NS) * (busy_ns / due_ns - self.load)
+            self._measured_ns += due_ns
+            if self._measured_ns < 2 * _LOAD_NS or self.load < self.least_load:
+                self.least_load = self.load
+
+    def load_with(self, targets: int) -> float:
+        """Return the load with one target more than some: all but the least load is taken to be theirs."""
+        return self.least_load + (self.load - self.least_load) * (targets + 1) / max(targets, 1)
+
+    def slip(self, late_ns: int) -> None:
+        """Make all scene times due later: the scene takes longer."""
+        self._start_ns += max(late_ns, 0)
 
     def wait(self, scene_ns: int, stopping: threading.Event) -> bool:
         """Wait until a scene time is due; return whether to continue: False if `stopping` is set."""

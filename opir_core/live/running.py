@@ -9,7 +9,7 @@ from typing import Any
 
 from attrs import evolve, frozen
 
-from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.errors import OpirError, Problem, SceneError, number_of
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
@@ -53,12 +53,17 @@ class LiveWindow:
 
 _NS = 1_000_000_000
 
+#: Largest share of real time that a run may take with a further target: the rest is for its launch, which is compiled
+#: in another thread, and for targets that are not burning yet.
+_MOST_LOAD = 0.9
+
 
 @frozen(kw_only=True)
 class LiveSettings:
     """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle, looping.
 
-    A run is unready if no cycle ends for `unready_after_s`, and stuck after `dead_after_s`.
+    A run is unready if no cycle ends for `unready_after_s`, and stuck after `dead_after_s`. One that is more than
+    `late_after_s` late is unready and refuses launches and settings; with `slows` its scene takes longer instead.
     """
 
     speed: float | None = 1.0
@@ -67,6 +72,8 @@ class LiveSettings:
     maximum_targets: int = 1_000
     unready_after_s: float = 5.0
     dead_after_s: float = 120.0
+    late_after_s: float = 5.0
+    slows: bool = False
 
 
 class LiveRun:
@@ -173,6 +180,11 @@ class LiveRun:
         """The state, as in `LiveStatus`."""
         return self._state
 
+    @property
+    def late_s(self) -> float:
+        """How late the last cycle ended, s."""
+        return self._counts.late_s
+
     def status(self) -> LiveStatus:
         """Return state and counts."""
         counts, position = self._counts, self._position
@@ -202,10 +214,28 @@ class LiveRun:
         """Return the age of the last finished cycle, and the calls that take too long; never waits."""
         age_s, settings = self._cycle_age_s(), self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
+        late = [self._lateness()] if self._is_late else []
         calls += [
             RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread) for sink in self._sinks
         ]
-        return progress_of(calls, age_s, settings.unready_after_s, max(settings.dead_after_s, self._longest_wait_s()))
+        dead_after_s = max(settings.dead_after_s, self._longest_wait_s())
+        found = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
+        return evolve(found, delays=(*found.delays, *late))
+
+    @property
+    def _is_late(self) -> bool:
+        return self._state == "running" and self._counts.late_s > self.settings.late_after_s
+
+    def _lateness(self) -> str:
+        return f"the run is {self._counts.late_s:.1f} s late"
+
+    def _require_pace(self, targets: int = 0) -> None:
+        """Raise `BusyError` if the run is late, or if one more than some targets would make it so."""
+        if self._is_late:
+            raise BusyError(f"{self._lateness()}; try again later")
+        if targets and not self.settings.slows and self._pace.load_with(targets) > _MOST_LOAD:
+            words = f"the run takes {self._pace.load:.0%} of real time with {number_of('target', targets)}"
+            raise BusyError(f"{words}: one more would make it late; try again later")
 
     def _cycle_age_s(self) -> float:
         """Return the time since the last cycle ended, s; 0 if the run is not running."""
@@ -229,7 +259,9 @@ class LiveRun:
         `PluginError` or `ModelError` for an invalid block, `RefusedError` if the run cannot add the target.
         """
         with self._changes.lock() as give_up_s:
-            if self.status().targets >= self.settings.maximum_targets:
+            targets = self.status().targets
+            self._require_pace(targets)
+            if targets >= self.settings.maximum_targets:
                 raise BusyError(f"the run has {self.settings.maximum_targets} targets, its maximum; try again later")
             self._launch_count += 1
             lead_ns = 3 * self._pace.step_ns(self.time_ns)
@@ -261,6 +293,7 @@ class LiveRun:
         ended.
         """
         with self._changes.lock() as give_up_s:
+            self._require_pace()
             while time.monotonic() < give_up_s:
                 position = self._position
                 change = settings_change(position.engine.plan, mapping, position.lap, self.scene)
@@ -305,12 +338,16 @@ class LiveRun:
         due_ns = self._due_ns()
         if not self._pace.wait(due_ns, self._stopping):
             return False
+        begun_ns, former_ns = time.monotonic_ns(), self._counts.time_ns
         for edge_ns in self._slices_ns(due_ns):
             window = self._reports.take(self._observed(edge_ns), edge_ns)
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
             self._write(window)
             self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
+        if self.settings.slows:
+            self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * _NS))
+        self._pace.worked(time.monotonic_ns() - begun_ns, due_ns - former_ns)
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         self._beat_s = time.monotonic()
         return True

@@ -1,10 +1,14 @@
 """State and counts of a live run."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from attrs import define, field, frozen
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.records import Window
+from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.output.sink_thread import SinkStatus
 from opir_core.planning.plan import Plan
 
@@ -14,12 +18,16 @@ LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.
 
 @frozen
 class SensorStatus:
-    """Detections of a sensor; the last one's scene time is None before the first."""
+    """Detections of a sensor; the last one's scene time is None before the first.
+
+    `health` is what the tracker has found of it, as plain values, or None.
+    """
 
     id: str
     type: str
     detections: int
     last_detection_s: float | None
+    health: Mapping[str, Any] | None = None
 
 
 @frozen
@@ -60,6 +68,7 @@ class Counts:
     latest_s: float = 0.0
     late_total_s: float = 0.0
     late_cycles: int = 0
+    health: SensorHealth | None = None
     late_counts: list[int] = field(factory=lambda: [0] * (len(LATE_EDGES_S) + 1))
 
     @classmethod
@@ -71,6 +80,7 @@ class Counts:
         """Count a window's looks and detections."""
         detections = window.detections
         self.looks += window.looks
+        self.health = window.health or self.health
         self.detections += len(detections)
         self.detections_by_sensor += np.bincount(detections.sensor, minlength=len(self.last_ns))
         np.maximum.at(self.last_ns, detections.sensor, detections.time_ns)
@@ -87,8 +97,9 @@ class Counts:
 
     def sensors(self, plan: Plan) -> tuple[SensorStatus, ...]:
         """Return the status of each sensor."""
-        rows = zip(plan.sensors, self.detections_by_sensor.tolist(), self.last_ns.tolist(), strict=True)
+        health = self.health.documents() if self.health else [None] * len(plan.sensors)
+        rows = zip(plan.sensors, self.detections_by_sensor.tolist(), self.last_ns.tolist(), health, strict=True)
         return tuple(
-            SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None)
-            for sensor, count, last in rows
+            SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None, found)
+            for sensor, count, last, found in rows
         )

@@ -198,12 +198,10 @@ class TundraConfig(MolniyaConfig):
 
 @frozen(kw_only=True)
 class OmmFileConfig:
-    """Mean elements from a JSON file of Orbit Mean-Elements Messages: one, or a list of them."""
+    """A file of orbits, and the satellite in it."""
 
     path: str = text(help="path of the file, relative to the working directory")
-    satellite: str | None = text(
-        default=None, help="OBJECT_NAME, OBJECT_ID or NORAD_CAT_ID of the satellite, where the file holds several"
-    )
+    satellite: str | None = text(default=None, help="name, id or number of the satellite, where the file holds several")
 
 
 @frozen(kw_only=True)
@@ -223,6 +221,9 @@ class OrbitConfig:
         default=None, check=omm_complaint, help="an Orbit Mean-Elements Message, for SGP4, by its CCSDS keywords"
     )
     omm_file: OmmFileConfig | None = nested(default=None, help="a JSON file of OMM, for SGP4")
+    file: OmmFileConfig | None = nested(
+        default=None, help="a file of elements or an ephemeris, with opir-readers: OMM, TLE, OEM, SP3, STK"
+    )
 
     def __attrs_post_init__(self) -> None:
         _require(_choice_complaint(self, *KINDS))

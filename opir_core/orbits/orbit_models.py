@@ -5,7 +5,7 @@ Orbits that move over the ground are evaluated from polynomials, fitted once for
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from json import JSONDecodeError
 from typing import Any, Protocol
 
@@ -14,10 +14,11 @@ from attrs import define, field, frozen
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.errors import ModelError, Problem, SceneError
+from opir_core.errors import ModelError, PluginError, Problem, SceneError
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef, eci_to_ecef_state, gmst_rad
+from opir_core.interfaces.file_contents import BadFileError
 from opir_core.orbits.configs import (
     CircularConfig,
     KeplerConfig,
@@ -167,17 +168,33 @@ def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, 
 _OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 
 
-def orbit_of(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | MovingOrbit":
+def orbit_of(
+    config: OrbitConfig, epoch_us: int, readers: Callable[[], Sequence[Any]] = tuple
+) -> "GeostationaryOrbit | MovingOrbit":
     """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of UTC since 1970.
 
-    Raises `SceneError`, with paths in the sensor's block, for a file that cannot be read and for a satellite that SGP4
-    cannot follow to the scene epoch, and `PluginError` where the package sgp4 is needed and not installed.
+    `readers` returns the readers of files. Raises `SceneError`, with paths in the sensor's block, for a file that
+    cannot be read and for a satellite that SGP4 cannot follow to the scene epoch, and `PluginError` where the package
+    sgp4 is needed and not installed.
     """
     slot = config.slot
     if slot is not None and slot.inclination_deg == 0.0 and slot.eccentricity == 0.0:
         return GeostationaryOrbit(slot.lon_deg)
+    if config.file is not None:
+        return _orbit_of_file(config.file, epoch_us, readers())
     elements = elements_of(config, epoch_us)
     return _sgp4_orbit(config, epoch_us) if elements is None else MovingOrbit(TwoBodyMotion(elements))
+
+
+def _orbit_of_file(config: OmmFileConfig, epoch_us: int, readers: Sequence[Any]) -> MovingOrbit:
+    makers = [reader.orbit for reader in readers if reader.orbit is not None]
+    if not makers:
+        raise PluginError("orbit.file: no installed plugin reads orbits from files; install opir-readers")
+    try:
+        orbit: MovingOrbit = makers[0](config.path, config.satellite, epoch_us, readers)
+    except BadFileError as error:
+        raise SceneError([Problem("orbit.file.path", f"{config.path}: {error}".replace(": : ", ": "))]) from error
+    return orbit
 
 
 def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> MovingOrbit:
@@ -288,15 +305,12 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
     if len(messages) != 1:
         which = "" if config.satellite is None else f" of {config.satellite}"
         count = len(messages) or "no"
-        raise _refused(config, f"holds {count} OMM{which}; exactly one is needed{_hint(config, messages)}")
+        hint = "; say which with satellite" if messages and not which else ""
+        raise _refused(config, f"holds {count} OMM{which}; exactly one is needed{hint}")
     complaint = omm_complaint(messages[0])
     if complaint:
         raise _refused(config, complaint)
     return messages[0]
-
-
-def _hint(config: OmmFileConfig, messages: list[dict[str, Any]]) -> str:
-    return "; say which with satellite" if config.satellite is None and messages else ""
 
 
 def _refused(config: OmmFileConfig, message: str) -> SceneError:

@@ -5,7 +5,6 @@ from opir_core.output.delivery import (
 )
 from opir_core.output.events import (
     SCHEMA_VERSION as SCHEMA_VERSION,
-    SCHEMAS as SCHEMAS,
     TRACKS_VERSION as TRACKS_VERSION,
     detection_schema as detection_schema,
     schema as schema,
@@ -13,12 +12,14 @@ from opir_core.output.events import (
 from opir_core.output.events.encoder_input import (
     event_counter as event_counter,
     only_encodable as only_encodable,
+    require_valid as require_valid,
 )
 from opir_core.output.events.estimates import (
     burnout_texts as burnout_texts,
     impact_texts as impact_texts,
     launch_texts as launch_texts,
     state_texts as state_texts,
+    time_texts as time_texts,
 )
 from opir_core.output.events.forge import (
     ForgeEncoder as ForgeEncoder,
@@ -30,11 +31,23 @@ from opir_core.output.events.rendering import (
     Looked as Looked,
     Times as Times,
     chosen_renderer as chosen_renderer,
+    event_times as event_times,
     reference as reference,
 )
 from opir_core.output.events.text import (
+    DEGREE_DECIMALS as DEGREE_DECIMALS,
+    METRE_DECIMALS as METRE_DECIMALS,
+    RATIO_DECIMALS as RATIO_DECIMALS,
+    number_texts as number_texts,
+    propagated_positions as propagated_positions,
+    rounded as rounded,
+    rounded_bearing_deg as rounded_bearing_deg,
+    rounded_degrees as rounded_degrees,
+    rounded_longitude_deg as rounded_longitude_deg,
+    rounded_number as rounded_number,
     timestamp_text as timestamp_text,
     unix_microseconds as unix_microseconds,
+    vector_texts as vector_texts,
     writable_unix_microseconds as writable_unix_microseconds,
 )
 from opir_core.output.geojson import (

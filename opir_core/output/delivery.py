@@ -1,6 +1,6 @@
 """Batch runs: windows into the scene's sinks, truth and tracks into files of their own."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -73,19 +73,22 @@ def deliver(
     made_up: Collection[Path | None] = (),
     on_window: Callable[[Window], None] | None = None,
     workers: int = 1,
+    windows: Iterable[Window] | None = None,
+    inputs: Sequence[Mapping[str, Any]] = (),
 ) -> RunOutcome:
     """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with duration.
 
     The files of the run are put in place together, once it is whole, the manifest last; a run that is interrupted, or
     in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks.
     `made_up` are those of the paths that no user gave: no link, device or pipe is written to under these names.
-    `workers` is the number of processes that compute and encode the windows; it changes no byte. A failing sink does
-    not stop the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of
-    the files; for the sinks, `RunOutcome.raise_for_failures` does.
+    `workers` is the number of processes that compute and encode the windows; it changes no byte. `windows` replace
+    those of the plan, and `inputs` are the files that they are from, for the manifest. A failing sink does not stop
+    the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of the
+    files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan)
     shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
-    windows = tally.over(plan_windows(plan) if shared is None else shared.windows())
+    windows = tally.over(windows or (plan_windows(plan) if shared is None else shared.windows()))
     files = OutputFiles(manifest_path, is_made_up=manifest_path in made_up)
     try:
         staged: dict[str, bool] = {}
@@ -104,14 +107,14 @@ def deliver(
     except BaseException:
         files.abandon()
         raise
-    return _outcome(plan, tally, report, files, staged)
+    manifest = {**run_manifest(plan, tally.counts()), "sensor_health": tally.health}
+    return _outcome(plan, tally, report, files, staged, {**manifest, "files": [*manifest["files"], *inputs]})
 
 
 def _outcome(
-    plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool]
+    plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool], manifest: Any
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
-    manifest = dict(run_manifest(plan, tally.counts()))
     if files.parts:  # a run without files has no text, and needs no renderer
         from opir_core.output.events.rendering import chosen_renderer
 

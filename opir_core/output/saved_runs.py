@@ -125,7 +125,7 @@ def read_run(
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         summary=_summary(plan, detections, detection_truth, estimates, contents),
-        manifest=contents,
+        make_manifest=lambda: contents,
         reported_types=plan.reported_types,
         plan=plan,
     )
@@ -330,6 +330,7 @@ def _summary(
     tally = Tally(plan)
     looks = int(manifest.get("counts", {}).get("looks", 0))
     tally.count(Window(0.0, plan.end_ns * 1e-9, looks, detections, truth, tracks, Tracks.empty()))
+    tally.health = manifest.get("sensor_health")
     return tally.summary()
 
 

@@ -127,15 +127,16 @@ class PairCompiler:
     def _hidden(self, sensor: IndexArray, target: IndexArray, phase_ns: IntArray, until_s: FloatArray) -> Pairs:
         """Return pairs without looks: all are behind the Earth."""
         period_ns = self._period_ns[sensor]
-        first_scan = _first_scan(np.zeros(len(sensor), dtype=np.int64), phase_ns, period_ns)
         never, blocked = np.zeros(len(sensor), dtype=np.bool_), np.full(len(sensor), Blocked.BEHIND_EARTH, np.int64)
-        return Pairs(sensor, target, period_ns, phase_ns, first_scan, first_scan - 1, never, blocked, until_s)
+        start = np.zeros(len(sensor), dtype=np.int64)
+        pairs = Pairs(sensor, target, period_ns, phase_ns, start, start, never, blocked, until_s, start, start - 1)
+        return self._with_scans(pairs)
 
     def _observed(
         self, pairs: Pairs, path: TargetPath, start_s: FloatArray, stop_s: FloatArray
     ) -> tuple[Pairs, Sightlines]:
         """Return pairs with their looks, from the arrival of first and last light (n,), and their lines of sight."""
-        sensor, target, phase_ns, period_ns = pairs.sensor, pairs.target, pairs.phase_ns, pairs.period_ns
+        sensor, target = pairs.sensor, pairs.target
         grid = Grid.over(start_s, stop_s)
         travel_s, sensor_ecef_m, target_ecef_m = self._sampled(sensor, path, grid)
         of_point = sensor[grid.pair]
@@ -149,13 +150,27 @@ class PairCompiler:
         # The first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`.
         first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
         last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
-        first_scan = _first_scan(first_ns, phase_ns, period_ns)
-        last_scan = (np.minimum(last_ns, self._end_ns - 1) - phase_ns) // period_ns
-        last_scan = np.where(blocked == Blocked.NOT, last_scan, first_scan - 1)
-        blocked = np.where((blocked == Blocked.NOT) & (last_scan < first_scan), Blocked.NO_LOOK, blocked)
+        last_ns = np.where(blocked == Blocked.NOT, np.minimum(last_ns, self._end_ns - 1), -1)
         is_checked = needs_look_test(grid, sight, first_s, last_s)
-        seen = evolve(pairs, first_scan=first_scan, last_scan=last_scan, is_checked=is_checked, blocked=blocked)
-        return seen, Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
+        seen = evolve(pairs, is_checked=is_checked, blocked=blocked, from_ns=first_ns, to_ns=last_ns)
+        return self._with_scans(seen), Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
+
+    def _with_scans(self, pairs: Pairs) -> Pairs:
+        """Return pairs with the scans of their phases: the first after `from_ns` to the last at `to_ns` at most."""
+        phase_ns, period_ns = pairs.phase_ns, pairs.period_ns
+        first_scan = np.maximum((pairs.from_ns - phase_ns) // period_ns + 1, 0)
+        is_seen = (pairs.blocked == Blocked.NOT) | (pairs.blocked == Blocked.NO_LOOK)
+        last_scan = np.where(is_seen, (pairs.to_ns - phase_ns) // period_ns, first_scan - 1)
+        no_look = np.where(last_scan < first_scan, Blocked.NO_LOOK, Blocked.NOT)
+        blocked = np.where(is_seen, no_look, pairs.blocked)
+        return evolve(pairs, first_scan=first_scan, last_scan=last_scan, blocked=blocked)
+
+    def rephased(self, pairs: Pairs) -> Pairs:
+        """Return all pairs of the plan with other phases: those of this compiler's random numbers."""
+        ignition_s = self._targets.ignition_s[pairs.target]
+        target_ecef_m = self._targets.position_ecef_m(pairs.target, ignition_s)
+        phase_ns = self._phase_ns(pairs.sensor, self._positions(pairs.sensor, ignition_s), target_ecef_m)
+        return self._with_scans(evolve(pairs, phase_ns=phase_ns))
 
     def _is_behind_earth(self, sensor: IndexArray, path: TargetPath) -> BoolArray:
         """Return which pairs (n,) the Earth surely hides all the time."""
@@ -237,8 +252,3 @@ def _runs(sensor: IndexArray) -> list[tuple[int, slice]]:
     """Return each of sorted sensors (n,) with its rows."""
     edges = [0, *(np.flatnonzero(np.diff(sensor)) + 1).tolist(), len(sensor)]
     return [(int(sensor[start]), slice(start, stop)) for start, stop in pairwise(edges) if stop]
-
-
-def _first_scan(after_ns: IntArray, phase_ns: IntArray, period_ns: IntArray) -> IntArray:
-    """Return the first scans (n,) after scene times (n,)."""
-    return np.maximum((after_ns - phase_ns) // period_ns + 1, 0)

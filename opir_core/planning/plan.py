@@ -168,6 +168,38 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     return plan
 
 
+def reseeded(plan: Plan, seed: int) -> Plan:
+    """Return the plan of the same scene with another seed: `compile_plan` of that scene, without what no seed changes.
+
+    Sensors, launches and the tracker stay; so do the models, unless the scene has sources or the detection model
+    `uses_seed`. Raises as `compile_plan`.
+    """
+    scene, host = evolve(plan.scene, seed=seed), plan.host
+    changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
+    with PluginErrors(host, scene):
+        if scene.sources or plan.detection.uses_seed:
+            changed = evolve(changed, **_seeded_parts(plan, scene))
+        if scene.sources:
+            pairs, sightlines = changed.pair_compiler(plan.exclusions).compiled()
+        else:
+            pairs, sightlines = changed.pair_compiler(plan.exclusions).rephased(plan.pairs), plan.sightlines
+    changed = evolve(changed, pairs=pairs, sightlines=sightlines)
+    changed.workload.require_run()
+    return changed
+
+
+def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
+    """Return what of a plan is built anew for a scene with another seed: the sources, and what is built from them."""
+    host, sensors = plan.host, plan.sensors
+    sources = _sources(scene, host, sensors)
+    places = _rows_by_model(scene)
+    targets = _joined(scene, plan.targets.trajectories[: len(places)], places, sources)
+    detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
+    make_tracker = partial(_tracker, scene, host, sensors, detection)
+    models = {"detection": detection, "classifier": classifier, "confidence": confidence}
+    return {**models, "sources": sources, "targets": targets, "make_tracker": make_tracker}
+
+
 def plan_parts(scene: Scene, host: Host) -> PlanParts:
     """Build the components of a scene: sensors, sources, targets, models of detection, tracker.
 
@@ -176,7 +208,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     problems, made = BuildProblems(), list[Sensor]()
     for chosen in scene.sensors:
         with problems.of(chosen.model.path):
-            made.append(_sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)))
+            made.append(
+                _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers))
+            )
     sensors, sources = tuple(made), tuple["Sources", ...]()
     with problems.of("sources"):
         sources = _sources(scene, host, sensors)
@@ -348,9 +382,16 @@ def _targets(
         with problems.of("targets"):
             trajectories.append(_trajectories(scene, host, rows, free_flight))
     problems.require_none()
-    ids = [target.id for target in scene.targets]
+    return _joined(scene, trajectories, places, sources)
+
+
+def _joined(
+    scene: Scene, launches: Sequence[Trajectories], rows: Sequence[Sequence[int]], sources: "Sequence[Sources]"
+) -> Targets:
+    """Return the launches, given with their numbers in the scene, and the emitters of the sources after them."""
+    ids, trajectories, places = [target.id for target in scene.targets], [*launches], [*rows]
     for source in sources:
-        places.append(list(range(len(ids), len(ids) + len(source.ids))))
+        places.append(range(len(ids), len(ids) + len(source.ids)))
         ids += source.ids
         trajectories.append(source.trajectories)
     return join_targets(ids, trajectories, places)

@@ -11,6 +11,8 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.planning.targets import Targets
 
+_NS = 1_000_000_000
+
 #: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
 GRID_STEP_S = 1.0
 
@@ -68,11 +70,13 @@ class Sightlines:
         return GridPlace(self.first_point[pair] + step.astype(np.int64), time_s - step)
 
     def over_looks(self, pairs: "Pairs", rows: IntArray) -> "Sightlines":
-        """Return the lines of sight of some pairs, given with their rows, over the time of their looks only."""
-        first_step = _step_of(pairs, pairs.first_scan)
-        points = np.where(pairs.looks > 0, _step_of(pairs, pairs.last_scan) - first_step + 2, 0)
+        """Return the lines of sight of some pairs, given with their rows, over the time of possible looks only."""
+        first_step = pairs.from_ns // _NS
+        points = np.where(pairs.to_ns > pairs.from_ns, pairs.to_ns // _NS - first_step + 2, 0)
         offset = np.cumsum(points) - points
         chosen = np.arange(int(points.sum())) + np.repeat(self.first_point[rows] + first_step - offset, points)
+        # A time that is rounded up to a whole second has one point more than the grid; its weight is 0.
+        chosen = np.minimum(chosen, len(self.travel_s) - 1)
         return Sightlines(offset - first_step, self.travel_s[chosen], self.elevation_sine[chosen], self.sight[chosen])
 
     @classmethod
@@ -93,19 +97,13 @@ class Sightlines:
         )
 
 
-def _step_of(pairs: "Pairs", scan: IntArray) -> IntArray:
-    """Return the grid step of scans (n,) of pairs (n,), as in `Sightlines.place`."""
-    time_s: FloatArray = (pairs.phase_ns + scan * pairs.period_ns).astype(np.float64) * 1e-9
-    return np.floor(time_s).astype(np.int64)
-
-
 @frozen(eq=False, repr=False)
 class Pairs(Columns):
     """Sensor-target pairs, sorted by sensor, then target; one row per pair.
 
-    Scans `first_scan` to `last_scan` (both included, none if first > last) look at the target at
-    phase_ns + scan · period_ns; if `is_checked`, single looks need a visibility test. Light emitted after `until_s`,
-    the target's burnout or end of flight, is not observed.
+    Looks are possible after `from_ns`, at most at `to_ns`, whatever the phase. Scans `first_scan` to `last_scan` (both
+    included, none if first > last) look at the target at phase_ns + scan · period_ns; if `is_checked`, single looks
+    need a visibility test. Light emitted after `until_s`, the target's burnout or end of flight, is not observed.
     """
 
     sensor: IndexArray
@@ -117,6 +115,8 @@ class Pairs(Columns):
     is_checked: BoolArray
     blocked: IntArray
     until_s: FloatArray
+    from_ns: IntArray
+    to_ns: IntArray
 
     @property
     def looks(self) -> IntArray:

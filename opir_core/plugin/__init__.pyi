@@ -99,6 +99,9 @@ from opir_core.interfaces.results import (
     Metric as Metric,
     MetricContext as MetricContext,
 )
+from opir_core.interfaces.sensor_health import (
+    SensorHealth as SensorHealth,
+)
 from opir_core.scene.fields import (
     FieldInfo as FieldInfo,
     cited as cited,

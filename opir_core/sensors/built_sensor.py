@@ -4,8 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from attrs import asdict, evolve, fields_dict
 
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ReportingStage, ScanPattern, Sensor
@@ -13,6 +16,9 @@ from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+#: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from other orbits, deg.
+_SLOT_HALF_ANGLE_DEG, _MARGIN_DEG = 10.0, 1.3
 
 #: W/cm² to W/m².
 W_M2_PER_W_CM2 = 1e4
@@ -22,14 +28,16 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
     """Return the sensor of a configuration."""
     bands = _bands(config.bands)
     completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
+    orbit = _orbit(config, context)
+    half_angle_deg = _half_angle_deg(config, orbit)
     return Sensor(
         id=context.id,
         type=type_,
         orbital_slot_deg=_slot_deg(config),
         bands=bands,
-        orbit=_orbit(config, context),
-        scan=_scan(config),
-        field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        orbit=orbit,
+        scan=_scan(config, half_angle_deg),
+        field_of_regard_half_angle_rad=math.radians(half_angle_deg),
         minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
         solar_exclusion_rad=math.radians(config.solar_exclusion_deg),
         line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
@@ -41,7 +49,7 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         spectral_discrimination=config.spectral_discrimination,
         follows_bodies=config.follows_bodies,
         reporting=_reporting(config.reporting),
-        settings={**asdict(config), **completed},
+        settings={**asdict(config), "field_of_regard_half_angle_deg": half_angle_deg, **completed},
     )
 
 
@@ -64,15 +72,30 @@ def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
     if config.orbit is None:
         assert config.orbital_slot_deg is not None
         return GeostationaryOrbit(config.orbital_slot_deg)
-    return orbit_of(config.orbit, context.epoch_us)
+    return orbit_of(config.orbit, context.epoch_us, context.readers)
 
 
-def _scan(config: ScanningSensorConfig) -> ScanPattern:
+def _half_angle_deg(config: ScanningSensorConfig, orbit: Orbit) -> float:
+    """Return the half angle of the field of regard: as set, or the Earth's disk from the orbit's least height in half a
+    day, as far as the orbit is known, with a margin for what is beyond the limb."""
+    if config.field_of_regard_half_angle_deg is not None:
+        return config.field_of_regard_half_angle_deg
+    if _slot_deg(config) is not None:
+        return _SLOT_HALF_ANGLE_DEG
+    try:
+        position_m = orbit.position_ecef_m(np.linspace(0.0, 43_200.0, 97))
+    except ModelError:
+        position_m = orbit.position_ecef_m(np.zeros(1))
+    sine = EARTH_EQUATORIAL_RADIUS_M / float(np.sqrt(np.square(position_m).sum(axis=1)).min())
+    return math.degrees(math.asin(min(sine, 1.0))) + _MARGIN_DEG
+
+
+def _scan(config: ScanningSensorConfig, half_angle_deg: float) -> ScanPattern:
     return scan_pattern(
         config.scan_pattern,
         config.scan_phase,
         period_ns=config.scan_period_ns,
-        half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        half_angle_rad=math.radians(half_angle_deg),
         rows=config.raster_rows,
         columns=config.raster_columns,
     )

@@ -102,15 +102,16 @@ class ScanningSensorConfig(RadiometerConfig):
         help="probability of detection per look by target class, for detection: constant; a class without one has that"
         " of the type it resembles",
     )
-    field_of_regard_half_angle_deg: float = number(
-        default=10.0,
+    field_of_regard_half_angle_deg: float | None = number(
+        default=None,
         unit="deg",
         above=0.0,
         maximum=180.0,
         plausible=(0.01, 180.0),
-        source="the Earth's disk from geostationary radius, asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin"
-        " of 1.3 deg for targets beyond the limb, up to 940 km",
-        help="half angle, from nadir, of the cone that the sensor covers",
+        source="the Earth's disk from the least height of half a day, from a geostationary slot"
+        " asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin of 1.3 deg for targets beyond the limb",
+        help="half angle, from nadir, of the cone that the sensor covers; default: the Earth and its limb from the"
+        " orbit, 10 deg in a geosynchronous slot",
     )
     minimum_elevation_deg: float = number(
         default=-90.0,

@@ -7,6 +7,9 @@ from opir_core.simulation.manifest import (
 from opir_core.simulation.plan_checks import (
     plan_warnings as plan_warnings,
 )
+from opir_core.simulation.report_order import (
+    ReportOrder as ReportOrder,
+)
 from opir_core.simulation.tracker_clock import (
     without_truth as without_truth,
 )

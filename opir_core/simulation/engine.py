@@ -125,7 +125,8 @@ class Engine:
             detections = with_tracks(self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates)
         if detections is window.detections:
             return window
-        return evolve(window, detections=detections.freeze(), tracks=tracked.tracks, estimates=tracked.estimates)
+        window = evolve(window, detections=detections.freeze(), tracks=tracked.tracks, health=tracked.health)
+        return evolve(window, estimates=tracked.estimates)
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:

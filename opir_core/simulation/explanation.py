@@ -61,6 +61,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "focal_planes": _focal_planes(plan),
         "reporting": _reporting(plan),
         "tracking": _tracking(plan),
+        "sensors_assumed": _sensors_assumed(plan),
         "hypotheses": _hypotheses(plan),
         "expected_launches": launch_expectations(plan),
         "truth_users": _truth_users(plan),
@@ -223,6 +224,12 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
         }
         for group, own in groupby(plan.hypotheses, lambda each: each.group)
     ]
+
+
+def _sensors_assumed(plan: Plan) -> list[str]:
+    """Return what the tracker assumes of each sensor before the first look, if it estimates their errors."""
+    health = plan.make_tracker().sensor_health()
+    return [] if health is None else [f"{one.id}: {text}" for one, text in zip(plan.sensors, health.text, strict=True)]
 
 
 def _truth_users(plan: Plan) -> list[str]:

@@ -69,6 +69,7 @@ class ReportOrder:
             truth=due.truth.freeze(),
             tracks=tracked.tracks,
             estimates=tracked.estimates,
+            health=tracked.health,
         )
 
     def rest(self) -> Window | None:

@@ -1,6 +1,6 @@
 """The summary of a run, counted window by window, so that memory does not grow with its duration."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +50,8 @@ class Tally:
         self._latest: LatestTracks | None = None
         #: Detections by target and track.
         self._held: dict[tuple[int, int], int] = {}
+        #: What the tracker has found of each sensor, as plain values.
+        self.health: Sequence[Mapping[str, Any]] | None = None
         self._noise = np.zeros(shape[0], dtype=np.int64)
         self._detections = np.zeros(shape, dtype=np.int64)
         self._first_s = np.full(shape, np.inf)
@@ -69,6 +71,8 @@ class Tally:
         """Count a window."""
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
+        if window.health is not None:
+            self.health = window.health.documents()
         if len(window.tracks):
             self._latest_tracks().take(window.tracks)
         seen, target = window.detections, window.truth.target
@@ -158,6 +162,7 @@ class Tally:
                     "noise_detections": int(self._noise[row]),
                     "targets_detected": int((self._detections[row] > 0)[~self._is_source].sum()),
                     "sources_detected": int((self._detections[row] > 0)[self._is_source].sum()),
+                    "health": self.health[row] if self.health else None,
                 }
                 for row, sensor in enumerate(self._sensors)
             ],

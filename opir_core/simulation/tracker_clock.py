@@ -13,6 +13,7 @@ from opir_core.errors import ModelError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
+from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.planning.plan import Plan
 from opir_core.simulation.output_checks import outline
 
@@ -28,6 +29,7 @@ class Tracked:
     detections: Detections
     tracks: Tracks
     estimates: Tracks
+    health: SensorHealth | None = None
 
 
 class ScheduledTracker:
@@ -72,7 +74,8 @@ class ScheduledTracker:
             in_force.append(self._in_force)
             start, rows = end, rows + len(self._in_force)
             estimates += self._stepped(now_ns)
-        return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
+        columns = Tracks.concatenate(estimates), Tracks.concatenate(in_force)
+        return Tracked(Detections.concatenate(associated), *columns, self._tracker_in_use.sensor_health())
 
     def _next_edge_ns(self, now_ns: int, end_ns: int, times_ns: IntArray) -> int:
         """Return the next tick, or the window's end; for an idle tracker the last one before the next detection."""
@@ -178,6 +181,13 @@ class CheckedTracker(Tracker):
     def is_idle(self) -> bool:
         """Return whether steps without detections would change nothing."""
         return bool(self._called("is_idle", self._tracker.is_idle))
+
+    def sensor_health(self) -> SensorHealth | None:
+        """Return what the tracker has found of the sensors."""
+        health = self._called("sensor_health", self._tracker.sensor_health)
+        if health is not None and not isinstance(health, SensorHealth):
+            raise self._error(f"sensor_health returned {outline(health)}, not a SensorHealth or None")
+        return health
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""

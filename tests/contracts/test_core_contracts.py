@@ -158,16 +158,8 @@ class TestForgeTracksEncoder(EncoderContract):
     name = "forge-tracks"
 
 
-class TestForgeC2Encoder(EncoderContract):
-    name = "forge-c2"
-
-
 class TestTracksEncoder(EncoderContract):
     name = "tracks"
-
-
-class TestUdlEncoder(EncoderContract):
-    name = "udl"
 
 
 class TestJsonLines(SinkContract):

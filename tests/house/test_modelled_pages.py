@@ -23,7 +23,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PHOTONS = ("classification", "detection", "radiometry")
+PHOTONS = ("classification", "detection", "imagers", "radiometry")
 PLUGINS = (
     *(
         "dsp",

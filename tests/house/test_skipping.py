@@ -22,6 +22,7 @@ from opir_core.simulation.run import run_of_plan
 NEVER = (
     "opir_readers",
     "opir_report",
+    "opir_coverage",
     "opir_paper",
     "opir_scoring",
     "opir_export",

@@ -44,8 +44,9 @@ MISTAKES = {
         4,
         (
             "atmosphere: the band MWIR, 3.4 to 4.1 um, is not one of LOWTRAN's table (SWIR 2.5-3, SWIR_N 2.69-2.95,"
-            " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4), nor made of them side by"
-            " side; say in atmosphere.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}"
+            " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4, ABI_07 3.8-4, ABI_08"
+            " 5.77-6.6, ABI_09 6.75-7.15, ABI_10 7.24-7.44), nor made of them side by side; say"
+            " in atmosphere.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}"
         ),
     ),
     "a band outside the background's table": (
@@ -57,9 +58,9 @@ MISTAKES = {
         ["detection={model: snr, calibrate: paper}", RATIOS],
         4,
         (
-            "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference ICBM, 5e+05, 8.87e+05"
-            " W/sr in the sensor's bands, is detected with probability 0.8; give it bands and plausible_ratios that do"
-            " not leave the ICBM out, or calibrate: none"
+            "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference ICBM, 1.34e+06,"
+            " 1.31e+06 W/sr in the sensor's bands, is detected with probability 0.8; give it bands and plausible_ratios"
+            " that do not leave the ICBM out, or calibrate: none"
         ),
     ),
     "a constant chance for fires": (

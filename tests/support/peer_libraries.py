@@ -28,6 +28,7 @@ NAMES = (
     "scoringrules",
     "shapely",
     "skyfield",
+    "xarray",
 )
 IMPORT = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)
 

@@ -27,13 +27,16 @@ NEXTGEN = {
 }
 
 
-def scene(sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", **changes: Any) -> opir.Scene:
+def scene(
+    sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", signature: Any = "plume", **changes: Any
+) -> opir.Scene:
     targets = [
         {
             "id": row["id"],
             "type": row["type"],
             "launch": {"lat_deg": row["lat"], "lon_deg": row["lon"], "time_s": row["at"]},
             "aim": {"lat_deg": row["aim"][0], "lon_deg": row["aim"][1]},
+            "signature": signature,
         }
         for row in LAUNCHES
         if row["id"] in names

@@ -5,16 +5,11 @@ from typing import Any
 #: Schema version of the detection event, in every event.
 SCHEMA_VERSION = "1.0"
 
-#: Schema versions of the other encoders, in the headers of their messages.
-FORGE_C2_VERSION, UDL_VERSION, TRACKS_VERSION = "forge-c2-1.0", "udl-1.0", "tracks-1.0"
+#: Schema version of the encoder `tracks`, in the headers of its messages.
+TRACKS_VERSION = "tracks-1.0"
 
-#: Schemas in the package: the encoder and schema version of each.
-SCHEMAS = {
-    "detection": ("forge", SCHEMA_VERSION),
-    "forge-c2": ("forge-c2", FORGE_C2_VERSION),
-    "udl": ("udl", UDL_VERSION),
-    "track": ("tracks", TRACKS_VERSION),
-}
+#: Schemas in the package.
+SCHEMAS = ("detection", "track")
 
 
 def detection_schema() -> dict[str, Any]:

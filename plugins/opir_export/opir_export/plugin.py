@@ -1,11 +1,14 @@
-"""The command `opir export`, exporters, views of runs and the sink `parquet`; pyarrow is imported when one is used."""
+"""The command `opir export`, exporters, views of runs, event encoders and the sink `parquet`.
+
+pyarrow is imported when a table is made.
+"""
 
 import argparse
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import ExporterModel, RunView, SinkModel, hookimpl
+from opir_core.plugin import EventEncoder, ExporterModel, RunView, SinkModel, hookimpl
 from opir_export.settings import (
     ArrowConfig,
     CsvConfig,
@@ -91,6 +94,43 @@ def _messages() -> Iterable[ExporterModel]:
         config=TdmConfig,
         build=_called("formats.tdm", "tdm_file"),
     )
+
+
+@hookimpl
+def opir_event_encoders() -> Iterable[EventEncoder]:
+    """Yield the encoders `forge-c2` and `udl`."""
+    yield EventEncoder(
+        name="forge-c2",
+        summary="a flat record with or without a position, for command-and-control consumers",
+        build=_encoder("forge_c2", "ForgeC2Encoder"),
+        schema=_schema("forge-c2"),
+    )
+    yield EventEncoder(
+        name="udl",
+        summary="a MissileTrack of the Unified Data Library, simulated",
+        build=_encoder("udl", "UdlEncoder"),
+        schema=_schema("udl"),
+    )
+
+
+def _encoder(module: str, encoder: str) -> Callable[..., Any]:
+    """Return a `build` that imports the encoder's module when it is called."""
+
+    def build(_config: Any, context: Any) -> Any:
+        return getattr(import_module(f"opir_export.encoders.{module}"), encoder)(context)
+
+    return build
+
+
+def _schema(name: str) -> Callable[[], str]:
+    """Return the function that reads a JSON Schema of this package."""
+
+    def read() -> str:
+        from importlib.resources import files
+
+        return files("opir_export").joinpath("data", f"{name}.schema.json").read_text(encoding="utf-8")
+
+    return read
 
 
 @hookimpl

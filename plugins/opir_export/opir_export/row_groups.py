@@ -13,7 +13,8 @@ from opir_export.formats.table_files import encodings
 class RowGroups:
     """An open Parquet file at `place`, which errors name `what` and `path`; it can be read once it is closed.
 
-    Rows are kept until there are enough for a row group, so that memory use does not grow with the run.
+    Row groups have `group_rows` rows, the last one the rest: the bytes do not depend on the tables that the rows came
+    in, and memory use does not grow with the run.
     """
 
     def __init__(
@@ -21,31 +22,38 @@ class RowGroups:
     ) -> None:
         self._what, self._path, self._group_rows = what, path, group_rows
         self._kept: list[Any] = []
+        self._rows = 0
         try:
             self._file = parquet.ParquetWriter(place, schema, compression=compression, **encodings(schema))
         except OSError as error:
             raise unwritable(what, path, error) from error
 
     def add(self, table: Any) -> None:
-        """Keep the rows of a table, and write those of a whole row group."""
+        """Keep the rows of a table, and write those of whole row groups."""
         self._kept.append(table)
-        if sum(each.num_rows for each in self._kept) >= self._group_rows:
-            self._write_kept()
+        self._rows += table.num_rows
+        if self._rows < self._group_rows:
+            return
+        together = pa.concat_tables(self._kept).unify_dictionaries()
+        whole = self._rows - self._rows % self._group_rows
+        for start in range(0, whole, self._group_rows):
+            self._write(together.slice(start, self._group_rows))
+        # A copy: a slice would keep all rows of its table.
+        rest = together.slice(whole)
+        self._kept, self._rows = [rest.take(pa.array(range(rest.num_rows)))] if rest.num_rows else [], rest.num_rows
 
     def close(self) -> None:
         """Write the rest and end the file, without which no row can be read."""
         try:
-            self._write_kept()
+            if self._rows:
+                self._write(pa.concat_tables(self._kept).unify_dictionaries())
         finally:
+            self._kept, self._rows = [], 0
             self._end()
 
-    def _write_kept(self) -> None:
-        if not self._kept:
-            return
-        together = pa.concat_tables(self._kept).unify_dictionaries()
-        self._kept = []
+    def _write(self, group: Any) -> None:
         try:
-            self._file.write_table(together, row_group_size=max(together.num_rows, 1))
+            self._file.write_table(group.combine_chunks(), row_group_size=group.num_rows)
         except OSError as error:
             raise unwritable(self._what, self._path, error) from error
 

@@ -100,5 +100,5 @@ class ParquetSinkConfig:
         default="zstd", choices=("zstd", "snappy", "gzip", "none"), help="compression of the column chunks"
     )
     row_group_rows: int = number(
-        default=65_536, minimum=1, maximum=10_000_000, help="fewest detections of a row group but the last"
+        default=65_536, minimum=1, maximum=10_000_000, help="detections of a row group; the last has the rest"
     )

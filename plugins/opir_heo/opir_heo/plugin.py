@@ -41,7 +41,7 @@ NOTIONAL_CONFUSION = {
     threshold_sigma=cited(5.5, "as SBIRS-GEO: about three false alarms of noise reported a day"),
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25)},
+    plausible_ratios={"SWIR": (0.25, 2.4)},
     confusion=NOTIONAL_CONFUSION,
 )
 class HeoConfig(ScanningSensorConfig):

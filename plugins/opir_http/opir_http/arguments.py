@@ -29,6 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="maximum number of targets in the run (default 1000)",
     )
+    _add_health(parser)
+    parser.add_argument(
+        "--log-format",
+        choices=("text", "json"),
+        default="text",
+        help="json: all messages as JSON lines on standard error (default text)",
+    )
+
+
+def _add_health(parser: argparse.ArgumentParser) -> None:
+    """Add the times after which the service is unready, late or dead, and what follows."""
     parser.add_argument(
         "--unready-after",
         type=_wait_s,
@@ -40,13 +51,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dead-after", type=_wait_s, default=120.0, metavar="S", help="not alive after so long (default 120 s)"
     )
     parser.add_argument(
-        "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
+        "--late-after",
+        type=_wait_s,
+        default=5.0,
+        metavar="S",
+        help="not ready, and launches and settings refused, if the run is so late (default 5 s)",
     )
     parser.add_argument(
-        "--log-format",
-        choices=("text", "json"),
-        default="text",
-        help="json: all messages as JSON lines on standard error (default text)",
+        "--when-late",
+        choices=("refuse", "slow"),
+        default="refuse",
+        help="refuse: launches that would make the run late; slow: the scene takes longer (default refuse)",
+    )
+    parser.add_argument(
+        "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
     )
 
 

@@ -76,6 +76,8 @@ class Client:
     def __init__(self, *, brief: bool, address: str = "") -> None:
         self.brief, self.address = brief, address
         self.dropped = 0
+        #: Detections up to this number were sent at the start; frames on their way with these are left out.
+        self.seen = 0
         self._frames: deque[bytes] = deque()
         self._ready = asyncio.Event()
         self.is_closed = False
@@ -179,6 +181,22 @@ class Feed:
         """Add a client."""
         self._clients.add(client)
 
+    def resume(self, client: Client, number: int) -> None:
+        """Add a client, and send it the detections after the first `number`, as far as the history has them.
+
+        `number` is the id of the last frame that it had; one that this run has not reached is of another run.
+        """
+        # Joined first: frames are sent in later turns of the loop, and those that the history has already are left out.
+        self.join(client)
+        lines, lost, total = self.history.since(number)
+        if number <= total:
+            if lost:
+                client.put(frame("dropped", _json({"detections": lost})))
+            if lines:
+                full, brief = _both(b"null", b"null", lines, total)
+                client.put(brief if client.brief else full)
+            client.seen = total
+
     def leave(self, client: Client) -> None:
         """Remove a client."""
         if client in self._clients:
@@ -196,36 +214,41 @@ class Feed:
             if frames and self._clients and self._loop is not None and not self._loop.is_closed():
                 self._loop.call_soon_threadsafe(self._fan_out, frames)
 
-    def _frames(self, live: LiveWindow) -> list[tuple[bytes, bytes]]:
-        """Return the frames of a window, each in full and in brief."""
-        window, frames = live.window, []
+    def _frames(self, live: LiveWindow) -> list[tuple[int, bytes, bytes]]:
+        """Return the frames of a window, each with its number, 0 for none, in full and in brief."""
+        window, frames = live.window, list[tuple[int, bytes, bytes]]()
         if len(window.detections):
             frames.append(self._detections(window, live.cycle))
         if len(window.tracks):
             tracks = frame("tracks", _json(self.tracks.take(window.tracks)))
-            frames.append((tracks, tracks))
+            frames.append((0, tracks, tracks))
         if time.monotonic() >= self._status_due_s:
             self._status_due_s = time.monotonic() + _STATUS_S
             status = frame("status", _json(self._status()))
-            frames.append((status, status))
+            frames.append((0, status, status))
         return frames
 
-    def _detections(self, window: Window, cycle: int) -> tuple[bytes, bytes]:
+    def _detections(self, window: Window, cycle: int) -> tuple[int, bytes, bytes]:
         lines = self._encoder.encode(window).splitlines()
         detections = window.detections
         time_us = unix_microseconds(detections.time_ns, self.epoch_us)
         self.history.add(detections, time_us, lines)
         self.activity.add(detections.sensor, time_us)
-        head = b'{"cycle":%d,"time_s":%.6f,"count":%d,"detections":[' % (cycle, window.end_s, len(lines))
-        step = -(-len(lines) // BRIEF)
-        both = (head + b",".join(part) + b"]}" for part in (lines, lines[::step]))
-        full, brief = (frame("detections", body, self.history.total) for body in both)
-        return full, brief
+        return self.history.total, *_both(b"%d" % cycle, b"%.6f" % window.end_s, lines, self.history.total)
 
-    def _fan_out(self, frames: list[tuple[bytes, bytes]]) -> None:
+    def _fan_out(self, frames: list[tuple[int, bytes, bytes]]) -> None:
         for client in self._clients:
-            for both in frames:
-                client.put(both[client.brief])
+            for number, *both in frames:
+                if not number or number > client.seen:
+                    client.put(both[client.brief])
+
+
+def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple[bytes, bytes]:
+    """Return the frame of detections, in full and in brief; `cycle` and `time_s` are null for those sent again."""
+    head = b'{"cycle":%b,"time_s":%b,"count":%d,"detections":[' % (cycle, time_s, len(lines))
+    step = -(-len(lines) // BRIEF)
+    full, brief = (frame("detections", head + b",".join(part) + b"]}", number) for part in (lines, lines[::step]))
+    return full, brief
 
 
 def frame(event: str, data: bytes, number: int | None = None) -> bytes:

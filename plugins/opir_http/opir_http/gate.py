@@ -2,6 +2,7 @@
 
 import asyncio
 import hmac
+import re
 import time
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable, Mapping, MutableMapping
@@ -28,6 +29,10 @@ _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
 _OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
+#: Wrong bearer tokens of one client that are answered by 401; more wait (429).
+_WRONG_TOKENS_PER_S = 5.0
+#: A `Host` header (RFC 9110, section 7.2): an IPv6 address in brackets or a name, and a port.
+_HOST = re.compile(r"(?:\[(?P<address>[0-9a-f:.]+)\]|(?P<name>[^\[\]:]+))(?::[0-9]*)?")
 _STREAM = b"text/event-stream; charset=utf-8"
 
 _HEADERS = [
@@ -75,13 +80,14 @@ class Gate:
         self._log = log or RequestLog()
         self._settings = settings
         self._token = token.encode() if token else None
-        self._rates = Rates()
+        self._rates, self._wrong_tokens = Rates(), Rates()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Reject a request or pass it to the application."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        scope = in_origin_form(scope)
         guarded = self._log.watched(scope, _with_headers(send, is_open=_is_open(scope["path"])))
         try:
             body = await self._admitted(scope, receive)
@@ -103,14 +109,19 @@ class Gate:
 
     async def _admitted(self, scope: Scope, receive: Receive) -> bytes:
         """Return the body of an accepted request; raises `ProblemError`."""
-        headers = dict(scope["headers"])
+        headers, client = dict(scope["headers"]), (scope.get("client") or ("",))[0]
+        if b"content-length" in headers and b"transfer-encoding" in headers:
+            words = "a body has Content-Length or Transfer-Encoding, not both (RFC 9112, section 6.3)"
+            raise ProblemError(400, words, headers={"Connection": "close"})
         self._check_host(headers.get(b"host", b""))
         if not _is_open(scope["path"]):
-            self._check_token(headers.get(b"authorization", b""))
+            self._check_token(headers.get(b"authorization", b""), client)
         if scope["method"] in _WRITES:
-            wait_s = self._rates.wait_s((scope.get("client") or ("",))[0], self._settings().writes_per_s)
-            if wait_s:
-                raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
+            self._check_site(headers)
+            _require_now(self._rates.wait_s(client, self._settings().writes_per_s))
+        if headers.get(b"content-encoding", b"identity").strip().lower() not in (b"", b"identity"):
+            encoded = "send the body as it is, without Content-Encoding"
+            raise ProblemError(415, encoded, headers={"Accept-Encoding": "identity"})
         if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers):
             raise ProblemError(415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')")
         return await _body(headers, receive)
@@ -119,18 +130,57 @@ class Gate:
         """Reject other host names than localhost without a token: DNS rebinding."""
         if self._token is not None:
             return
-        name = host.decode("latin-1").lower()
-        name = name.rpartition("]")[0].lstrip("[") if name.startswith("[") else name.partition(":")[0]
-        if name not in LOOPBACK:
+        if _host_name(host) not in LOOPBACK:
             raise ProblemError(421, "without a token the service answers only requests to localhost")
 
-    def _check_token(self, authorization: bytes) -> None:
+    def _check_site(self, headers: Mapping[bytes, bytes]) -> None:
+        """Reject writes of pages of other sites without a token: a browser sends them without asking (Fetch, 3.1)."""
+        if self._token is not None:
+            return
+        site, origin = headers.get(b"sec-fetch-site", b"none"), headers.get(b"origin")
+        is_own = origin is None or origin.partition(b"://")[2] == headers.get(b"host", b"")
+        if not is_own or site not in (b"none", b"same-origin"):
+            raise ProblemError(403, "without a token the service takes no writes from pages of other sites")
+
+    def _check_token(self, authorization: bytes, client: str) -> None:
+        """Reject a wrong token; many of a client wait. A right one never does: clients may share an address."""
         if self._token is None:
             return
         scheme, _, given = authorization.partition(b" ")
         is_right = hmac.compare_digest(given.strip(), self._token)
         if scheme.lower() != b"bearer" or not is_right:
+            if authorization:
+                _require_now(self._wrong_tokens.wait_s(client, _WRONG_TOKENS_PER_S))
             raise ProblemError(401, "send Authorization: Bearer TOKEN", headers={"WWW-Authenticate": "Bearer"})
+
+
+def _require_now(wait_s: float) -> None:
+    """Raise `ProblemError` if there is a time to wait, s."""
+    if wait_s:
+        raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
+
+
+def _host_name(host: bytes) -> str:
+    """Return the name or address of a `Host` header, without port and brackets; "" for one that is malformed."""
+    found = _HOST.fullmatch(host.decode("latin-1").lower())
+    return "" if found is None else found["address"] or found["name"]
+
+
+def in_origin_form(scope: Scope) -> Scope:
+    """Return a request to `http://host/path`, as to a proxy, as one to `/path` of that host (RFC 9112, 3.2.2)."""
+    scheme, mark, rest = scope["path"].partition("://")
+    if not mark or scheme.lower() not in ("http", "https"):
+        return scope
+    authority, slash, path = rest.partition("/")
+    raw = bytes(scope.get("raw_path", b"")).partition(b"://")[2].partition(b"/")[2]
+    headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
+    host = authority.partition("?")[0].encode("latin-1", "replace")
+    return {
+        **scope,
+        "path": f"/{path}" if slash else "/",
+        "raw_path": b"/" + raw,
+        "headers": [(b"host", host), *headers],
+    }
 
 
 def _is_open(path: str) -> bool:
@@ -218,7 +268,7 @@ def health_only(app: App) -> App:
                 message["headers"] = [*_given(message), (b"connection", b"close")]
             await send(message)
 
-        if scope["path"] in _HEALTH:
+        if in_origin_form(scope)["path"] in _HEALTH:
             await app(scope, receive, closing)
         else:
             problem = ProblemError(503, "too many connections", headers={"Retry-After": "5"})

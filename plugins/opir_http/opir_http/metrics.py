@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.live import LATE_EDGES_S, LiveStatus
+from opir_core.live import LATE_EDGES_S, LiveStatus, SensorStatus
 from opir_core.output import SinkStatus
 from opir_http.service import Service
 
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+CONTENT_TYPE = "text/plain; version=0.0.4"
 
 
 def metrics_text(service: Service) -> str:
@@ -27,6 +27,7 @@ def metrics_text(service: Service) -> str:
             [({}, status.late_cycles)],
         ),
         _late(status),
+        _metric("opir_late_seconds", "gauge", "How late the last cycle ended", [({}, status.late_s)]),
         _metric("opir_cycle_age_seconds", "gauge", "Time since the last finished cycle", [({}, status.cycle_age_s)]),
         _metric("opir_looks_total", "counter", "Looks processed", [({}, status.looks)]),
         _metric("opir_detections_total", "counter", "Detections", sensors),
@@ -45,9 +46,34 @@ def metrics_text(service: Service) -> str:
         _metric(
             "opir_viewer_frames_dropped_total", "counter", "Frames lost to slow clients", [({}, feed.dropped_frames)]
         ),
+        *_health(status.sensors),
         *_sinks(status.sinks),
     ]
     return "".join(parts)
+
+
+def _health(sensors: tuple[SensorStatus, ...]) -> Iterable[str]:
+    """Yield what the tracker has found of the sensors, as far as it is known."""
+    known = [(sensor.id, sensor.health) for sensor in sensors if sensor.health is not None]
+    for name, words in {"bias": "Line-of-sight bias", "bias_sigma": "Standard deviation of it"}.items():
+        samples = [
+            ({"sensor_id": each, "axis": axis}, value)
+            for each, health in known
+            for axis, value in zip(("east", "north"), health[f"{name}_rad"], strict=True)
+            if value is not None
+        ]
+        yield _metric(f"opir_sensor_{name}_radians", "gauge", words, samples)
+    gauges = {
+        "clock_s": ("clock_offset_seconds", "Offset of the clock"),
+        "clock_sigma_s": ("clock_offset_sigma_seconds", "Standard deviation of it"),
+        "noise_scale": ("noise_ratio", "Noise of lines of sight in units of what is stated"),
+        "noise_scale_sigma": ("noise_ratio_sigma", "Standard deviation of it"),
+        "innovations": ("innovations", "Mean square of normalised innovations, 1 as stated"),
+        "outlier_share": ("outlier_ratio", "Share of looks far off their target"),
+    }
+    for name, (series, words) in gauges.items():
+        found = [({"sensor_id": each}, health[name]) for each, health in known if health[name] is not None]
+        yield _metric(f"opir_sensor_{series}", "gauge", words, found)
 
 
 def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:

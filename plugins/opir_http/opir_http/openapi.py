@@ -139,7 +139,7 @@ def _trigger() -> Schema:
         "parameters": [key],
         "requestBody": {"required": True, "content": {_JSON: _media("Trigger", LAUNCH_EXAMPLE)}},
         "responses": {"202": _answer("The target is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
-        | _problems(409, 415, 422, 429),
+        | _problems(403, 409, 415, 422, 429),
     }
 
 
@@ -154,7 +154,7 @@ def _retry() -> Schema:
         " later; this makes it try at once.",
         "parameters": [output],
         "responses": {"202": _answer("It tries again, if it was parked", "Retried", headers=headers, links={})}
-        | _problems(404, 429),
+        | _problems(403, 404, 429),
     }
 
 
@@ -204,13 +204,16 @@ def _tracks() -> Schema:
 
 def _stream() -> Schema:
     view = _parameter("view", {"type": "string", "enum": ["full", "brief"], "default": "full"})
+    last = {"name": "Last-Event-ID", "in": "header", "schema": TEXT, "description": "id of the last frame that arrived"}
     responses = {"200": {"description": "Server-sent events", "content": {"text/event-stream": {"schema": TEXT}}}}
     return {
         "operationId": "stream",
         "summary": "Live detections, tracks and status",
         "description": "Server-sent events: `detections` (of each cycle, with their `count`; the brief view has a"
-        " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client), `end`.",
-        "parameters": [view],
+        " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client, or detections that are no"
+        " longer in the history), `end`. The `id` of `detections` is the number of the last one; with `Last-Event-ID`"
+        " the stream goes on after that one.",
+        "parameters": [view, last],
         "responses": responses | _problems(503),
     }
 
@@ -218,7 +221,7 @@ def _stream() -> Schema:
 def _health(name: str, schema: Schema) -> Schema:
     words = {
         "live": "Whether the simulation is alive: it has not failed and no call is stuck",
-        "ready": "Whether cycles end, no sink has failed and no backlog grows",
+        "ready": "Whether cycles end in time, no sink has failed and no backlog grows",
     }
     content = {_JSON: {"schema": schema}}
     answers = {

@@ -16,7 +16,7 @@ PROBLEM_TYPE = "application/problem+json"
 TITLES = {
     400: "The request cannot be read",
     401: "A bearer token is needed",
-    403: "This is disabled",
+    403: "This is not permitted",
     404: "There is no such resource",
     405: "The method is not allowed",
     408: "The request took too long to arrive",

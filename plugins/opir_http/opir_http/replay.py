@@ -130,7 +130,8 @@ class Replay:
             None if not count else (int(times[count - 1]) - self.since_us) / _US
             for times, count in zip(self._by_sensor, counts, strict=True)
         ]
-        return sensor_documents(self.run.sensors, (time_us - self.since_us) / _US, counts, last_s, self.since_us)
+        time_s, health = (time_us - self.since_us) / _US, [row["health"] for row in self.run.summary["sensors"]]
+        return sensor_documents(self.run.sensors, time_s, counts, last_s, self.since_us, health)
 
 
 def _text(unix_us: int) -> str:

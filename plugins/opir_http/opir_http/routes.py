@@ -22,10 +22,11 @@ from opir_http.service import Service, etag_of
 from opir_http.settings import LOOPBACK, MAXIMUM_PAGE, STREAMS_PER_CLIENT
 
 _PAGE = Path(__file__).parent / "page"
+#: Content types; of texts the framework adds the charset, UTF-8.
 _KINDS = {
-    ".html": "text/html; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
     ".json": "application/json",
     ".svg": "image/svg+xml",
 }
@@ -35,6 +36,8 @@ _CACHED_S = 0.05
 #: Time, s, in which the status must be available for readiness.
 _STATUS_S = 2.0
 _KEY_LENGTH = 200
+#: The most digits of the id of a frame.
+_ID_LENGTH = 18
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
 
@@ -110,7 +113,7 @@ def _health_routes(service: Service) -> list[Any]:
             is_ready, reasons = await asyncio.wait_for(readiness.get(), _STATUS_S)
         except TimeoutError:
             is_ready, reasons = False, [f"the status is not available within {_STATUS_S:g} s"]
-        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503)
+        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503, headers=_lateness(service))
 
     @get("/metrics")
     async def metrics(request: AnyRequest) -> Response[bytes]:
@@ -215,9 +218,14 @@ def _trigger_route(service: Service, documents: Documents) -> Any:
             documents.forget()
             if key:
                 service.answers.end(key, answer)
-        return _json(answer, 202, headers={"Location": "/status"})
+        return _json(answer, 202, headers={"Location": "/status", **_lateness(service)})
 
     return trigger
+
+
+def _lateness(service: Service) -> dict[str, str]:
+    """Return the header that states how late the last cycle was, s."""
+    return {"Opir-Late": f"{service.run.late_s:.3f}"}
 
 
 def _retry_route(service: Service) -> Any:
@@ -273,7 +281,12 @@ def _stream_route(service: Service) -> Any:
         if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
             raise ProblemError(429, "this client has too many streams", headers={"Retry-After": "5"})
         client = Client(brief=given.get("view") == "brief", address=address)
-        service.feed.join(client)
+        last = request.headers.get("last-event-id", "")
+        # Anything else that a client sends is no id of this service: it starts anew, as EventSource does.
+        if last.isascii() and last.isdigit() and len(last) <= _ID_LENGTH:
+            service.feed.resume(client, int(last))
+        else:
+            service.feed.join(client)
         return Stream(_frames(service, client), media_type="text/event-stream")
 
     return stream

@@ -238,8 +238,16 @@ def _sensor() -> Schema:
             "field_of_regard_half_angle_deg": NUMBER,
             "detections": COUNT,
             "last_detection": or_null(TIME),
+            "health": or_null(_health()),
         }
     )
+
+
+def _health() -> Schema:
+    """Return the schema of what the tracker has found of a sensor; null where nothing is known."""
+    pairs = dict.fromkeys(("bias_rad", "bias_sigma_rad"), listed(or_null(NUMBER)))
+    names = ("clock_s", "clock_sigma_s", "noise_scale", "noise_scale_sigma", "innovations", "outlier_share")
+    return closed({**pairs, **dict.fromkeys(names, or_null(NUMBER)), "text": TEXT})
 
 
 def _sink() -> Schema:

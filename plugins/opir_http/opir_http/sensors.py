@@ -1,6 +1,6 @@
 """The states of satellites at a time, as JSON documents."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,20 @@ from opir_core.plugin import Sensor
 
 
 def sensor_documents(
-    sensors: Sequence[Sensor], time_s: float, counts: Sequence[int], last_s: Sequence[float | None], epoch_us: int
+    sensors: Sequence[Sensor],
+    time_s: float,
+    counts: Sequence[int],
+    last_s: Sequence[float | None],
+    epoch_us: int,
+    health: Sequence[Mapping[str, Any] | None],
 ) -> list[dict[str, Any]]:
-    """Return place, state and counts of each sensor at a scene time, s; `last_s` are times of last detections, s."""
+    """Return place, state, counts and health of each sensor at a scene time, s; `last_s` are times of last detections.
+
+    `health` is what the tracker has found of each sensor, or None.
+    """
     at_s = np.array([time_s])
     rows = []
-    for sensor, count, last in zip(sensors, counts, last_s, strict=True):
+    for sensor, count, last, found in zip(sensors, counts, last_s, health, strict=True):
         position = sensor.orbit.position_ecef_m(at_s)[0]
         period_s = sensor.scan.period_ns * 1e-9
         is_detecting = last is not None and time_s - last <= 2.0 * period_s + 0.5
@@ -29,6 +37,7 @@ def sensor_documents(
                 "field_of_regard_half_angle_deg": round(float(np.degrees(sensor.field_of_regard_half_angle_rad)), 4),
                 "detections": count,
                 "last_detection": None if last is None else _timestamp(epoch_us, last),
+                "health": found,
             }
         )
     return rows

@@ -173,7 +173,9 @@ class Service:
     def _sensors(self, live: LiveStatus) -> list[dict[str, Any]]:
         counts = [sensor.detections for sensor in live.sensors]
         last_s = [sensor.last_detection_s for sensor in live.sensors]
-        return sensor_documents(self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, self.run.scene.epoch_us)
+        health = [sensor.health for sensor in live.sensors]
+        epoch_us = self.run.scene.epoch_us
+        return sensor_documents(self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, epoch_us, health)
 
     def _timestamp(self, time_ns: int) -> str:
         return timestamp_text(np.array([self.run.scene.epoch_us + time_ns // 1000]))[0]

@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import errno
 import os
 import socket
 import stat
@@ -40,12 +41,19 @@ STUCK = 6
 
 _LEAST_S = 1.0
 _SHORTEST_TOKEN = 16
+_LONGEST_TOKEN_FILE = 4096
 
 
 class ServeError(OpirError):
     """A service that cannot be started with these arguments."""
 
     exit_code = 2
+
+
+class AddressInUseError(OpirError):
+    """An address that another process has: a later start may succeed."""
+
+    exit_code = 6
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -95,6 +103,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         maximum_targets=arguments.max_targets,
         unready_after_s=arguments.unready_after,
         dead_after_s=arguments.dead_after,
+        late_after_s=arguments.late_after,
+        slows=arguments.when_late == "slow",
     )
     try:
         run = LiveRun(scene, plugins, live)
@@ -133,10 +143,7 @@ def token_of(arguments: argparse.Namespace) -> str | None:
     token = os.environ.get(TOKEN_VARIABLE)
     if arguments.token_file is not None:
         _check_permissions(Path(arguments.token_file))
-        try:
-            token = Path(arguments.token_file).read_text(encoding="ascii").strip()
-        except (OSError, ValueError):
-            raise ServeError("--token-file: the file cannot be read as text") from None
+        token = _read_token(Path(arguments.token_file))
     if token is not None and (len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable()):
         raise ServeError(f"the bearer token needs at least {_SHORTEST_TOKEN} printable ASCII characters")
     if token is None and arguments.host not in LOOPBACK:
@@ -144,6 +151,19 @@ def token_of(arguments: argparse.Namespace) -> str | None:
             f"--host {arguments.host}: other machines can connect; give a bearer token in {TOKEN_VARIABLE} or with"
             " --token-file"
         )
+    return token
+
+
+def _read_token(path: Path) -> str:
+    """Return the token of a file, which may be a pipe; of an endless one only the beginning is read."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_LONGEST_TOKEN_FILE + 1)
+        token = text.decode("ascii").strip()
+    except (OSError, ValueError):
+        raise ServeError("--token-file: the file cannot be read as text") from None
+    if len(text) > _LONGEST_TOKEN_FILE:
+        raise ServeError(f"--token-file: the file has more than {_LONGEST_TOKEN_FILE} bytes; it holds one token")
     return token
 
 
@@ -188,7 +208,9 @@ def bound_socket(arguments: argparse.Namespace) -> socket.socket:
         return bound(arguments.host, arguments.port)
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ServeError(f"--host {arguments.host} --port {arguments.port} cannot be bound: {reason}") from None
+        words = f"--host {arguments.host} --port {arguments.port} cannot be bound: {reason}"
+        is_taken = getattr(error, "errno", None) == errno.EADDRINUSE
+        raise (AddressInUseError(words) if is_taken else ServeError(words)) from None
 
 
 async def _served(

@@ -1,9 +1,11 @@
 """The AsyncAPI document of the topic, generated from settings and schemas."""
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 from opir_core import __version__
-from opir_core.output import SCHEMAS, schema
+from opir_core.plugin import EncoderContext, EventEncoder, Host
 from opir_kafka.settings import KafkaConfig
 
 #: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.
@@ -13,7 +15,7 @@ _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 def asyncapi_document() -> dict[str, Any]:
     """Return the document (AsyncAPI 3.0, https://www.asyncapi.com/docs/reference/specification/v3.0.0)."""
     bare = KafkaConfig()
-    names = [encoder for encoder, _ in SCHEMAS.values()]
+    messages = _messages()
     return {
         "asyncapi": "3.0.0",
         "info": {
@@ -31,7 +33,7 @@ def asyncapi_document() -> dict[str, Any]:
                 "servers": [{"$ref": "#/servers/kafka"}],
                 "description": f"One of these, by the output's encoder; default {bare.encoder}. The encoders"
                 " forge-bands and forge-tracks add band irradiances or track states to forge's messages.",
-                "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names},
+                "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
         },
@@ -40,10 +42,10 @@ def asyncapi_document() -> dict[str, Any]:
                 "action": "send",
                 "summary": "opir sends; a fusion pipeline receives.",
                 "channel": {"$ref": "#/channels/detections"},
-                "messages": [{"$ref": f"#/channels/detections/messages/{name}"} for name in names],
+                "messages": [{"$ref": f"#/channels/detections/messages/{name}"} for name in messages],
             }
         },
-        "components": {"messages": _messages()},
+        "components": {"messages": messages},
     }
 
 
@@ -55,19 +57,27 @@ def asyncapi_text() -> str:
 
 
 def _messages() -> dict[str, Any]:
-    return {encoder: _message(encoder, version, schema(name)) for name, (encoder, version) in SCHEMAS.items()}
+    """Return the messages of the installed encoders with a schema by name, those with the same schema once."""
+    host = Host.discover()
+    texts: dict[str, EventEncoder] = {}
+    for name in host.names(EventEncoder):
+        encoder = host.component(EventEncoder, name)
+        if encoder.schema is not None:
+            texts.setdefault(encoder.schema(), encoder)
+    return {encoder.name: _message(encoder, json.loads(text)) for text, encoder in texts.items()}
 
 
-def _message(name: str, version: str, payload: dict[str, Any]) -> dict[str, Any]:
+def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any]:
+    version = encoder.build(encoder.config(), EncoderContext(sensors=(), epoch_us=0)).schema_version
     headers = {
         "type": "object",
         "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
         "required": ["content-type", "schema-version"],
     }
-    whose = "The track's number" if name == "tracks" else "The sensor's id"
+    whose = "The track's number" if encoder.encodes_tracks else "The sensor's id"
     key = {"type": "string", "description": f"{whose}, UTF-8; it determines the partition."}
     return {
-        "name": name,
+        "name": encoder.name,
         "title": payload["title"],
         "contentType": "application/json",
         "headers": headers,

@@ -81,6 +81,14 @@ _REMEDIES = {
 }
 
 
+#: The broker or the topic takes no batches of that size; it may take smaller ones.
+TOO_LARGE = tuple(errors.for_code(code) for code in (10, 18))
+
+
+class SmallerBatchesError(errors.KafkaError):  # type: ignore[misc]
+    """A batch was too large; smaller ones follow."""
+
+
 def is_fatal(error: BaseException, *, was_connected: bool) -> bool:
     """Return whether an error is permanent."""
     if was_connected and isinstance(error, _FIRST_CONNECTION_TYPES):

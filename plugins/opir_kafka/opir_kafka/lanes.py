@@ -5,6 +5,7 @@ connection starts where the old one stopped, and the first arrivals of each sens
 """
 
 import asyncio
+import sys
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -84,12 +85,13 @@ class Lane:
         self._queue.append((shipment, rows))
         self.has_messages.set()
 
-    def fill(self, batch: Any) -> list[tuple[Shipment, Rows]]:
-        """Move as many messages as fit into aiokafka's batch, and return their shipments and rows."""
+    def fill(self, batch: Any, most: int = sys.maxsize) -> list[tuple[Shipment, Rows]]:
+        """Move as many messages as fit into aiokafka's batch, at most `most`; return their shipments and rows."""
         moved = []
         while self._queue:
             shipment, rows = self._queue.popleft()
-            count = shipment.put(batch, rows)
+            count = shipment.put(batch, rows[:most])
+            most -= count
             if count:
                 moved.append((shipment, rows[:count]))
             if count < len(rows):

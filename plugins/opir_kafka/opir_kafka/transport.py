@@ -3,6 +3,7 @@
 import asyncio
 import itertools
 import logging
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -15,7 +16,7 @@ from aiokafka.partitioner import DefaultPartitioner
 from opir_core.errors import SinkError
 from opir_core.plugin import Batch, Transport
 from opir_kafka.connection import OURS, Connector, close_producer
-from opir_kafka.failures import is_fatal, words
+from opir_kafka.failures import TOO_LARGE, SmallerBatchesError, is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
 from opir_kafka.settings import KafkaConfig
 
@@ -26,7 +27,8 @@ class KafkaTransport(Transport):
     """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
 
     Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error
-    fails every batch, those to come too, until `retry`. All state except `trouble` belongs to the loop's thread.
+    fails every batch, those to come too, until `retry`. A batch that is too large for the topic is sent in halves, down
+    to single messages. All state except `trouble` belongs to the loop's thread.
     """
 
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
@@ -41,6 +43,7 @@ class KafkaTransport(Transport):
         self._is_to_retry = asyncio.Event()
         self._pauses_s = self._pauses()
         self._was_connected = False
+        self._most_messages = sys.maxsize
         self._loop = asyncio.new_event_loop()
         self._loop.set_exception_handler(_to_log)
         self._main: asyncio.Task[None] | None = None
@@ -119,7 +122,7 @@ class KafkaTransport(Transport):
         self.trouble = trouble
 
     def _reopen(self) -> None:
-        self._fatal = None
+        self._fatal, self._most_messages = None, sys.maxsize
         self._is_to_retry.set()
 
     def _fail(self, error: SinkError) -> None:
@@ -169,10 +172,17 @@ class KafkaTransport(Transport):
         while True:
             await lane.has_messages.wait()  # the only wait without a deadline
             batch = producer.create_batch()
-            sent = lane.fill(batch)
+            sent = lane.fill(batch, self._most_messages)
             batch.close()
-            async with asyncio.timeout(timeout_s):
-                await (await producer.send_batch(batch, self._config.topic, partition=partition))
+            try:
+                async with asyncio.timeout(timeout_s):
+                    await (await producer.send_batch(batch, self._config.topic, partition=partition))
+            except TOO_LARGE:
+                count = sum(len(rows) for _, rows in sent)
+                if count == 1:
+                    raise
+                self._most_messages = count // 2
+                raise SmallerBatchesError from None
             self._pauses_s = self._pauses()
             for shipment, rows in sent:
                 self.acknowledged += len(rows)

@@ -76,7 +76,7 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     spectral_discrimination="likelihood",
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25)},
+    plausible_ratios={"SWIR": (0.25, 2.4)},
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_WIDE_FOCAL_PLANE),
 )

@@ -61,7 +61,7 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     },
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25), "LWIR": (0.005, 0.3)},
+    plausible_ratios={"SWIR": (0.25, 2.4), "LWIR": (0.005, 0.3)},
     false_alarm_susceptibility=cited("low", PAPER),
     spectral_discrimination=cited(
         "likelihood", "no band is a veto; preset paper: triple-coincidence, opir-simulator paper (2026), section 3.4"

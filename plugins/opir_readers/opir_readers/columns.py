@@ -13,29 +13,41 @@ from attrs import frozen
 
 from opir_core.plugin import BadFileError
 
-_TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-_LENGTH = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
+#: Units, by what follows an underscore in a name, in SI units and radians.
+TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+LENGTHS = {"m": 1.0, "km": 1e3, "ft": 0.3048, "nmi": 1852.0}
 _SPEED = {"m_s": 1.0, "km_s": 1e3, "ft_s": 0.3048, "km_h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
-_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
 
 #: How a state may give its place, and its velocity: the quantities, which come together.
-PLACES = (("x_ecef", "y_ecef", "z_ecef"), ("lat", "lon", "height"))
+PLACES = (
+    ("x_ecef", "y_ecef", "z_ecef"),
+    ("lat", "lon", "height"),
+    ("east", "north", "up"),
+    ("downrange", "height"),
+)
+#: A height above the launch point, in place of `height`.
+ALTITUDE = "altitude"
 VELOCITIES = (
     ("vx_ecef", "vy_ecef", "vz_ecef"),
     ("vx_inertial", "vy_inertial", "vz_inertial"),
     ("v_east", "v_north", "v_up"),
 )
 TIME, BURNING = "time", "is_burning"
+#: The time as a date, in place of seconds, and other names of such columns, in lower case.
+DATE = "timestamp"
+_DATES = ("timestamp", "time_utc", "utc", "utc_time", "datetime", "date", "epoch", "utcgregorian")
 
 #: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
-    TIME: _TIME,
-    **dict.fromkeys(PLACES[0], _LENGTH),
-    "lat": _ANGLE,
-    "lon": _ANGLE,
-    "height": _LENGTH,
+    TIME: TIMES,
+    **dict.fromkeys(PLACES[0], LENGTHS),
+    "lat": ANGLES,
+    "lon": ANGLES,
+    **dict.fromkeys(("height", ALTITUDE, "east", "north", "up", "downrange"), LENGTHS),
     **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
     BURNING: {"": 1.0},
+    DATE: {"": 1.0},
 }
 
 #: How like a known name an unknown one must be to be taken for a slip of the pen.
@@ -90,7 +102,16 @@ class Column:
 
 def quantity_of(name: str) -> tuple[str, float] | None:
     """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None."""
-    for quantity, units in UNITS.items():
+    return (DATE, 1.0) if name.lower().rpartition(".")[2] in _DATES else unit_of(name, UNITS)
+
+
+def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:
+    """Return the quantity of a name, of those `known` with their units, and its unit; None for none.
+
+    >>> unit_of("height_km", UNITS)
+    ('height', 1000.0)
+    """
+    for quantity, units in known.items():
         if name == quantity:
             return quantity, next(iter(units.values()))
         if name.startswith(f"{quantity}_") and name[len(quantity) + 1 :] in units:
@@ -139,11 +160,14 @@ def unread(names: Iterable[str], columns: Mapping[str, Column]) -> list[str]:
 
 
 def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -> None:
-    groups = [PLACES[1] if "lat" in found or "lon" in found else PLACES[0]]
+    groups = [place_group(found)]
     groups += [group for group in VELOCITIES if any(name in found for name in group)]
     if len(groups) > 2:
         raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
-    missing = [quantity for quantity in (TIME, *(name for group in groups for name in group)) if quantity not in found]
+    needed = (TIME, *(name for group in groups for name in group))
+    instead = {("height", ALTITUDE), (TIME, DATE)}
+    stood_for = {quantity for quantity, other in instead if other in found}
+    missing = [quantity for quantity in needed if quantity not in found and quantity not in stood_for]
     unknown = unread(names, found)
     slips = {name: near for name in unknown if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))}
     if missing:
@@ -154,6 +178,16 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
     for name, near in slips.items():
         if name not in (column.name for column in found.values()):
             raise BadFileError(f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?")
+
+
+def place_group(found: Iterable[str]) -> tuple[str, ...]:
+    """Return the quantities by which a table gives its places."""
+    names = set(found)
+    if names & {"lat", "lon"}:
+        return PLACES[1]
+    if not names & set(PLACES[0]):
+        return next((group for group in PLACES[2:] if names & set(group[:2]) - {"height"}), PLACES[0])
+    return PLACES[0]
 
 
 def _proposal(names: Sequence[str]) -> str:
@@ -168,7 +202,7 @@ def _proposal(names: Sequence[str]) -> str:
         units = UNITS[quantity]
         taken[f"{quantity}_{suffix if suffix in units else next(iter(units))}"] = name
     kinds = {quantity_of(key)[0] for key in taken}  # type: ignore[index]
-    if not any(set(group) <= kinds for group in PLACES) or TIME not in kinds:
+    if not any(set(group) <= kinds for group in PLACES[:2]) or TIME not in kinds:
         return "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon: Longitude, height_m: H}"
     listed = ", ".join(f'{key}: "{name}"' for key, name in taken.items())
     return f"; if this is what they are, set columns: {{{listed}}}"

@@ -80,7 +80,9 @@ def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> tuple
     """Return the names of as many columns in the last comment above a line of numbers, and where states begin."""
     for comment in reversed(text.split("\n")[: line - 1]):
         bare = comment.strip().lstrip("#%/").strip()
-        for mark in dict.fromkeys((delimiter, _delimiter(bare))):
+        # A sentence has as many words as any table has columns: names are parted by blanks only where numbers are.
+        marks = dict.fromkeys(mark for mark in (delimiter, _delimiter(bare)) if mark or not delimiter)
+        for mark in marks:
             names = [name.strip() for name in (bare.split(mark) if mark else bare.split())]
             if len(names) == count and comment.strip().startswith(_COMMENTS):
                 return line - 1, names

@@ -10,8 +10,22 @@ from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
-from opir_readers.columns import BURNING, PLACES, TIME, VELOCITIES, Column, columns_of, unread
+from opir_readers.columns import (
+    ALTITUDE,
+    BURNING,
+    DATE,
+    PLACES,
+    TIME,
+    VELOCITIES,
+    Column,
+    columns_of,
+    place_group,
+    unread,
+)
+from opir_readers.configs_of_sites import SiteConfig
 from opir_readers.csv_layout import Layout, decimal, layout_of
+from opir_readers.detections.times import unix_ns
+from opir_readers.flights.site import Site
 from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
@@ -21,28 +35,36 @@ MOST_BREAKS = 10_000
 _LISTED = 6
 
 
-def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = None) -> StateTable:
-    """Return the table of a text whose time 0 is the scene time `start_s`.
+def csv_table(
+    text: str,
+    start_s: float,
+    columns: Mapping[str, str] | None = None,
+    site: SiteConfig | None = None,
+    epoch_us: int = 0,
+) -> StateTable:
+    """Return the table of a text whose time 0 is the scene time `start_s`; dates count from the scene's epoch.
 
     Columns, in any order, parted by commas, semicolons, tabs or blanks: the time; the place, as ECEF or as geodetic
-    latitude, longitude and height; perhaps the velocity; and is_burning: 1 where the plume radiates from this line's
-    time to the next, else 0. Names have their units (`opir_readers.columns`), or `columns` maps quantities to names.
-    Lines that begin with #, % or // are comments. A time that occurs twice in a row marks a point where the motion is
-    not smooth, as a change of stages. Raises `BadFileError`.
+    latitude, longitude and height, or from a launch point `site`; perhaps the velocity; and is_burning: 1 where the
+    plume radiates from this line's time to the next, else 0. Names have their units (`opir_readers.columns`), or
+    `columns` maps quantities to names. Lines that begin with #, % or // are comments. A time that occurs twice in a row
+    marks a point where the motion is not smooth, as a change of stages. Raises `BadFileError`.
     """
     layout = layout_of(text)
     known = columns_of(layout.names, layout.line, columns or {})
     values = _values(text, layout, known)
+    has_dates = TIME not in known
+    values[TIME] = values[DATE] - epoch_us * 1e-6 if has_dates else values[TIME] + start_s
     count = len(values[TIME])
     if count < 2:
         raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
-    time_s = values[TIME] + start_s
+    time_s = values[TIME]
 
     def line_of(row: int) -> int:
         return next(islice(layout.rows(text), row, None))[0]
 
     require_order(time_s, line_of, may_repeat=True)
-    position = _positions(values, line_of)
+    position = _positions(values, line_of, site)
     require_places(position, line_of)
     velocity = _velocities(values, position)
     require_velocities(velocity, line_of)
@@ -51,8 +73,8 @@ def csv_table(text: str, start_s: float, columns: Mapping[str, str] | None = Non
         raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
     names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
-    frame = "ECEF" if PLACES[0][0] in known else "latitude, longitude, height above WGS 84"
-    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, frame=frame)
+    frame = _FRAMES[place_group(known)]
+    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, has_dates, frame)
 
 
 def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
@@ -61,11 +83,34 @@ def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
     return (f"columns that are not read: {', '.join(map(repr, left[:_LISTED]))}{more}",) if left else ()
 
 
-def _positions(values: Mapping[str, FloatArray], line_of: LineOf) -> FloatArray:
+_FRAMES = dict(
+    zip(
+        PLACES,
+        (
+            "ECEF",
+            "latitude, longitude, height above WGS 84",
+            "east, north and up from the launch point",
+            "distance downrange and height from the launch point",
+        ),
+        strict=True,
+    )
+)
+
+
+def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteConfig | None) -> FloatArray:
     """Return ECEF positions (n, 3), m."""
-    if PLACES[0][0] in values:
-        return np.stack([values[name] for name in PLACES[0]], axis=1)
-    latitude, longitude, height = (values[name] for name in PLACES[1])
+    group = place_group(values)
+    if group == PLACES[0]:
+        return np.stack([values[name] for name in group], axis=1)
+    if group == PLACES[2]:
+        return Site.of(config, "east, north and up count from the launch point").of_local(
+            *(values[name] for name in group)
+        )
+    height = _heights(values, config)
+    if group == PLACES[3]:
+        site = Site.of(config, "distances downrange count from the launch point", with_azimuth=True)
+        return site.of_downrange(values["downrange"], height)
+    latitude, longitude = values["lat"], values["lon"]
     for row in np.flatnonzero((np.abs(latitude) > 0.5 * math.pi) | (np.abs(longitude) > 2.0 * math.pi)).tolist():
         places = math.degrees(latitude[row]), math.degrees(longitude[row])
         raise BadFileError(
@@ -73,6 +118,13 @@ def _positions(values: Mapping[str, FloatArray], line_of: LineOf) -> FloatArray:
             " swapped, or the units others?"
         )
     return geodetic_to_ecef(latitude, longitude, height)
+
+
+def _heights(values: Mapping[str, FloatArray], config: SiteConfig | None) -> FloatArray:
+    """Return heights above the ellipsoid (n,)."""
+    if "height" in values:
+        return values["height"]
+    return values[ALTITUDE] + Site.of(config, "altitudes count from the launch point").height_m
 
 
 def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> FloatArray | None:
@@ -115,14 +167,15 @@ def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
 def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
     """Return the columns by quantity, in SI units and radians: read at once where all are plain numbers, else line by
     line, to say what is not."""
-    values = _plain_numbers(text, layout, known)
+    values = None if DATE in known else _plain_numbers(text, layout, known)
     if values is not None and BURNING in known:
         burning = values[:, list(known).index(BURNING)]
         values = values if ((burning == 0.0) | (burning == 1.0)).all() else None
     if values is None:
         rows = [_row(known, layout, cells, line) for line, cells in layout.rows(text)]
         values = np.array(rows).reshape(-1, len(known))
-    return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
+    with np.errstate(over="ignore"):
+        return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
 
 
 def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:
@@ -157,6 +210,8 @@ def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: in
 
 
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
+    if column.quantity == DATE:
+        return unix_ns(cell, f"line {line}: {column.name}") * 1e-9
     why = ""
     try:
         value = decimal(cell, layout)

@@ -6,8 +6,12 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, NoConfig, ReaderContext, StateTable, nested, number, text
+from opir_core.plugin import FileReader, NoConfig, ReaderContext, StateTable, nested, text
 from opir_readers.columns import map_complaint
+from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
+from opir_readers.detections.formats import DETECTIONS
+from opir_readers.flights.formats import FLIGHTS
+from opir_readers.orbits.formats import ORBITS
 
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
@@ -18,7 +22,8 @@ _OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[
 COLUMNS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon: Longitude,"
     " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s, ft_s, km_h, kn;"
-    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east, v_north, v_up"
+    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east, v_north, v_up. With a"
+    " site also east, north, up; downrange and height or altitude, the height above the site"
 )
 OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
 
@@ -28,23 +33,13 @@ def columns_setting() -> Any:
     return nested(default=Factory(dict), check=map_complaint, help=COLUMNS_HELP)
 
 
-def start_setting() -> Any:
-    """Return the field of the scene time of a text's time 0."""
-    return number(
-        default=None,
-        unit="s",
-        minimum=-1e13,
-        maximum=31_557_600.0,
-        help="scene time of time 0 of a file whose times are no dates; default 0",
-    )
-
-
 @frozen(kw_only=True)
 class CsvConfig:
     """The settings of the reader `csv`."""
 
     columns: Mapping[str, str] = columns_setting()
     start_s: float | None = start_setting()
+    site: SiteConfig | None = nested(default=None, help=SITE_HELP)
 
 
 @frozen(kw_only=True)
@@ -57,7 +52,14 @@ class OemConfig:
 def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
     from opir_readers.csv_table import csv_table
 
-    return csv_table(context.text, config.start_s or 0.0, config.columns)
+    return csv_table(context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us)
+
+
+def _is_csv(text: str) -> bool:
+    from opir_readers.likeness import likeness
+
+    others = (*DETECTIONS, *FLIGHTS, *ORBITS)
+    return not (_OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others))
 
 
 def _oem(config: OemConfig, context: ReaderContext) -> StateTable:
@@ -72,13 +74,13 @@ def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
     return stk_table(context.text, context.epoch_us)
 
 
-READERS = (
+TRAJECTORIES = (
     FileReader(
         name="csv",
         summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks",
         config=CsvConfig,
         build=_csv,
-        recognises=lambda text: not _OTHER_HEADS.match(text),
+        recognises=_is_csv,
         example="time_s,x_ecef_km,y_ecef_km,z_ecef_km\n0,-2643.878,-4579.332,3566.637\n10,-2644.469,-4580.355,3567.568\n",
     ),
     FileReader(
@@ -121,3 +123,6 @@ END Ephemeris
 """,
     ),
 )
+
+#: All readers of this package.
+READERS = (*TRAJECTORIES, *FLIGHTS, *ORBITS, *DETECTIONS)

@@ -2,9 +2,9 @@
 
 import argparse
 import json
-import re
 import sys
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,17 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.plugin import BadFileError, FileReader, Host, StateTable
+from opir_core.orbits import omm_name
+from opir_core.plugin import BadFileError, Host, StateTable
+from opir_readers.column_maps import columns_of_text, site_of_text
 from opir_readers.columns import map_complaint
+from opir_readers.flights.refining import refined
 from opir_readers.interpolation import largest_doubt_m, runs
+from opir_readers.orbits.element_files import number_of
+from opir_readers.orbits.fleet import FleetFilter, epoch_s_of, latest, range_of, sensor_lines
 from opir_readers.reading import content_of, file_text, reader_of
+from opir_readers.small_map import map_lines
 from opir_readers.table_checks import findings_of, moment_text
-
-_PAIR = re.compile(r"\s*([^=,]+?)\s*=\s*(\"[^\"]*\"|'[^']*'|[^,]*?)\s*(?:,|$)")
 
 
 def import_file(arguments: argparse.Namespace) -> int:
@@ -29,17 +33,18 @@ def import_file(arguments: argparse.Namespace) -> int:
         text = file_text(path).text
         reader = reader_of(text, Host.discover().readers(), arguments.format)
         content = content_of(text, reader, _settings(arguments), 0)
+        if isinstance(content, StateTable):
+            content = refined(content, arguments.noise_m, arguments.burns)
     except BadFileError as error:
         raise _refused(path, error) from error
     sys.stdout.write(f"{path}: {reader.name}, {reader.summary}\n")
     if isinstance(content, StateTable):
         return _flight(arguments, content)
-    sys.stdout.write("".join(f"  {line}\n" for line in orbit_lines(content, reader)))
-    return 0
+    return _orbits(arguments, content) if reader.yields == "orbits" else _detections(content)
 
 
 def _flight(arguments: argparse.Namespace, table: StateTable) -> int:
-    sys.stdout.write("".join(f"  {line}\n" for line in flight_lines(table)))
+    sys.stdout.write("".join(f"  {line}\n" for line in [*flight_lines(table), *map_lines(table.position_m)]))
     found = findings_of(table)
     sys.stdout.write("".join(f"  warning: {words}\n" for words in found.warnings))
     if found.refused:
@@ -60,25 +65,8 @@ def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
     complaint = map_complaint(columns)
     if complaint:
         raise SceneError([Problem("--columns", complaint)], source=arguments.file)
-    return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object}
-
-
-def columns_of_text(text: str) -> dict[str, str]:
-    """Return the column map of `lat=Latitude,height_ft="Altitude (ft)"`; raises `SceneError` for what is none.
-
-    >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
-    {'time_s': 'T', 'height_ft': 'Altitude, ft'}
-    """
-    found, at = dict[str, str](), 0
-    while at < len(text):
-        match = _PAIR.match(text, at)
-        if match is None:
-            raise SceneError(
-                [Problem("--columns", f"{text[at:]!r} is not of the form quantity=column")], source="import"
-            )
-        found[match[1]] = match[2].strip("\"'")
-        at = match.end()
-    return found
+    site = None if arguments.site is None else site_of_text(arguments.site)
+    return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object, "site": site}
 
 
 def flight_lines(table: StateTable) -> list[str]:
@@ -101,11 +89,90 @@ def flight_lines(table: StateTable) -> list[str]:
     return lines
 
 
-def orbit_lines(content: Any, reader: FileReader) -> list[str]:
-    """Return what a list of orbits holds."""
-    names = [str(each.get("OBJECT_NAME") or each.get("NORAD_CAT_ID") or "?") for each in content]
-    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-    return [f"{len(names)} {reader.yields}: {', '.join(names[:12])}{more}"]
+def _detections(rows: Sequence[Mapping[str, Any]]) -> int:
+    """Print how many lines of sight each sensor has, and the first one."""
+    count = Counter(str(row.get("sensor_id", "without id")) for row in rows)
+    first = {name: value for name, value in rows[0].items() if name != "line"}
+    sys.stdout.write(f"  {len(rows)} lines of sight: {', '.join(f'{name} {n}' for name, n in count.most_common(12))}\n")
+    sys.stdout.write(
+        f"  first {json.dumps(first, ensure_ascii=False)}\n  track them with opir track FILE --sensors …\n"
+    )
+    return 0
+
+
+def _orbits(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]]) -> int:
+    """Print the satellites of a file that a filter leaves; write them as sensors, if that is asked for."""
+    filter_ = fleet_filter(arguments)
+    try:
+        why = Counter(filter_.left_out(row) for row in rows)
+        kept = latest([row for row in rows if not filter_.left_out(row)])
+    except BadFileError as error:
+        raise _refused(arguments.file, error) from error
+    left = ", ".join(f"{count} {reason}" for reason, count in why.items() if reason)
+    older = why[""] - len(kept)
+    left += f"{', ' if left and older else ''}{older} older elements of the same" if older else ""
+    sys.stdout.write(f"  {len(rows)} sets of elements{f', left out {left}' if left else ''}\n")
+    for row in kept[:12]:
+        sys.stdout.write(f"  {orbit_line(row)}\n")
+        sys.stdout.write("".join(f"    note: {note}\n" for note in row.get("NOTES", ())))
+    sys.stdout.write(f"  ... and {len(kept) - 12} more\n" if len(kept) > 12 else "")
+    for row in [row for row in rows if "PROBLEM" in row][:12]:
+        sys.stdout.write(f"  left out {omm_name(row)}: {row['PROBLEM']}\n")
+    if arguments.sensors:
+        _write_fleet(arguments, kept)
+    return 0
+
+
+def _write_fleet(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]]) -> None:
+    lines = list(sensor_lines(rows, arguments.sensors))
+    if not arguments.out:
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+        return
+    try:
+        Path(arguments.out).write_text("\n".join([*lines, ""]), encoding="utf-8")
+    except OSError as error:
+        raise unwritable("sensors", Path(arguments.out), error) from error
+    sys.stdout.write(f"{arguments.out}: {len(rows)} sensors {arguments.sensors}, for a scene or opir track\n")
+
+
+def orbit_line(row: Mapping[str, Any]) -> str:
+    """Return a satellite's name, number, epoch and elements in a line."""
+    number = number_of(row)
+    name = omm_name(row) if number is None else f"{omm_name(row)} ({number})"
+    parts = [f"{words} {row[key]}" for key, words in _ELEMENTS if row.get(key) not in (None, "")]
+    return f"{name}: {', '.join(parts)}"
+
+
+_ELEMENTS = (
+    ("EPOCH", "epoch"),
+    ("INCLINATION", "inclination deg"),
+    ("MEAN_MOTION", "turns a day"),
+    ("ECCENTRICITY", "eccentricity"),
+)
+
+
+def fleet_filter(arguments: argparse.Namespace) -> FleetFilter:
+    """Return the filter of the arguments; raises `SceneError` for what is no range."""
+    problems, values = list[Problem](), dict[str, Any]()
+    for flag, make in (
+        ("inclination", lambda text: range_of(text, float)),
+        ("numbers", lambda text: tuple(range_of(part, int) for part in text.split(","))),
+        ("epoch", epoch_s_of),
+    ):
+        text = getattr(arguments, flag)
+        try:
+            values[flag] = None if text is None else make(text)
+        except ValueError as error:
+            problems.append(Problem(f"--{flag}", str(error)))
+    if problems:
+        raise SceneError(problems, source="command line")
+    return FleetFilter(
+        name=arguments.name,
+        inclination_deg=values["inclination"],
+        numbers=values["numbers"] or (),
+        most_age_days=arguments.max_age_days,
+        epoch_s=values["epoch"],
+    )
 
 
 def _motion(table: StateTable) -> tuple[FloatArray, FloatArray]:

@@ -1,24 +1,21 @@
 """Orbit Ephemeris Messages: CCSDS 502.0-B-3, section 5, in the keyword form (KVN).
 
 Accepted are states in UTC, UT1, TAI, GPS, TT and TDB, in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in
-TEME, and in EME2000 (J2000; also used for GCRF and ICRF, which differ from it by 0.02 arcseconds); other frames and
-time systems are rejected by name.
+TEME and TOD, of date or of REF_FRAME_EPOCH, and in EME2000 (J2000; also used for GCRF and ICRF, which differ from it by
+0.02 arcseconds); other frames and time systems are rejected by name. Covariances are left out.
 The library `oem`, a reference in the tests, needs astropy and reports most errors without line and remedy.
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from attrs import Factory, define
 
-from opir_core.flight import ecef_state
 from opir_core.plugin import BadFileError, StateTable
+from opir_readers.frames import FRAME_NAMES, frame_of, to_ecef
 from opir_readers.states import require_order, require_places, require_velocities
 from opir_readers.time_systems import SYSTEMS, unix_s
 
-_EARTH_FIXED = ("TDR", "GRC")
-_EQUINOX = ("EME2000", "J2000", "GCRF", "ICRF")
 _NEEDED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 
 
@@ -63,7 +60,12 @@ def oem_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
     `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is a run; the burn is
     the useable interval. Raises `BadFileError`.
     """
-    segments = _of_object(_segments(text), wanted)
+    return table_of_segments(segments_of_text(text), epoch_us, wanted)
+
+
+def table_of_segments(segments: list[Segment], epoch_us: int, wanted: str | None) -> StateTable:
+    """Return the table of the segments of a message; as `oem_table`."""
+    segments = _of_object(segments, wanted)
     parts = [_states(segment, epoch_us) for segment in segments]
     for before, after, segment in zip(parts, parts[1:], segments[1:], strict=False):
         if not before[0][-1] == after[0][0]:
@@ -75,11 +77,21 @@ def oem_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
     run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
     lines = [line for segment in segments for line in segment.lines]
     burns_s = np.array([_useable_s(segments, epoch_us, time)])
-    frame = segments[0].meta["REF_FRAME"]
-    return StateTable(time, position, velocity, run, burns_s, lines.__getitem__, has_dates=True, frame=frame)
+    notes = ("covariances are not read",) if any(segment.has_covariance for segment in segments) else ()
+    return StateTable(
+        time, position, velocity, run, burns_s, lines.__getitem__, notes, has_dates=True, frame=_frame_text(segments[0])
+    )
 
 
-def _segments(text: str) -> list[Segment]:
+def _frame_text(segment: Segment) -> str:
+    """Return frame and time system, for `opir import`."""
+    meta = segment.meta
+    frozen = f" of {meta['REF_FRAME_EPOCH']}" if meta.get("REF_FRAME_EPOCH") else ""
+    return f"{meta['REF_FRAME']}{frozen}, times in {meta['TIME_SYSTEM']}"
+
+
+def segments_of_text(text: str) -> list[Segment]:
+    """Return the segments of a message in the keyword form; raises `BadFileError`."""
     segments, block = list[Segment](), ""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split()
@@ -91,7 +103,7 @@ def _segments(text: str) -> list[Segment]:
             segments += [Segment(number)] if block == "META_START" else []
         elif words[0] in ("META_STOP", "COVARIANCE_STOP"):
             block = ""
-            _require_meta(segments, number)
+            require_meta(segments, number)
             segments[-1].has_covariance = words[0] == "COVARIANCE_STOP"
         elif block == "META_START":
             segments[-1].take_keyword(line, number)
@@ -109,7 +121,8 @@ def _require_none(block: str, number: int) -> None:
         raise BadFileError(f"line {number}: begins a block within one that began with {block}")
 
 
-def _require_meta(segments: list[Segment], number: int) -> None:
+def require_meta(segments: list[Segment], number: int) -> None:
+    """Raise `BadFileError` where the metadata of the last segment lack something, or are of what is not read."""
     if not segments:
         raise BadFileError(f"line {number}: ends a block that never began")
     meta = segments[-1].meta
@@ -121,9 +134,8 @@ def _require_meta(segments: list[Segment], number: int) -> None:
     if meta["TIME_SYSTEM"].upper() not in SYSTEMS:
         words = f"TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to one of {', '.join(SYSTEMS)}"
         raise BadFileError(f"line {number}: {words}")
-    frame = meta["REF_FRAME"].upper()
-    if not (frame.startswith("ITRF") or frame in (*_EARTH_FIXED, *_EQUINOX, "TEME")):
-        known = f"ITRF, {', '.join((*_EARTH_FIXED, 'TEME', *_EQUINOX))}"
+    if not frame_of(meta["REF_FRAME"]):
+        known = ", ".join(FRAME_NAMES)
         raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
 
 
@@ -163,9 +175,10 @@ def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np
         rows[:, 1:] *= 1e3
     require_places(rows[:, 1:4], segment.lines.__getitem__)
     require_velocities(rows[:, 4:7], segment.lines.__getitem__)
-    frame = segment.meta["REF_FRAME"].upper()
-    frame = "EME2000" if frame in _EQUINOX else "TEME" if frame == "TEME" else "ITRF"
-    return time_s, *ecef_state(frame, rows[:, 1:4], rows[:, 4:7], epoch_us, time_s)
+    text, system = segment.meta.get("REF_FRAME_EPOCH"), segment.meta["TIME_SYSTEM"].upper()
+    frame_s = unix_s(text, segment.line, system) - epoch_us * 1e-6 if text else None
+    frame = frame_of(segment.meta["REF_FRAME"])
+    return time_s, *to_ecef(frame, rows[:, 1:4], rows[:, 4:7], epoch_us, time_s, frame_s)
 
 
 def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tuple[float, float]:
@@ -178,8 +191,3 @@ def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tu
         text, system = segment.meta.get(key), segment.meta["TIME_SYSTEM"].upper()
         ends.append(float(other) if text is None else unix_s(text, segment.line, system) - epoch_us * 1e-6)
     return max(ends[0], float(time_s[0])), min(ends[1], float(time_s[-1]))
-
-
-def keywords(text: str) -> Iterator[str]:
-    """Yield the first word of each line that is not a comment."""
-    return (line.split()[0] for line in text.splitlines() if line.strip() and not line.startswith(("COMMENT", "#")))

@@ -9,21 +9,10 @@ from attrs import fields_dict, frozen
 
 from opir_core.plugin import BadFileError, FileReader, ReaderContext
 from opir_core.scene import file_bytes, text_of
+from opir_readers.likeness import likeness
 
 _LARGEST_FILE_BYTES = 64_000_000
 _GZIP = b"\x1f\x8b"
-
-#: Formats that are known by their beginnings and have no reader.
-_STRANGERS = (
-    ("<?xml", "XML"),
-    ("<", "XML or HTML"),
-    ("#c", "SP3"),
-    ("#d", "SP3"),
-    ("{", "JSON"),
-    ("[", "JSON"),
-    ("%PDF", "PDF"),
-    ("PK", "a ZIP file or a spreadsheet"),
-)
 
 
 @frozen
@@ -81,10 +70,10 @@ def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None)
         names = " and ".join(reader.name for reader in found)
         raise BadFileError(f"may be for several readers, {names}; say which")
     if not found:
-        head = text.lstrip()
-        like = next((f"it looks like {words}" for mark, words in _STRANGERS if head.startswith(mark)), "")
+        like = likeness(text)
         summaries = "; ".join(f"{reader.name} ({reader.summary})" for reader in readers)
-        raise BadFileError(f"is of no format that is read{like and f': {like}'}; read are {summaries}")
+        looks = f": it looks like {like}" if like else ""
+        raise BadFileError(f"is of no format that is read{looks}; read are {summaries}")
     return found[0]
 
 

@@ -4,16 +4,16 @@ Source: the description of the format in the STK documentation, "Ephemeris file 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import TypeVar
 
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.flight import ecef_state
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
+from opir_readers.frames import to_ecef
 from opir_readers.states import require_order, require_places, require_velocities
 
 Known = TypeVar("Known")
@@ -21,7 +21,16 @@ Known = TypeVar("Known")
 _UNIX = datetime(1970, 1, 1)
 
 #: The frames of STK that are read, and what `ecef_state` calls them.
-_FRAMES = {"fixed": "ITRF", "j2000": "EME2000", "icrf": "EME2000", "inertial": "EME2000", "temeofdate": "TEME"}
+_FRAMES = {
+    "fixed": "ITRF",
+    "j2000": "EME2000",
+    "icrf": "EME2000",
+    "inertial": "EME2000",
+    "temeofdate": "TEME",
+    "trueofdate": "TOD",
+    "temeofepoch": "TEME",
+    "trueofepoch": "TOD",
+}
 
 _UNITS_M = {"meters": 1.0, "kilometers": 1e3, "feet": 0.3048, "nauticalmiles": 1852.0}
 
@@ -44,17 +53,23 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     if keywords.get("centralbody", "Earth").lower() != "earth":
         raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
     values = np.array(rows)
-    time_s = values[:, 0] + _epoch_s(keywords) - epoch_us * 1e-6
-    require_order(time_s, lines.__getitem__, may_repeat=False)
+    time_s = values[:, 0] + _moment_s(keywords, "ScenarioEpoch") - epoch_us * 1e-6
+    require_order(time_s, lines.__getitem__, may_repeat=True)
+    if not time_s[-1] > time_s[0]:
+        raise BadFileError(f"line {lines[-1]}: all states have the same time")
     with np.errstate(over="ignore"):
         values[:, 1:7] *= 1.0 if is_geodetic else unit_m
     position, velocity = _states(values, is_geodetic, unit_m)
     require_places(position, lines.__getitem__)
     require_velocities(velocity, lines.__getitem__)
     moving = np.zeros_like(position) if velocity is None else velocity
-    turned, rate = ecef_state(frame, position, moving, epoch_us, time_s)
+    frame_s = (
+        _moment_s(keywords, "CoordinateSystemEpoch") - epoch_us * 1e-6 if system.lower().endswith("ofepoch") else None
+    )
+    turned, rate = to_ecef(frame, position, moving, epoch_us, time_s, frame_s)
     burns_s = np.array([[time_s[0], time_s[-1]]])
-    run = np.zeros(len(time_s), dtype=np.int64)
+    # A time that stands twice ends a segment and begins the next one.
+    run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     words = "latitude, longitude, height above WGS 84" if is_geodetic else system
     own = None if velocity is None else rate
     return StateTable(time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words)
@@ -70,12 +85,7 @@ def _states(values: FloatArray, is_geodetic: bool, unit_m: float) -> tuple[Float
 def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
     """Return the keywords, the kind of states, and lines and numbers of the states."""
     keywords, kind, lines, rows = dict[str, str](), "", list[int](), list[list[float]]()
-    for number, line in enumerate(text.split("\n"), 1):
-        words = line.split("#")[0].split()
-        if not words or words[0].upper() == "BEGIN" or words[0].lower().startswith("stk.v."):
-            continue
-        if words[0].upper() == "END":
-            break
+    for number, words in _lines_of_ephemeris(text):
         if words[0].lower() in _KINDS:
             kind = words[0].lower()
         elif kind:
@@ -90,6 +100,20 @@ def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]
     return keywords, kind, lines, rows
 
 
+def _lines_of_ephemeris(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield number and words of the lines of keywords and states, without the block of the segments' boundaries."""
+    is_boundary = False
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split("#")[0].split()
+        first = words[0].upper() if words else ""
+        if first == "END" and not is_boundary:
+            return
+        if first in ("BEGIN", "END"):
+            is_boundary = first == "BEGIN" and words[-1].lower() == "segmentboundarytimes"
+        elif words and not is_boundary and not first.startswith("STK.V."):
+            yield number, words
+
+
 def _numbers(words: list[str], count: int, number: int) -> list[float]:
     if len(words) != count:
         raise BadFileError(f"line {number}: has {len(words)} values; a state has {count}")
@@ -102,14 +126,14 @@ def _numbers(words: list[str], count: int, number: int) -> list[float]:
     return values
 
 
-def _epoch_s(keywords: Mapping[str, str]) -> float:
-    """Return the scenario's epoch, s of UTC since 1970."""
-    text = keywords.get("scenarioepoch", "")
+def _moment_s(keywords: Mapping[str, str], keyword: str) -> float:
+    """Return the time of a keyword, s of UTC since 1970."""
+    text = keywords.get(keyword.lower(), "")
     whole, _, fraction = text.partition(".")
     try:
         moment = datetime.strptime(whole, "%d %b %Y %H:%M:%S")
     except ValueError:
-        raise BadFileError(f"ScenarioEpoch is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed") from None
+        raise BadFileError(f"{keyword} is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed") from None
     seconds = (moment - _UNIX).total_seconds()
     return seconds + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdecimal() else 0.0)
 

@@ -92,11 +92,11 @@ def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> 
     else:
         yield (
             f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
-            f" {times.duration_s:g} s, have nothing in common{_scale_text(first - start_s, times)}"
+            f" {times.duration_s:g} s, have nothing in common{scale_text(first - start_s, times)}"
         )
 
 
-def _scale_text(time: float, times: SceneTimes) -> str:
+def scale_text(time: float, times: SceneTimes) -> str:
     """Return the scale that a time may be of, for a message."""
     for scale, unix_s in _SCALES:
         after_s = unix_s(time) - times.epoch_us * 1e-6

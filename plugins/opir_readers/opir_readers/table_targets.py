@@ -13,6 +13,7 @@ from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import BadFileError, StateTable, TargetContext, Trajectories
 from opir_readers.configs import TableConfig
+from opir_readers.flights.refining import refined
 from opir_readers.formats import READERS
 from opir_readers.interpolation import interpolant, largest_doubt_m
 from opir_readers.reading import content_of, file_text, reader_of
@@ -105,8 +106,10 @@ def _table(config: TableConfig, context: TargetContext) -> tuple[StateTable, str
     file = file_text(config.file)
     readers = [reader for reader in context.readers() or READERS if reader.yields == "trajectories"]
     reader = reader_of(file.text, readers, config.format)
-    settings = {"columns": config.columns, "start_s": config.start_s, "object": config.object}
-    return content_of(file.text, reader, settings, context.epoch_us), file.sha256
+    names = ("columns", "start_s", "object", "site")
+    settings = {name: getattr(config, name) for name in names}
+    table = content_of(file.text, reader, settings, context.epoch_us)
+    return refined(table, config.noise_m, config.burns), file.sha256
 
 
 def _with_burn(table: StateTable, config: TableConfig) -> StateTable:

@@ -1,8 +1,25 @@
+from opir_report.canvas import (
+    STYLE as STYLE,
+    svg_of as svg_of,
+)
+from opir_report.maps.base_map import (
+    coast_rings as coast_rings,
+)
 from opir_report.pages.run_report import (
     write_run_report as write_run_report,
 )
 from opir_report.pages.study_report import (
     write_study_report as write_study_report,
+)
+from opir_report.pages.style import (
+    style_sheet as style_sheet,
+)
+from opir_report.palette import (
+    DASHES as DASHES,
+    GRID as GRID,
+    INK as INK,
+    MUTED as MUTED,
+    SERIES as SERIES,
 )
 from opir_report.run_plots import (
     RunPlots as RunPlots,

@@ -55,7 +55,7 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     line_of_sight_sigma_urad=20.0,
     coincidence_sigma=2.0,
     reference_band="MWIR",
-    plausible_ratios={"SWIR": (0.25, 1.25)},
+    plausible_ratios={"SWIR": (0.25, 2.4)},
     false_alarm_susceptibility=cited("moderate", PAPER),
     spectral_discrimination=cited(
         "likelihood", "no band is a veto; preset paper: dual-band-ratio, opir-simulator paper (2026), section 3.4"

@@ -5,10 +5,19 @@ import argparse
 
 def score_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run, its truth, the score settings and the output format."""
-    parser.add_argument("events", metavar="RUN", help="the events of a run; tracks and manifest are beside them")
+    parser.add_argument(
+        "events",
+        metavar="RUN",
+        help="the events of a run; tracks and manifest are beside them; or the folder of a benchmark set",
+    )
     parser.add_argument("--truth", metavar="PATH", help="the run's truth (default: beside the events)")
     parser.add_argument(
-        "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
+        "--tracks",
+        metavar="PATH",
+        help="tracks of these events, by any tracker (default: beside the events); of a set: CSV, JSON or Parquet",
+    )
+    parser.add_argument(
+        "--case", metavar="NAME", action="append", default=[], help="of a benchmark set, score this case; repeatable"
     )
     parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
     add_score_settings(parser)

@@ -1,4 +1,4 @@
-"""`opir score` scores the tracks of a run against the truth."""
+"""`opir score` scores the tracks of a run, or tracks on a benchmark set, against the truth."""
 
 import argparse
 import json
@@ -7,16 +7,23 @@ import sys
 from pathlib import Path
 
 from opir_core.errors import Problem, SceneError
+from opir_scoring.benchmark_figures import figures_by_case, scored_set, set_text
+from opir_scoring.benchmark_tables import DESCRIPTION
 from opir_scoring.evidence import evidence_of_files
 from opir_scoring.scorecard_tables import scorecard_text
 from opir_scoring.scorecards import ScoreSettings, scorecard
+from opir_scoring.sensor_scores import sensor_scores, sensor_text
 
 #: Powers of ten that leave room for sums in a double.
 _LARGEST_POWER = 280.0
 
 
 def score(arguments: argparse.Namespace) -> int:
-    """Read the run and print its scores."""
+    """Read the run, or the benchmark set and tracks on it, and print the scores."""
+    if (Path(arguments.events) / DESCRIPTION).exists():
+        return _score_set(arguments)
+    if arguments.case:
+        raise SceneError([Problem("--case", f"{arguments.events} is no benchmark set")], source="command line")
     settings = score_settings(arguments)
     elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
     given = {name: Path(path) for name, path in elsewhere.items() if path}
@@ -24,7 +31,27 @@ def score(arguments: argparse.Namespace) -> int:
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
-    text = json.dumps(card.as_plain(), indent=2) if arguments.json else scorecard_text({tracker: card})
+    sensors = [] if arguments.tracks else sensor_scores(evidence)
+    if arguments.json:
+        text = json.dumps({**card.as_plain(), "sensors": sensors}, indent=2)
+    else:
+        text = "\n\n".join(part for part in (scorecard_text({tracker: card}), sensor_text(sensors)) if part)
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def _score_set(arguments: argparse.Namespace) -> int:
+    """Print the scores of tracks on a benchmark set."""
+    others = [f"--{name}" for name in ("truth", "manifest") if getattr(arguments, name)]
+    problems = [Problem(flag, "is of a run; a benchmark set has its own") for flag in others]
+    if not arguments.tracks:
+        problems.append(Problem("--tracks", "a benchmark set needs the file of your tracks"))
+    if problems:
+        raise SceneError(problems, source="command line")
+    about, scores = scored_set(Path(arguments.events), Path(arguments.tracks), arguments.case)
+    figures = figures_by_case([each for _, each in scores])
+    plain = {**about, "cases": figures}
+    text = json.dumps(plain, indent=2) if arguments.json else set_text(about, figures)
     sys.stdout.write(text + "\n")
     return 0
 

@@ -5,7 +5,9 @@ one was lost, one after another. At every tick one of them is *in force*: so tra
 simultaneous tracks count once.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -41,6 +43,8 @@ class RunEvidence:
     sensor_ecef_m: FloatArray
     #: Processor time of the tracker, s, or nan if not measured.
     tracking_s: float = np.nan
+    #: What the tracker found of each sensor, as plain values, or None.
+    health: tuple[Mapping[str, Any] | None, ...] = ()
 
     @property
     def is_launch(self) -> BoolArray:
@@ -65,6 +69,7 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
         direction_ecef=detections.line_of_sight_ecef,
         sensor_ecef_m=detections.sensor_ecef_m,
         tracking_s=tracking_s,
+        health=tuple(row["health"] for row in run.summary["sensors"]),
     )
 
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_scoring.containments import proportion, share
+from opir_scoring.containments import nees, proportion, share
 
 #: Reported probabilities below this count as this: tracks files round, and a single zero would outweigh all else.
 LEAST_PROBABILITY = 1e-6
@@ -110,6 +110,21 @@ def weighted_energy(weight: FloatArray, away: FloatArray, apart: FloatArray) -> 
     """Return the energy score of weighted points (k,), `away` (k,) from the truth and `apart` (k, k) of each other."""
     weight = weight / weight.sum()
     return float(weight @ away - 0.5 * weight @ apart @ weight)
+
+
+def normal_log_scores(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return -ln of the normal densities (n,) at errors (n, d) with covariances (n, d, d); less is better.
+
+    Scores of states add metres and metres per second: only differences mean something. nan where a covariance is
+    unknown, inf where it is not positive definite.
+    """
+    score = 0.5 * nees(error, covariance)
+    rows = np.flatnonzero(np.isfinite(score))
+    sigma = np.sqrt(np.diagonal(covariance[rows], axis1=1, axis2=2))
+    # By correlations: the determinant of a state's covariance itself loses digits.
+    volume = np.linalg.slogdet(covariance[rows] / (sigma[:, :, None] * sigma[:, None, :]))[1]
+    score[rows] += 0.5 * volume + np.sum(np.log(sigma), axis=1) + 0.5 * error.shape[1] * np.log(2.0 * np.pi)
+    return score
 
 
 def log_scores(probability: FloatArray, truth: IntArray) -> FloatArray:

@@ -24,7 +24,7 @@ from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
-from opir_studies.runs import worker_host
+from opir_studies.runs import PLANS
 
 
 class TimedTracker(Tracker):
@@ -153,7 +153,7 @@ def _scored_runs(
 
 
 def _scored(task: _Task) -> _Scored:
-    plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), worker_host())
+    plan = PLANS.of(task.scene, task.scene.seed + task.number)
     timed = TimedTracker(plan.make_tracker())
     run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
     impacts = [row["impact"] for row in run.summary["tracks"] if row["impact"] is not None]

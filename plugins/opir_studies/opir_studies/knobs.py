@@ -73,7 +73,6 @@ def _tracker(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
             "tracker cadence and slice",
             tuple((f"tracker.cadence_s={cadence}", f"tracker.slice_s={slice_}") for cadence, slice_ in pairs),
         )
-        yield Knob("reassignments", tuple((f"tracker.settling={n}",) for n in (5, 2, 1, 0)))
         yield Knob("impact regions", tuple((f"tracker.regions_every_s={s}",) for s in ("1.0", "5.0", "20.0", "60.0")))
     elif scene.tracker.name == "kepler-arc":
         yield Knob("tracker cadence", tuple((f"tracker.cadence_s={s}",) for s in ("1.0", "2.0", "5.0", "10.0")))

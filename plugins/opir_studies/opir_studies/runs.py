@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from attrs import evolve, frozen
+from attrs import define, evolve, frozen
 
-from opir_core import Plan, Scene, __version__, compile_plan, run_of_plan
+from opir_core import Plan, Scene, __version__, compile_plan, reseeded, run_of_plan
 from opir_core.host import described_error
 from opir_core.plugin import Host, Metric
 from opir_core.random_streams import SCHEME
@@ -45,6 +45,25 @@ class TaskResult:
     records: tuple[RunRecord, ...]
 
 
+@define(eq=False)
+class ReplicatePlans:
+    """Plans of the replicates of designs, one design after another: parts that no seed changes are built once."""
+
+    _scene: Scene | None = None
+    _plan: Plan | None = None
+
+    def of(self, scene: Scene, seed: int) -> Plan:
+        """Return the plan of a design's scene with a seed; raises as `compile_plan`."""
+        if self._plan is None or (self._scene is not scene and self._scene != scene):
+            self._scene, self._plan = scene, compile_plan(evolve(scene, seed=seed), worker_host())
+            return self._plan
+        return reseeded(self._plan, seed)
+
+
+#: Those of this process: a task is one of many of its design.
+PLANS = ReplicatePlans()
+
+
 def result_of(task: RunTask) -> TaskResult:
     """Return the records of a task: the function that executors run."""
     return TaskResult(__version__, tuple(_record(task, number) for number in task.replicates))
@@ -53,7 +72,7 @@ def result_of(task: RunTask) -> TaskResult:
 def _record(task: RunTask, replicate: int) -> RunRecord:
     seed, start = task.scene.seed + replicate, time.perf_counter()
     try:
-        run = run_of_plan(compile_plan(evolve(task.scene, seed=seed), worker_host()))
+        run = run_of_plan(PLANS.of(task.scene, seed))
         values = tuple(float(value) for metric in task.metrics for value in _in_order(metric, metric.values(run)))
     except Exception as error:  # of any plugin: the other runs go on, and the study reports it
         return RunRecord(replicate, seed, time.perf_counter() - start, failure=described_error(error))

@@ -108,7 +108,11 @@ def planned(scene: SceneFile, host: Host) -> Plan:
 
 def bench_run(scene: SceneFile, host: Host, *, window_s: float | None = None) -> BenchRun:
     """Return the run of a scene; its events are those of the encoder `forge`."""
-    plan = planned(scene, host)
+    return bench_run_of(planned(scene, host), window_s=window_s)
+
+
+def bench_run_of(plan: Plan, *, window_s: float | None = None) -> BenchRun:
+    """Return the run of a plan; its events are those of the encoder `forge`."""
     encoder = encoder_of(plan)
     windows = list(plan_windows(plan, window_s))
     return BenchRun(

@@ -219,6 +219,7 @@ class CertainDetection(DetectionProbability):
     chance: float = 1.0
     is_constant: bool = True
     needs_geometry: bool = False
+    uses_seed: bool = False
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return the probability of each pair, or None: look by look."""

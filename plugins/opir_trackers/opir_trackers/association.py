@@ -60,14 +60,14 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     return distinct(pairs.track[rivals])
 
 
-def connected_tracks(pairs: GatedPairs, tracks: IntArray) -> BoolArray:
-    """Return which tracks are among `tracks` or connected to them by shared lines, up to the last with a pair."""
-    connected = np.zeros(int(max(pairs.track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
-    connected[tracks] = True
-    if len(tracks):
-        group, count = components(pairs.track, pairs.line)
-        touched = np.bincount(group, connected[pairs.track], count) > 0.0
-        connected[pairs.track[touched[group]]] = True
+def connected_tracks(track: IntArray, line: IntArray, some: IntArray) -> BoolArray:
+    """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them by shared lines."""
+    connected = np.zeros(int(max(track.max(initial=-1), some.max(initial=-1))) + 1, dtype=bool)
+    connected[some] = True
+    if len(some):
+        group, count = components(track, line)
+        touched = np.bincount(group, connected[track], count) > 0.0
+        connected[track[touched[group]]] = True
     return connected
 
 

@@ -214,9 +214,6 @@ class ImmConfig:
         maximum=10.0,
         help="length of a slice, whose looks update a track together; at most the cadence",
     )
-    settling: int = number(
-        default=2, minimum=0, maximum=20, help="maximum number of reassignments of a slice by the updated estimates"
-    )
     gate_sigma: float = number(default=GATE_SIGMAS, minimum=1.0, maximum=20.0, help="gate, in standard deviations")
     false_alarms_per_sr: float = number(
         default=100.0,
@@ -250,8 +247,18 @@ class ImmConfig:
         unit="s",
         minimum=0.0,
         maximum=10.0,
-        help="standard deviation of the constant offset of each sensor's clock: widens positions along the motion; by"
-        " default clocks are assumed to be right",
+        help="standard deviation of the constant offset of each sensor's clock, which is estimated as far as lines of"
+        " sight show it; what they do not show widens positions along the motion; by default clocks are assumed to be"
+        " right",
+    )
+    bias_correlation_s: float = number(
+        default=4e6,
+        unit="s",
+        above=0.0,
+        maximum=1e9,
+        source="a bias that follows the Sun once a day changes by 2 % of its standard deviation in 300 s, as a"
+        " Gauss–Markov process of 1.4e6 s does; slower, as most of it is not thermal; notional",
+        help="Gauss–Markov correlation time of sensors' line-of-sight biases: how slowly they drift",
     )
     late_s: float = number(
         default=0.0,

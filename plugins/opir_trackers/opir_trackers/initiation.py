@@ -17,18 +17,14 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot
-from opir_core.geometry import WGS84, ecef_to_geodetic
+from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
 from opir_trackers.triangulation import (
     FAR_M,
-    FIRST_HEIGHT_M,
-    GRAZING_SINE,
-    HIGHEST_M,
-    LOWEST_M,
-    Fixes,
     are_low_orbits,
     geostationary_directions,
     mean_directions,
@@ -43,9 +39,6 @@ _WIDE_SIGMAS = 6.0
 
 #: Standard deviation of the speed of targets first seen by several sensors, as in the track priors, m/s.
 SPEED_SIGMA_M_S = 300.0
-
-#: Tolerance below the ground of an intersection, m, in addition to its own error.
-_DEEP_M = 500.0
 
 
 def split_clusters(
@@ -118,34 +111,14 @@ def _assigned(
     return line[used], part[used]
 
 
-def deviance(fix: Fixes, spread_m: FloatArray) -> FloatArray:
-    """Return minus twice the log likelihood (n,), up to a constant, of intersections of lines of one target.
-
-    `spread_m` (n,) is the standard deviation of the distance between the lines at the intersection. The prior density
-    of the height h above the ground is proportional to 1 / (3 km + h): above 3 km each octave is equally probable.
-    """
-    height_m = ecef_to_geodetic(fix.position_m).height_m
-    up = fix.position_m / np.sqrt(dot(fix.position_m, fix.position_m))[:, None]
-    sigma_m = np.sqrt(np.einsum("ni,nij,nj->n", up, fix.covariance, up))
-    high = 2.0 * np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-    deep = np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M)
-    cost: FloatArray = fix.misfit + 2.0 * np.log(spread_m) + high + deep * deep
-    return cost
-
-
 #: Half the speed across the line of sight that a cluster allows for over its scans, m/s.
 _CLUSTER_SPEED_M_S = 1000.0
 
 #: Least bin width of clusters, for which three bin numbers fit in 64 bits.
 _NARROWEST_RAD = 2.0**-17 + 2.0**-30
 
-#: Gate of the sum of squared residuals of two mean lines, one degree of freedom (99.99 %).
-_INTERSECTION_GATE = 15.1
-
-#: Clusters of two sensors are compared if their lines meet the ground within this distance, m: more where they graze
-#: it, by this height, m, and this many standard deviations of a mean line.
-_NEAR_M = 60e3
-HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
+#: Height that shifts where a line meets the ground, m: more where it grazes it.
+HIGHER_M = 5e3
 
 #: Squared semi-axes of the Earth, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
@@ -219,14 +192,17 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     sensors = np.bincount(group, minlength=count)
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
     position = _positions(likely, group, count, sensors)
-    ready = np.flatnonzero((scans >= scans_needed) & np.isfinite(position).all(axis=1))
+    is_part = np.bincount(group, likely.is_part, count) > 0.0
+    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
+    needed = np.where(is_part & (sensors == 1), 2 * scans_needed, scans_needed)
+    ready = np.flatnonzero((scans >= needed) & np.isfinite(position).all(axis=1))
     sine = np.ones(count)
     if np.count_nonzero(sensors[ready] == 1):
         sine[group] = _sines(likely.direction_ecef, position[group])
     place, number = np.full(len(clusters), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = TrackCandidates(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
+    begun = TrackCandidates(position, time_s, sensors, sine, is_part)
     return Initiation(cluster, place[cluster], begun.take(ready))
 
 
@@ -302,64 +278,25 @@ def _mean_vectors(group: IntArray, vectors: FloatArray, total: IntArray) -> Floa
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
-    """Return a group number for each cluster, each sensor at most once per group; the best intersections join first."""
-    leader = list(range(len(clusters)))
-    members = {number: [number] for number in leader}
-    sensor = clusters.sensor.tolist()
-    for first, second in _intersections(clusters):
-        one, other = leader[first], leader[second]
-        if one == other or {sensor[k] for k in members[one]} & {sensor[k] for k in members[other]}:
-            continue
-        members[one] += members.pop(other)
-        for cluster in members[one]:
-            leader[cluster] = one
-    _, group = np.unique(np.array(leader, dtype=np.int64), return_inverse=True)
-    return group.astype(np.int64), len(members)
+    """Return a group number for each cluster, each sensor at most once per group, and the number of groups.
 
-
-def _intersections(clusters: Clusters) -> list[tuple[int, int]]:
-    """Return pairs of clusters of different sensors whose mean lines intersect at a possible height, the best first."""
-    from scipy.spatial import cKDTree
-
-    ground = points_near_ground(clusters.origin_ecef_m, clusters.direction_ecef)
-    known = np.flatnonzero(np.isfinite(ground[:, 0]))
-    if len(known) < 2:
-        return []
-    reach = _ground_reach_m(clusters, ground)
-    farthest = max(_NEAR_M, 2.0 * reach[known].max())
-    near = cKDTree(ground[known]).query_pairs(farthest, output_type="ndarray")
-    pairs = known[near[np.lexsort((near[:, 1], near[:, 0]))]]
-    first, second = pairs.T
-    apart = np.sqrt(np.sum((ground[first] - ground[second]) ** 2, axis=1))
-    likely = (apart <= np.maximum(_NEAR_M, reach[first] + reach[second])) & (
-        clusters.sensor[first] != clusters.sensor[second]
+    The groups are the cheapest assignment across the sensors of mean lines.
+    """
+    every = np.arange(len(clusters))
+    if not len(every) or np.ptp(clusters.sensor) == 0:
+        return every, len(every)
+    range_m = ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
+    lines = Directions(
+        every,
+        clusters.sensor,
+        np.zeros(len(every)),
+        clusters.origin_ecef_m,
+        clusters.direction_ecef,
+        _sigma_with_motion(clusters),
     )
-    pairs = pairs[likely]
-    if not len(pairs):
-        return []
-    group, cluster = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
-    fix = triangulated(
-        group,
-        len(pairs),
-        clusters.origin_ecef_m[cluster],
-        clusters.direction_ecef[cluster],
-        _sigma_with_motion(clusters)[cluster],
-    )
-    height = ecef_to_geodetic(fix.position_m).height_m
-    lawful = np.flatnonzero((fix.misfit < _INTERSECTION_GATE) & (height > LOWEST_M) & (height < HIGHEST_M))
-    cost = fix.misfit[lawful]
-    if np.count_nonzero(clusters.is_part):
-        spread = _sigma_with_motion(clusters) * ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
-        cost = deviance(fix.take(lawful), np.hypot(*spread[pairs[lawful].T]))
-    order = lawful[np.argsort(cost, kind="stable")]
-    return [(int(first), int(second)) for first, second in pairs[order]]
-
-
-def _ground_reach_m(clusters: Clusters, ground: FloatArray) -> FloatArray:
-    """Return the distance (n,), m, from ground points (n, 3) of mean lines within which others may lie."""
-    apart = ground - clusters.origin_ecef_m
-    shift: FloatArray = HIGHER_M + _SHIFT_SIGMAS * clusters.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
-    return shift / np.maximum(_sines(clusters.direction_ecef, ground), GRAZING_SINE)
+    table, centre = normal_equations(lines, every, len(every), range_m)
+    group = cheapest_pairing(table, clusters.sensor, SetModel(centre, begin=True))
+    return group, int(group.max()) + 1
 
 
 def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:

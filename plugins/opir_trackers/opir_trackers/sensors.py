@@ -1,17 +1,11 @@
-"""What trackers assume of the sensors: schedule, detection probability, pointing biases, and their lines of sight.
-
-Biases are constant, not estimated, and do not average out. The filter treats a single line of sight as having noise and
-bias together, so it neither loses biased lines nor overweights them. Averaging over many lines would reduce the bias
-too; so the position covariance due to biases is added to the reported one (a consider analysis after Schmidt; Tapley,
-Schutz and Born, "Statistical Orbit Determination", 2004, 6.2).
-"""
+"""What trackers assume of the sensors: schedule, detection probability, stated biases, and their lines of sight."""
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TARGET_TYPES, Detections, Sensor, TrackerContext
@@ -78,75 +72,24 @@ class Biases:
         sigma_rad = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
         return cls(tuple(sensors), sigma_rad, clock_sigma_s)
 
-    def with_bias_sigma(self, lines: LinesOfSight) -> LinesOfSight:
-        """Return lines of sight with the standard deviation of noise and bias together."""
-        if not self.any:
-            return lines
-        return evolve(lines, sigma_rad=np.hypot(lines.sigma_rad, self.sigma_rad[lines.sensor]))
-
     def ranges_m(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
         """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see them."""
         apart = position_m[:, None] - self.geometry(time_s, seen)[0]
         distance = np.sqrt(np.sum(apart * apart, axis=2))
         return np.asarray(np.sum(distance * seen, axis=1) / np.maximum(seen.sum(axis=1), 1))
 
-    def covariance(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
-        """Return the covariance (n, 3, 3), m², of inertial positions (n, 3) due to biases.
-
-        `seen` (n, sensors) marks the sensors that see each target.
-        """
-        if not self.any or not len(position_m):
-            return np.zeros((len(position_m), 3, 3))
-        return position_covariance(position_m, *self.geometry(time_s, seen), self.sigma_rad)
-
-    def of_clocks(self, position_m: FloatArray, velocity_m_s: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
-        """Return the covariance (n, 3, 3), m², of inertial positions (n, 3) due to the offsets of clocks.
-
-        A sensor whose clock is off by a time sees a target where it is then. `velocity_m_s` (n, 3) are relative to the
-        Earth, along inertial axes.
-        """
-        when = np.array([time_s - 0.5, time_s + 0.5])
-        now = np.full(1, time_s)
-        moved = [np.diff(sensor.orbit.position_ecef_m(when), axis=0) for sensor in self.sensors]
-        own = np.concatenate([earth_rotated(each, now) for each in moved])
-        turn = shifts_of_positions(position_m, *self.geometry(time_s, seen))
-        shift = self.clock_sigma_s * (turn @ (velocity_m_s[:, None] - own)[..., None])[..., 0]
-        return np.asarray(shift.transpose(0, 2, 1) @ shift)
-
-    def from_other_sensors(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
-        """Return `covariance`, (n, sensors, 3, 3), of the biases of all sensors but each in turn."""
-        geometry, added = self.geometry(time_s, seen), np.zeros((len(position_m), len(self.sensors), 3, 3))
-        for number in range(len(self.sensors)):
-            others = np.where(np.arange(len(self.sensors)) == number, 0.0, self.sigma_rad)
-            if others.any() and len(position_m):
-                added[:, number] = position_covariance(position_m, *geometry, others)
-        return added
-
     def geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
         """Return the sensors' positions, visibility and weights of their angles."""
         when = np.full(1, time_s)
         origin = np.concatenate([earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])
+        return origin, seen, self.weights(self.sigma_rad)
+
+    def weights(self, shared_rad: FloatArray) -> FloatArray:
+        """Return the weights (sensors,) of angles with noise and shared errors (sensors,), 1/rad² per second."""
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
-        return origin, seen, 1.0 / (period_s * np.maximum(noise**2 + self.sigma_rad**2, _LEAST_RAD**2))
-
-
-def position_covariance(
-    position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray, bias_sigma_rad: FloatArray
-) -> FloatArray:
-    """Return the covariance (n, 3, 3), m², due to biases of positions (n, 3) from weighted least squares.
-
-    `origin_m` (s, 3) are the sensor positions, `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is
-    the weight of a sensor's angles, 1/rad² per second: look rate over error variance.
-    """
-    range_square, across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
-    bias_effect = np.sum(
-        (weight_m2 * weight_m2 * range_square * np.square(bias_sigma_rad))[:, :, None, None] * across, axis=1
-    )
-    inverse = np.linalg.inv(total)
-    added = inverse @ bias_effect @ inverse
-    symmetric: FloatArray = 0.5 * (added + added.transpose(0, 2, 1))
-    return symmetric
+        weight: FloatArray = 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
+        return weight
 
 
 def shifts_of_positions(
@@ -154,24 +97,26 @@ def shifts_of_positions(
 ) -> FloatArray:
     """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of a position.
 
-    Shifts along the line of sight have no effect. Arguments as of `position_covariance`.
+    Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions, `seen` (n, s) marks which
+    sensor sees which target, and `weight` (s,) is that of a sensor's angles, 1/rad² per second: look rate over error
+    variance.
     """
-    _, across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
+    across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
     shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
     return shift
 
 
 def _least_squares(
     position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return squared ranges (n, s), projections across (n, s, 3, 3), weights (n, s) and information (n, 3, 3)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return projections across (n, s, 3, 3), weights (n, s), 1/m² per second, and information (n, 3, 3)."""
     apart = position_m[:, None] - origin_m
     range_square = np.sum(apart * apart, axis=2)
     across = np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
     weight_m2 = np.where(seen, weight / range_square, 0.0)
     # In observed directions the lines of one second outweigh the prior.
     total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
-    return range_square, across, weight_m2, total
+    return across, weight_m2, total
 
 
 #: The columns that determine the lines of sight of detections.

@@ -57,6 +57,7 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
+        scan_s=min((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
         residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),

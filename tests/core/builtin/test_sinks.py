@@ -22,7 +22,7 @@ def never() -> Encoder:
 
 def test_the_sinks_and_encoders_are_those_the_documentation_names() -> None:
     assert [each.name for each in SINKS] == ["jsonl", "memory", "null"]
-    assert [each.name for each in ENCODERS] == ["forge", "forge-bands", "forge-c2", "forge-tracks", "tracks", "udl"]
+    assert [each.name for each in ENCODERS] == ["forge", "forge-bands", "forge-tracks", "tracks"]
 
 
 def test_jsonl_writes_what_the_encoder_makes(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def pairs_of(rows: list[tuple[int, int, int, int]]) -> Pairs:
     period, phase, first, last = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
     zeros = np.zeros(len(rows), dtype=np.int32)
     none = np.zeros(len(rows), dtype=np.bool_)
-    return Pairs(zeros, zeros, period, phase, first, last, none, period * 0, period * 1.0)
+    return Pairs(zeros, zeros, period, phase, first, last, none, period * 0, period * 1.0, period, period)
 
 
 PAIRS = st.lists(

@@ -36,6 +36,8 @@ def warnings_of(half_angle_deg=None, **sensor):
         ("LEO-WIDE", None, LEO),
         ("HEO", None, HEO),
         ("SBIRS-GEO", None, HEO),
+        ("SBIRS-GEO", None, LEO),
+        ("DSP", None, LEO),
     ],
 )
 def test_fields_that_suit_their_orbits_raise_no_warning(model, half_angle_deg, orbit):
@@ -45,8 +47,8 @@ def test_fields_that_suit_their_orbits_raise_no_warning(model, half_angle_deg, o
 @pytest.mark.parametrize(
     ("model", "half_angle_deg", "orbit"),
     [
-        ("SBIRS-GEO", None, LEO),
-        ("DSP", None, LEO),
+        ("SBIRS-GEO", 10.0, LEO),
+        ("DSP", 10.0, LEO),
         ("generic-scanner", 10.0, LEO),
         ("generic-scanner", 0.5, {"slot": {"lon_deg": 10.0}}),
         ("generic-scanner", 0.5, MEO),

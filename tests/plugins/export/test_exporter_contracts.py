@@ -1,6 +1,14 @@
-"""The exporters and run views pass the conformance tests of their hooks."""
+"""The encoders, exporters and run views pass the conformance tests of their hooks."""
 
-from opir_testing import ExporterContract, RunViewContract
+from opir_testing import EncoderContract, ExporterContract, RunViewContract
+
+
+class TestForgeC2Encoder(EncoderContract):
+    name = "forge-c2"
+
+
+class TestUdlEncoder(EncoderContract):
+    name = "udl"
 
 
 class TestParquetExporter(ExporterContract):

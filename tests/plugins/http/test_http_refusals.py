@@ -130,7 +130,7 @@ def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
     [{"Origin": "https://elsewhere.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
 )
 def test_no_form_of_a_browser_is_taken(stand: Stand, header: dict[str, str]) -> None:
-    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header).status == 415
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header).status == 403
 
 
 def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:

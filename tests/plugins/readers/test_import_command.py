@@ -79,17 +79,20 @@ def test_a_format_is_known_by_content_and_by_name(told):
     for words in (("o.csv",), ("o.gz",), ("o.csv", "--as", "oem")):
         assert ": oem, CCSDS" in told(*words)
     assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in told("o.csv")
-    assert "there is no reader 'eom'; there are csv, oem, stk" in told("o.csv", "--as", "eom", code=2)
+    assert "there is no reader 'eom'; there are csv, events, gpx, kml, " in told("o.csv", "--as", "eom", code=2)
     assert "is read as oem, which has no columns; omit columns" in told("o.csv", "--columns", "lat=a", code=2)
 
 
 @pytest.mark.parametrize(
     ("text", "looks"),
     [
-        ("<?xml version='1.0'?><a/>", "it looks like XML"),
-        ('{"a": 1}', "it looks like JSON"),
-        ("#cP2020  1  1", "it looks like SP3"),
-        ("1 25544U 98067A   08264.51782528", "is of no format that is read; read are csv"),
+        ("<?xml version='1.0'?><a/>", "it looks like XML with the outermost element a;"),
+        ("<!doctype html><html>", "it looks like a web page;"),
+        ('{"a": 1, "b": 2}', "it looks like JSON with the keys a, b;"),
+        ("[1, 2]", "it looks like JSON;"),
+        ("CCSDS_OPM_VERS = 2.0\n", "it looks like a CCSDS OPM, in which there is no flight;"),
+        ("     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE", "it looks like RINEX;"),
+        ("HDF\r\n", "it looks like HDF5;"),
     ],
 )
 def test_a_format_that_is_not_read_is_named(text, looks):

@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 from astropy.time import Time
+from opir_readers.csv_table import csv_table
 from opir_readers.oem_table import oem_table
 from opir_readers.stk_table import stk_table
 from opir_readers.time_systems import unix_s
@@ -95,7 +96,7 @@ def test_geodetic_places_of_stk_are_those_of_proj():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (stk(frame="TrueOfDate"), "CoordinateSystem is TrueOfDate; read are fixed, j2000"),
+        (stk(frame="MeanOfDate"), "CoordinateSystem is MeanOfDate; read are fixed, j2000"),
         (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
         (stk(kind="EphemerisTimePosVelAcc"), "line 11: has 7 values; a state has 10"),
         (stk(kind="CovarianceTimePos"), "has no states of a kind that is read"),
@@ -127,3 +128,26 @@ def test_times_are_those_of_astropy(system, day):
         text = getattr(Time(f"{day}T{clock}", scale="utc"), system.lower()).isot
         expected = (np.datetime64(f"{day}T{clock}") - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
         assert unix_s(text, 1, system) == pytest.approx(expected, abs=3e-3)
+
+
+def test_segments_of_stk_meet_at_times_that_stand_twice():
+    rows = np.concatenate([STATES_KM[:2], STATES_KM[1:]])
+    text = STK.format(frame="Fixed", unit="Kilometers", kind="EphemerisTimePosVel", count=4, lines=lines_of(rows))
+    boundaries = "    BEGIN SegmentBoundaryTimes\n        10.0\n    END SegmentBoundaryTimes\n    EphemerisTimePosVel"
+    table = stk_table(text.replace("    EphemerisTimePosVel", boundaries), EPOCH_US)
+    np.testing.assert_array_equal(table.run, [0, 0, 1, 1])
+    np.testing.assert_allclose(table.time_s, [30.5, 40.5, 40.5, 50.5], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "form", ["{0}-04-01T12:00:{1:04.1f}Z", "01 Apr {0} 12:00:{1:06.3f}", "{0}-04-01 12:00:{1:04.1f}"]
+)
+def test_dates_in_a_table_count_from_the_epoch_of_the_scene(form):
+    rows = [f"{form.format(2026, 30.5 + 10 * k)};{x};{y};{z}" for k, (_, x, y, z, *_) in enumerate(STATES_KM.tolist())]
+    text = "\n".join(["time_utc;x_ecef_km;y_ecef_km;z_ecef_km", *rows])
+    table = csv_table(text, 0.0, epoch_us=EPOCH_US)
+    np.testing.assert_allclose(table.time_s, [30.5, 40.5, 50.5], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(table.position_m, STATES_KM[:, 1:4] * 1e3)
+    assert table.has_dates
+    with pytest.raises(BadFileError, match="line 3: time_utc is 'noon', no date"):
+        csv_table(text.replace(rows[1].split(";")[0], "noon"), 0.0, epoch_us=EPOCH_US)

@@ -137,7 +137,7 @@ def test_velocities_in_local_axes_are_turned(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "told"),
     [
-        ({"altitude_m": "ALT"}, "targets[0].columns: altitude_m is no quantity with its unit"),
+        ({"elevation_m": "ALT"}, "targets[0].columns: elevation_m is no quantity with its unit"),
         (
             {"vx_ecef_ms": "VX"},
             "vx_ecef_ms is no quantity with its unit; did you mean vx_ecef_m_s?",

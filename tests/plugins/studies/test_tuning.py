@@ -73,7 +73,7 @@ def test_only_settings_of_what_a_scene_names_are_turned() -> None:
     assert names(light_time=False, detection="snr", classification="none") == {"probability tolerance"}
     assert names(atmosphere="lowtran", light_time=False) == set()  # a model is never left out
     assert "tracker cadence" in names(tracker="kepler-arc")
-    assert {"reassignments", "impact regions"} <= names(tracker="imm")
+    assert {"tracker cadence and slice", "impact regions"} <= names(tracker="imm")
 
 
 def test_forces_are_left_out_from_the_highest_term_down() -> None:

@@ -1,12 +1,10 @@
-"""Clocks of sensors that are off: innovations do not show it, so positions are widened along the motion."""
+"""Clocks of sensors that are off: two sensors hardly show it, so positions are widened along the motion."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.sensors import Biases
-from opir_trackers.triangulation import triangulated
 
 import opir_core as opir
 
@@ -28,27 +26,12 @@ def plan(**tracker: Any) -> opir.Plan:
     return opir.compile_plan(opir.scene_from_mapping({**scene, "targets": [TARGET], "tracker": tracker}))
 
 
-def test_against_triangulation_of_a_line_seen_too_late() -> None:
-    """At scene time 0 Earth-fixed and inertial axes are the same."""
-    sensors = plan(model="none").sensors
-    place, velocity = np.array([-2.8e6, -4.5e6, 3.7e6]), np.array([-2000.0, -1000.0, 2500.0])
-    origin = np.concatenate([sensor.orbit.position_ecef_m(np.zeros(1)) for sensor in sensors])
-    shifts = []
-    for late in range(2):
-        seen = np.array([place + (SIGMA_S * velocity if number == late else 0.0) for number in range(2)])
-        apart = seen - origin
-        direction = apart / np.linalg.norm(apart, axis=1)[:, None]
-        sigma = np.full(2, 2e-5)
-        shifts.append(triangulated(np.zeros(2, dtype=np.int64), 1, origin, direction, sigma).position_m[0] - place)
-    expected = sum(np.outer(shift, shift) for shift in shifts)
-    both = np.ones((1, 2), dtype=np.bool_)
-    found = Biases.of(sensors, SIGMA_S).of_clocks(place[None], velocity[None], 0.0, both)[0]
-    assert found == pytest.approx(expected, rel=0.02, abs=0.01 * np.trace(expected))
-
-
 @pytest.mark.slow
 def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_told() -> None:
-    """The states of a run with one clock off by 0.3 s beside those of the same looks at their own times."""
+    """The states of a run with one clock off by 0.3 s beside those of the same looks at their own times.
+
+    The difference of both clocks shows as the target speeds up; their sum is not observable.
+    """
     nees = {}
     for sigma_s in (0.0, SIGMA_S):
         settings = {"model": "imm", "clock_sigma_s": sigma_s, "cadence_s": 2.0, "regions_every_s": 600.0}
@@ -67,3 +50,5 @@ def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_told() -> No
         nees[sigma_s] = np.mean(errors)
     assert nees[0.0] > 2.0
     assert nees[SIGMA_S] < 1.0
+    clocks = tracker.sensor_health().clock_s
+    assert clocks[0] - clocks[1] == pytest.approx(0.3, abs=0.08)

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.initiation import deviance, split_clusters
+from opir_trackers.initiation import split_clusters
 from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.triangulation import Fixes
+from opir_trackers.pairing import Directions, SetModel, normal_equations
 
 import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
@@ -105,10 +105,15 @@ def test_a_spot_beside_a_wide_one_keeps_its_rays() -> None:
     assert parts.tolist() == [False, True, True]
 
 
-def test_low_and_sharp_meetings_are_the_likelier() -> None:
-    radius_m = 6378137.0
-    position = np.array([[radius_m, 0.0, 0.0], [radius_m + 6e3, 0.0, 0.0], [radius_m - 6e3, 0.0, 0.0]])
-    fix = Fixes(position, np.tile(np.eye(3) / 500.0**2, (3, 1, 1)), np.ones(3))
-    ground, high, deep = deviance(fix, np.full(3, 1e3))
-    assert ground < high < deep
-    assert deviance(fix, np.full(3, 3e3))[0] > ground
+def test_first_crossings_near_the_ground_are_the_likelier() -> None:
+    up, origin = np.array([1.0, 0.0, 0.0]), 4.2e7 * np.array([[0.87, 0.5, 0.0], [0.87, -0.5, 0.0]])
+    gain = []
+    for height_m in (0.0, 6e3, -6e3):
+        apart = (6378137.0 + height_m) * up - origin
+        range_m = np.linalg.norm(apart, axis=1)
+        unit, error = apart / range_m[:, None], np.full(2, 0.5 * SIGMA_RAD)
+        lines = Directions(np.arange(2), np.arange(2), np.zeros(2), origin, unit, error)
+        table, centre = normal_equations(lines, np.arange(2), 2, range_m)
+        gain.append(float(SetModel(centre, begin=True).gains(table.sum(axis=0))))
+    ground, high, deep = gain
+    assert ground > high > deep

@@ -91,7 +91,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1200), ({"slice_s": 0.5}, 2350)],
+    [({}, 1265), ({"slice_s": 0.5}, 2500)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
@@ -105,8 +105,11 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
 
 @pytest.mark.slow
 def test_more_targets_take_few_more_calls_a_tick() -> None:
-    """A loop over tracks would take four times as many for eight as for two, in ticks without new regions."""
-    few, many = (min(counted({"model": "imm"}, "ICBM", 30.0, each).calls[20:]) for each in (2, 8))
+    """A loop over tracks would take three times as many for twelve as for four, in ticks without new regions.
+
+    Sensors are compared every tick if there are more than three tracks.
+    """
+    few, many = (min(counted({"model": "imm"}, "ICBM", 30.0, each).calls[20:]) for each in (4, 12))
     assert many < 1.5 * few
 
 
@@ -114,9 +117,9 @@ def test_more_targets_take_few_more_calls_a_tick() -> None:
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
-    # One tick of the first is one with new impact regions.
-    assert sorted(calls[3:12])[-2] <= 2800
-    assert np.median(calls[75:]) <= 650
+    # One tick of the first is one with new impact regions. In the others sensors are compared, as long as they are new.
+    assert sorted(calls[3:12])[-2] <= 4700
+    assert np.median(calls[75:]) <= 670
 
 
 @pytest.mark.slow
@@ -126,6 +129,6 @@ def test_new_impact_regions_take_few_calls() -> None:
     The budget is a tenth above the count, as the numbers of burns and families vary with the flight.
     """
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
-    renewed = calls[calls > 3000]
+    renewed = calls[calls > 5000]
     assert len(renewed) == 5
-    assert max(renewed) <= 11_500
+    assert max(renewed) <= 11_900

@@ -21,6 +21,8 @@ from opir_core.plugin import DetectionModel
 class Changed(ConstantDetection):
     """P_d 0.5 for all."""
 
+    surroundings: Any = None
+
     def pair_probability(self, sensor: Any, target: Any) -> Any:
         return None
 
@@ -34,7 +36,9 @@ def detection_mutant(name: str, caught_by: str) -> Callable[[type[Changed]], Any
     def offered(made: type[Changed]) -> Any:
         def build(config: Any, context: Any) -> Any:
             like = always_detection(config, context)
-            return made(like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True)
+            part = made(like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True)
+            part.surroundings = context.surroundings
+            return part
 
         mutant(DetectionModel, name, caught_by)(build)
         return made
@@ -54,6 +58,14 @@ class Moody(Changed):
     def probability(self, exposures: Exposures) -> FloatArray:
         Moody.asked += 1
         return np.full(len(exposures), 0.9 / (1.0 + 0.05 * Moody.asked))
+
+
+@detection_mutant("sown", "test_what_replicates_share_does_not_use_the_seed")
+class Sown(Changed):
+    """Built from the scene's seed, and says that it is not."""
+
+    def probability(self, exposures: Exposures) -> FloatArray:
+        return np.full(len(exposures), 0.3 + 0.4 * (self.surroundings.scene.seed % 2))
 
 
 @detection_mutant("hashed", "test_another_process_and_hash_seed_give_the_same_bytes")

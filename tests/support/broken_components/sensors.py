@@ -1,5 +1,6 @@
 """Broken sensor models."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -156,7 +157,12 @@ def low_orbit(settings: Any, context: Any) -> Any:
     return scanning_sensor(evolve(settings, orbital_slot_deg=None, orbit=orbit), context, type="MUTANT")
 
 
-mutant(SensorModel, "cone-of-geo", "test_the_default_field_of_regard_fits_the_orbit", ScannerConfig)(low_orbit)
+def cone_of_geo(settings: Any, context: Any) -> Any:
+    """Build a sensor in a low orbit with the cone of a geostationary one."""
+    return evolve(low_orbit(settings, context), field_of_regard_half_angle_rad=math.radians(10.0))
+
+
+mutant(SensorModel, "cone-of-geo", "test_the_default_field_of_regard_fits_the_orbit", ScannerConfig)(cone_of_geo)
 
 
 GIVEN = {

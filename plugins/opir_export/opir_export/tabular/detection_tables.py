@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from opir_core import DetectionTruth
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.plugin import REPORTED_TYPES, Detections, EncoderContext, Sensor
+from opir_core.plugin import REPORTED_TYPES, Band, Detections, EncoderContext, Sensor
 from opir_core.random_streams import uuid_characters, uuid_text
 from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known
 
@@ -102,15 +102,17 @@ def _bands(rows: Detections, sensors: Sequence[Sensor]) -> Any:
     """Return the names of each detection's bands; each pair of sensor and mask is spelt once."""
     pairs = rows.sensor.astype(np.int64) << 8 | rows.bands
     used = np.flatnonzero(np.bincount(pairs))
-    spelt = [_spelt(sensors[pair >> 8], pair & 0xFF) for pair in used.tolist()]
-    words = sorted(set(spelt))
+    # All that sensors may say, whatever is among the rows: files do not depend on how rows are cut into tables.
+    bands = {sensor.bands for sensor in sensors}
+    words = sorted({_spelt(each, mask) for each in bands for mask in range(1 << len(each))})
+    number = {word: code for code, word in enumerate(words)}
     codes = np.zeros(used.max(initial=-1) + 1, dtype=np.int32)
-    codes[used] = [words.index(word) for word in spelt]
+    codes[used] = [number[_spelt(sensors[pair >> 8].bands, pair & 0xFF)] for pair in used.tolist()]
     return names(codes.take(pairs), words)
 
 
-def _spelt(sensor: Sensor, mask: int) -> str:
-    return "+".join(band.name for place, band in enumerate(sensor.bands) if mask >> place & 1)
+def _spelt(bands: Sequence[Band], mask: int) -> str:
+    return "+".join(band.name for place, band in enumerate(bands) if mask >> place & 1)
 
 
 def _irradiances(sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sensor]) -> Iterator[TableColumn]:

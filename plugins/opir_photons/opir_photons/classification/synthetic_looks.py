@@ -92,12 +92,12 @@ class SourceKind(NamedTuple):
 
 #: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with notional spreads.
 #: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s. Bolides are
-#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026).
+#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026), with 6.2e10 J, half of them.
 KINDS = (
     SourceKind("fire", "ground", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
     SourceKind("flare", "ground", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
     SourceKind("glint", "ground", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
-    SourceKind("bolide", "bolide", 3000.0, 6000.0, 30.0, 2.0, 22e3, 61e3, 2.0),
+    SourceKind("bolide", "bolide", 3000.0, 6000.0, 670.0, 2.0, 22e3, 61e3, 2.0),
 )
 
 

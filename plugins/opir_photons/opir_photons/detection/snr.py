@@ -117,6 +117,11 @@ class SnrDetection(DetectionProbability):
     probability_tolerance: float | None
     needs_geometry: bool = True
 
+    @property
+    def uses_seed(self) -> bool:
+        """Whether its atmosphere does."""
+        return self.environment.atmosphere.uses_seed
+
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look."""
         return ndtr(self.response(exposures).probit)
@@ -230,6 +235,16 @@ class SnrDetection(DetectionProbability):
 
             subtract_own_past(own, looks, plane, self.environment, irradiance_of)
             signal[:, rows] = own
+
+    def line_of_sight_sigma_rad(self, response: Response, sensor: IndexArray) -> FloatArray:
+        """Return the standard deviations (n,) per axis of lines of sight with the expected signals; inf without one."""
+        sigma_rad = np.empty(len(sensor))
+        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
+            width = len(self.receivers[number].bands)
+            snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
+            with np.errstate(divide="ignore"):
+                sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(snr, noise, snr.max(axis=1))
+        return sigma_rad
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
         return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)

@@ -49,6 +49,12 @@ from opir_photons.radiometry.pixel_filters import (
     noise_gain as noise_gain,
     signal_gain as signal_gain,
 )
+from opir_photons.radiometry.pixels import (
+    Parallax as Parallax,
+    brightness_temperature_k as brightness_temperature_k,
+    parallax as parallax,
+    pixel_temperature_k as pixel_temperature_k,
+)
 from opir_photons.radiometry.planck import (
     Temperature as Temperature,
     band_photon_radiance as band_photon_radiance,

@@ -23,15 +23,25 @@ def _peaks_complaint(peaks: Mapping[str, Any]) -> str | None:
 class PlumeConfig:
     """What a scene may set of the signature model `plume`.
 
-    The intensities are fixed in three bands, SWIR 2.5-3.0, MWIR 4.2-4.45 and LWIR 8-12 µm, and a spectrum through them
-    gives those of other bands: a grey continuum of `continuum_temperature_k` that has all of LWIR, and the gases' bands
-    near 2.7 and 4.3 µm at `gas_temperature_k`, which have what the continuum leaves of SWIR and MWIR.
+    The intensities of the gases are fixed in three bands, SWIR 2.5-3.0, MWIR 4.2-4.45 and LWIR 8-12 µm, and a spectrum
+    through them gives those of other bands: a grey continuum of `continuum_temperature_k` that has all of LWIR, and the
+    gases' bands near 2.7 and 4.3 µm at `gas_temperature_k`, which have what the continuum leaves of SWIR and MWIR, and
+    a band near 6.3 µm that follows that near 2.7 µm. To these the propellant adds the continuum of its particles.
     """
+
+    propellant: str | None = text(
+        default=None,
+        choices=("kerosene", "methane", "solid", "storable", "hydrogen"),
+        help="propellant, whose particles (soot, alumina) add a continuum to the gases' bands, by the jet power that"
+        " goes with their peak in SWIR; storable and hydrogen have none; default: that of the class, storable for those"
+        " of other plugins",
+        source="opir_photons/data/propellants.json, with the source and the spread of each level",
+    )
 
     profile: str | None = text(
         default=None,
-        help="class of plume, by profile: SRBM, MRBM, IRBM, SLBM, ICBM_solid or ICBM_liquid; by default that of the"
-        " profile that the target flies, or of the first of its class",
+        help="class of plume, by profile: SRBM, MRBM, IRBM, SLBM, HGV, SLV, ICBM_solid or ICBM_liquid; by default that"
+        " of the profile that the target flies, or of the first of its class",
         source="no default: the target's",
     )
     scale: float = number(
@@ -43,8 +53,8 @@ class PlumeConfig:
         minimum=0.0,
         maximum=1e12,
         check=_peaks_complaint,
-        help="by SWIR, MWIR, LWIR the intensity of the first stage, seen broadside, at the best altitude; what is not"
-        " given is the class's",
+        help="by SWIR, MWIR, LWIR the gases' intensity of the first stage, seen broadside, at the best altitude; what"
+        " is not given is the class's",
         source=_TABLE,
     )
     stages: int | None = number(
@@ -131,11 +141,14 @@ class PlumeConfig:
 LOWTRAN = "LOWTRAN7 as shipped in opir_core/data"
 CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
 TABLE_BANDS = ("SWIR", "SWIR_N", "MWIR", "MWIR_N", "LWIR", "STG_2.0_2.4", "MWIRW_3.5_4.0")
+#: Bands 7 to 10 of civil imagers; the table of backgrounds has them under clear skies and opaque cloud alone.
+IMAGER_BANDS = ("ABI_07", "ABI_08", "ABI_09", "ABI_10")
 
 
 def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:
-    strange = [name for name in bands.values() if name not in TABLE_BANDS]
-    return f"{strange[0]!r} is not one of {', '.join(TABLE_BANDS)}" if strange else None
+    known = (*TABLE_BANDS, *IMAGER_BANDS)
+    strange = [name for name in bands.values() if name not in known]
+    return f"{strange[0]!r} is not one of {', '.join(known)}" if strange else None
 
 
 @frozen(kw_only=True)

@@ -91,7 +91,8 @@ def _sky_table(band: Band, rows: list[_Row]) -> SkyTable:
     night = {float(row["look_deg"]): _radiance(row) for row in rows if row["day_night"] == "night"}
     by_sun = {(float(row["look_deg"]), _sun_sine(row)): _radiance(row) for row in rows if row["day_night"] == "day"}
     looks, suns = sorted({look for look, _ in by_sun}), sorted({sun for _, sun in by_sun})
-    added = [[0.0, *(by_sun[look, sun] - night[look] for sun in suns)] for look in looks]
+    # By night LOWTRAN's surface is black and by day it emits 0.9: in long waves day would be the colder (-3.6 K).
+    added = [[0.0, *(max(by_sun[look, sun] - night[look], 0.0) for sun in suns)] for look in looks]
     return SkyTable(
         band=band,
         night_sine=np.array([LOOK_SINES[look] for look in sorted(night)]),

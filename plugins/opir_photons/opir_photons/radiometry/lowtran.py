@@ -153,6 +153,11 @@ class LowtranAtmosphere(Transmittance):
         return result
 
     @property
+    def uses_seed(self) -> bool:
+        """Whether there are clouds, whose places are random."""
+        return self.deck is not None
+
+    @property
     def clear(self) -> Transmittance:
         """The same air without clouds."""
         return evolve(self, deck=None)

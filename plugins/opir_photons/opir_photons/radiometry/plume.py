@@ -1,9 +1,11 @@
-"""The signature model `plume`: notional radiant intensity by class, thrust phase, altitude and aspect.
+"""The signature model `plume`: notional radiant intensity by class, propellant, thrust phase, altitude and aspect.
 
-Source: `opir_core/data/plumes.json`, which marks its notional values. Intensity is the product of the band's peak and
-factors for stage, rise at ignition, altitude and aspect. The factor of aspect is that of the projected area of a long
-body: at an angle a from the direction of flight √(sin² a + e² cos² a), with e its value end-on. After burnout only the
-body radiates, grey and at one temperature, and reflects sunlight as a diffuse sphere; earthshine is not modelled.
+Sources: `opir_core/data/plumes.json` for the gases, `opir_photons/data/propellants.json` for the continuum of soot and
+alumina, which mark their notional values. Gases, hot water near 6.3 µm and particles have factors of altitude of their
+own, so that the ratios of bands change with height; the factors for stage, rise at ignition and aspect are common. The
+factor of aspect is that of the projected area of a long body: at an angle a from the direction of flight
+√(sin² a + e² cos² a), with e its value end-on. After burnout only the body radiates, grey and at one temperature, and
+reflects sunlight as a diffuse sphere; earthshine is not modelled.
 
 The stages of a target with several burns are these, each with a rise at its ignition; otherwise stages share the burn
 equally and only the first rises. A number of stages that the configuration gives shares the burn equally, too.
@@ -20,13 +22,30 @@ from opir_core.errors import ModelError
 from opir_core.plugin import Band, Plume, SignatureContext, Signatures
 from opir_core.scene import core_plumes, core_target_class, plume_table
 from opir_photons.radiometry.configs import PlumeConfig
-from opir_photons.radiometry.planck import band_radiance
+from opir_photons.radiometry.planck import SECOND_RADIATION_UM_K, band_radiance
+from opir_photons.radiometry.propellants import (
+    Propellant,
+    continuum_w_sr,
+    jet_power_w,
+    profile_propellant,
+    propellants,
+)
 
-#: Bands of hot combustion gases, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (Ludwig et al., Handbook of Infrared
+#: Bands of hot combustion gases, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (C. B. Ludwig et al., Handbook of Infrared
 #: Radiation from Combustion Gases, NASA SP-3080, 1973; the edges of the hot bands are notional). The key is the band of
 #: the table that determines the gas.
 GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
 
+#: The band of hot water near 6.3 µm, whose intensity follows that of the gases near 2.7 µm.
+WATER_UM = (5.0, 7.7)
+
+#: Centres, 1/cm, and strengths, m²/(g cm), of the bands near 6.3 and 2.7 µm: H₂O 41.2; H₂O 25.9 with CO₂ 4.0 at 2.44 g
+#: for each of H₂O, as hydrocarbons burn (D. K. Edwards, Advances in Heat Transfer 12 (1976) 115). Of thin gas.
+_WATER, _NEAR_2_7 = (1600.0, 41.2), (3760.0, 25.9 + 2.44 * 4.0)
+
+#: Temperature of the gases over that in afterburning, by altitude, km: without it, and expanding into ever thinner air,
+#: they cool to about 1000 K. Notional.
+_COOLING_KM, _COOLING = (40.0, 60.0, 75.0, 90.0), (1.0, 0.8, 0.65, 0.5)
 
 #: The most stages of a plume.
 _MOST_STAGES = 8
@@ -34,13 +53,17 @@ _MOST_STAGES = 8
 
 @frozen(eq=False)
 class PlumeSignatures(Signatures):
-    """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
+    """Plumes of n targets, and their bodies: `peak_w_sr` of gases, `water_w_sr` near 6.3 µm, `particle_w_sr`,
+    `body_w_sr` (bands, n).
 
-    The other columns are (n,), shapes by number; `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the
-    scale, its end and the ignition from which the intensity rises, s since the first ignition.
+    The other columns are (n,), shapes by number: altitudes, and the factors of gases, water and particles there.
+    `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the scale, its end and the ignition from which the
+    intensity rises, s since the first ignition.
     """
 
     peak_w_sr: FloatArray
+    water_w_sr: FloatArray
+    particle_w_sr: FloatArray
     body_w_sr: FloatArray
     body_reflecting_m2: FloatArray
     burn_time_s: FloatArray
@@ -52,7 +75,7 @@ class PlumeSignatures(Signatures):
     nose_on: FloatArray
     tail_on: FloatArray
     shape: IntArray
-    shapes: tuple[tuple[FloatArray, FloatArray], ...]
+    shapes: tuple[tuple[FloatArray, ...], ...]
 
     def intensity_w_sr(
         self,
@@ -74,12 +97,14 @@ class PlumeSignatures(Signatures):
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return those of several bands (bands, n), which differ only in their peaks and bodies."""
-        thrust = self._thrust(target, time_since_ignition_s)
-        shape = thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+        common = self._thrust(target, time_since_ignition_s) * self._aspect(target, aspect_rad)
+        gas, *others = common * self._altitude(target, altitude_m)
         late = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
         intensities = np.empty((len(bands), len(target)))
         for intensity, band in zip(intensities, bands, strict=True):
-            np.multiply(self.peak_w_sr[band].take(target), shape, out=intensity)
+            np.multiply(self.peak_w_sr[band].take(target), gas, out=intensity)
+            for peak_w_sr, factor in zip((self.water_w_sr, self.particle_w_sr), others, strict=True):
+                intensity += peak_w_sr[band].take(target) * factor
             intensity[late] = self.body_w_sr[band].take(target[late])
         return intensities
 
@@ -96,8 +121,8 @@ class PlumeSignatures(Signatures):
     @property
     def altitude_breakpoints_m(self) -> FloatArray:
         """The altitudes at which the factor of altitude is given, (n, k) m."""
-        most = max(len(altitude_m) for altitude_m, _ in self.shapes)
-        padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]
+        most = max(len(altitude_m) for altitude_m, *_ in self.shapes)
+        padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, *_ in self.shapes]
         return np.array(padded)[self.shape]
 
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
@@ -111,13 +136,12 @@ class PlumeSignatures(Signatures):
         return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
 
     def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
-        if len(self.shapes) == 1:
-            return np.interp(altitude_m, *self.shapes[0])
-        scale, shape = np.empty(len(target)), self.shape[target]
-        for number, points in enumerate(self.shapes):
-            rows = np.flatnonzero(shape == number)
-            scale[rows] = np.interp(altitude_m[rows], *points)
-        return scale
+        """Return the factors of altitude (3, n) of gases, water and particles."""
+        factors, shape = np.empty((3, len(target))), self.shape[target]
+        for number, (points_m, *own) in enumerate(self.shapes):
+            rows = slice(None) if len(self.shapes) == 1 else np.flatnonzero(shape == number)
+            factors[:, rows] = [np.interp(altitude_m[rows], points_m, each) for each in own]
+        return factors
 
     def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
         cosine = np.cos(aspect_rad)
@@ -138,12 +162,20 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         ]
     )
     ends_s, ignitions_s = _stage_times(np.array(of_flight, dtype=np.bool_), stages, burn_time_s, context.burns_s)
-    shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
-    peaks = [
-        _peaks(config, plume, context, row) for row, (config, plume) in enumerate(zip(configs, plumes, strict=True))
+    burnt = [_propellant(config, plume) for config, plume in zip(configs, plumes, strict=True)]
+    shape_of = [
+        (own.altitude_km, own.altitude_scale, own.gas_temperature_k, fuel)
+        for own, fuel in zip(configs, burnt, strict=True)
     ]
+    shapes = list(dict.fromkeys(shape_of))
+    each = list(zip(configs, plumes, strict=True))
+    peaks = [_peaks(config, plume, context, row) for row, (config, plume) in enumerate(each)]
+    waters = [[_water_w_sr(*one, band) for band in context.bands] for one in each]
+    continua = [_continuum(*each[row], fuel, context.bands) for row, fuel in enumerate(burnt)]
     return PlumeSignatures(
-        peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
+        peak_w_sr=_by_band(peaks, context.bands),
+        water_w_sr=_by_band(waters, context.bands),
+        particle_w_sr=_by_band(continua, context.bands),
         body_w_sr=_bodies(configs, plumes, context),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
         burn_time_s=burn_time_s,
@@ -154,9 +186,25 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         rise_time_s=_column(configs, "rise_time_s"),
         nose_on=_column(configs, "nose_on"),
         tail_on=_column(configs, "tail_on"),
-        shape=np.array([shapes.index((config.altitude_km, config.altitude_scale)) for config in configs]),
-        shapes=tuple((np.array(km) * 1e3, np.array(scale)) for km, scale in shapes),
+        shape=np.array([shapes.index(one) for one in shape_of]),
+        shapes=tuple(_factors(*one) for one in shapes),
     )
+
+
+def _by_band(rows: Sequence[Sequence[float]], bands: Sequence[Band]) -> FloatArray:
+    """Return columns (bands, n) from rows of n targets."""
+    return np.array(rows, dtype=np.float64).reshape(-1, len(bands)).T.copy()
+
+
+def _factors(
+    altitude_km: Sequence[float], altitude_scale: Sequence[float], gas_k: float, fuel: Propellant
+) -> tuple[FloatArray, ...]:
+    """Return altitudes, m, and there the factors of gases, water and particles; all are linear between."""
+    points_km = np.unique(np.concatenate([altitude_km, fuel.altitude_km, _COOLING_KM]))
+    gas = np.interp(points_km, altitude_km, altitude_scale)
+    cooled = gas_k * np.interp(points_km, _COOLING_KM, _COOLING)
+    water = gas * np.array([_water_ratio(each) for each in cooled]) / _water_ratio(gas_k)
+    return points_km * 1e3, gas, water, np.interp(points_km, fuel.altitude_km, fuel.altitude_scale)
 
 
 def _stage_times(
@@ -174,7 +222,9 @@ def _stage_times(
 
 
 def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: float, gas_k: float) -> float:
-    """Return the intensity, W/sr, in any band of a plume given by its intensities in the table's three bands.
+    """Return the gases' intensity, W/sr, in any band of a plume given by its intensities in the table's three bands.
+
+    Without the band of water near 6.3 µm, `water_intensity_w_sr`.
 
     `ValueError` where the continuum implied by LWIR exceeds the given SWIR or MWIR.
     """
@@ -195,6 +245,23 @@ def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: fl
     return max(total, 0.0)
 
 
+def water_intensity_w_sr(swir_w_sr: float, band: Band, gas_k: float) -> float:
+    """Return the intensity, W/sr, of hot water near 6.3 µm in a band, by what the gases have in SWIR."""
+    gas, swir = GAS_BANDS_UM["SWIR"], Band("SWIR", *plume_table()["bands_um"]["SWIR"])
+    near_2_7 = swir_w_sr * _radiance(gas_k, gas) / _radiance(gas_k, _overlap(gas, swir))
+    share = _radiance(gas_k, _overlap(WATER_UM, band)) / _radiance(gas_k, WATER_UM)
+    return max(near_2_7 * _water_ratio(gas_k) * share, 0.0)
+
+
+def _water_ratio(gas_k: float) -> float:
+    """Return the emission of thin hot water near 6.3 µm over that of water and carbon dioxide near 2.7 µm."""
+    six, three = (
+        strength * centre**3 / np.expm1(SECOND_RADIATION_UM_K * 1e-4 * centre / gas_k)
+        for centre, strength in (_WATER, _NEAR_2_7)
+    )
+    return float(six / three)
+
+
 def _peaks(config: PlumeConfig, plume: Plume, context: SignatureContext, row: int) -> list[float]:
     """Return the peak of one target in each band."""
     peaks = {**plume.peak_w_sr, **config.peak_w_sr}
@@ -203,6 +270,24 @@ def _peaks(config: PlumeConfig, plume: Plume, context: SignatureContext, row: in
         return [config.scale * plume_intensity_w_sr(peaks, band, *temperatures) for band in context.bands]
     except ValueError as error:
         raise ModelError(f"{context.paths[row]}: {error}") from error
+
+
+def _water_w_sr(config: PlumeConfig, plume: Plume, band: Band) -> float:
+    """Return the intensity of hot water of one target in a band, at its altitude of highest intensity."""
+    swir_w_sr = {**plume.peak_w_sr, **config.peak_w_sr}["SWIR"]
+    return config.scale * water_intensity_w_sr(swir_w_sr, band, config.gas_temperature_k)
+
+
+def _continuum(config: PlumeConfig, plume: Plume, fuel: Propellant, bands: Sequence[Band]) -> list[float]:
+    """Return the particles' broadside intensity in each band, at the altitude where it is highest."""
+    power_w = config.scale * jet_power_w({**plume.peak_w_sr, **config.peak_w_sr})
+    return [continuum_w_sr(fuel, power_w, band.lower_um, band.upper_um) for band in bands]
+
+
+def _propellant(config: PlumeConfig, plume: Plume) -> Propellant:
+    """Return a target's propellant: its own, or that of its class; a clean one for classes that the core has not."""
+    of_class = [profile_propellant(name) for name, known in core_plumes().items() if known == plume]
+    return propellants()[config.propellant or (of_class[0] if of_class else None) or "storable"]
 
 
 def _bodies(configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: SignatureContext) -> FloatArray:

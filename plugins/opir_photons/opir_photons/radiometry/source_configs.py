@@ -8,6 +8,8 @@ from attrs import fields_dict, frozen
 from opir_core.plugin import cited, nested, number, text, with_defaults
 from opir_core.scene import info_of
 
+_CNEOS = "median of 1044 events of CNEOS fireballs, 1988 to 2026"
+
 #: What each emitter may have of its own, in `at` or in a CSV; what it does not have is the block's.
 OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")
 
@@ -169,14 +171,24 @@ class GlintConfig(SourceConfig):
     )
 
 
-@with_defaults(temperature_k=4500.0, emissivity=1.0, area_m2=100.0, height_m=80e3)
+@with_defaults(
+    temperature_k=4500.0,
+    emissivity=1.0,
+    area_m2=cited(670.0, f"6.2e10 J in two seconds at 4500 K; {_CNEOS}"),
+    height_m=cited(47.4e3, f"brightest at 35.2 km after a second of the way down; {_CNEOS}"),
+)
 class BolideConfig(SourceConfig):
     """What a scene may set of `bolides`: meteors that flash along a straight way down; they shine to all sides."""
 
     more_own_fields = ("speed_m_s", "descent_deg", "heading_deg", "flash_s")
 
     speed_m_s: float = number(
-        default=20_000.0, unit="m/s", minimum=0.0, maximum=72_000.0, help="speed relative to the Earth"
+        default=17_300.0,
+        unit="m/s",
+        minimum=0.0,
+        maximum=72_000.0,
+        help="speed relative to the Earth",
+        source=_CNEOS,
     )
     descent_deg: float = number(
         default=45.0, unit="deg", minimum=0.0, maximum=90.0, help="angle of the way below the horizontal"

@@ -105,7 +105,9 @@ def detection_section(plots: RunPlots) -> ReportSection:
         for row in plots.facts.run.summary["sensors"]
     ]
     sensors = ReportTable("Sensors", ("sensor", "type", "looks", "detections", "false alarms", "targets"), rows)
-    return ReportSection("detections", "What each sensor detected", "", (lines, sensors))
+    found = [(row["sensor_id"], row["health"]["text"]) for row in plots.facts.run.summary["sensors"] if row["health"]]
+    health = [ReportTable("What the tracker found of them", ("sensor", "found"), found)] if found else []
+    return ReportSection("detections", "What each sensor detected", "", (lines, sensors, *health))
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:

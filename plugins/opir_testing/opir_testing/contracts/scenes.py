@@ -8,9 +8,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core import Plan
+from opir_core import Plan, reseeded
 from opir_core.output import detection_schema
-from opir_testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, LookTable, bench_scene, planned
+from opir_testing.bench import (
+    NEIGHBOUR_SENSOR,
+    NEIGHBOUR_TARGET,
+    BenchRun,
+    LookTable,
+    bench_run_of,
+    bench_scene,
+    planned,
+)
 from opir_testing.contracts.contract import (
     ConformanceError,
     Contract,
@@ -65,6 +73,13 @@ class SceneContract(Contract):
         change = f"Do not use hash(), the order of sets, ids of objects or processes, or module state. {_STREAMS}"
         elsewhere = events_in_other_process(self.scene(), self.plugins)
         require_same_events(self.run().lines, elsewhere, "in another process", change)
+
+    def test_what_replicates_share_does_not_use_the_seed(self) -> None:
+        """A plan of another seed, with what no seed changes taken over, gives the bytes of one that is made anew."""
+        seed = self.plan().scene.seed + 1
+        shared = bench_run_of(reseeded(self.plan(), seed)).lines
+        change = "Set uses_seed = True where a detection model or an atmosphere is built from the seed."
+        require_same_events(self.run_of(self.scene(seed=seed)).lines, shared, "in a replicate", change)
 
     def test_windows_of_any_size_give_the_same_bytes(self) -> None:
         """The window size changes no byte."""

@@ -136,19 +136,20 @@ class SensorContract(SceneContract):
         )
 
     def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
-        """The default cone, made for a geostationary orbit, is kept where it covers most of the Earth's disk."""
+        """The default cone, which follows the orbit, covers most of the Earth's disk."""
         name = "field_of_regard_half_angle_deg"
         given, default = (fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig))
         if given is None or default is None or name in self.block() or info_of(given) != info_of(default):
             return
-        radius_m = np.sqrt(np.sum(self.sensor().orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
-        cone_deg = float(default.default or 0.0)
+        sensor = self.sensor()
+        radius_m = np.sqrt(np.sum(sensor.orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
+        cone_deg = math.degrees(sensor.field_of_regard_half_angle_rad)
         disk_deg = math.degrees(math.asin(min(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0)))
         require(
             cone_deg >= _LEAST_SHARE * disk_deg,
-            f"{name} is the default of geostationary sensors, {cone_deg:g} deg; in this orbit the Earth's disk"
-            f" has a half angle of {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
-            f"Set it: with_defaults({name}=cited({disk_deg:.1f}, ...)), or with the source of a narrower one.",
+            f"its field of regard is {cone_deg:g} deg by default; in this orbit the Earth's disk has a half angle of"
+            f" {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
+            f"Leave it to built_sensor, or set it: with_defaults({name}=cited({disk_deg:.1f}, ...)).",
         )
 
     def test_looks_are_whole_periods_apart(self) -> None:

@@ -9,7 +9,7 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
 from opir_core.interfaces import IMPACT_METHODS
-from opir_core.plugin import TARGET_TYPES, Detections, Sensor, Tracker, TrackerContext, Tracks
+from opir_core.plugin import TARGET_TYPES, Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
@@ -23,6 +23,7 @@ from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
+from opir_trackers.registration.health import sensor_health
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 
 #: Least number of detections of an arc.
@@ -56,6 +57,10 @@ class ArcTracker(Tracker):
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
         return self._tracking.track_numbers(self._now, self._rays.of(detections))
 
+    def sensor_health(self) -> SensorHealth:
+        """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
+        return sensor_health(self._now.registration, [sensor.id for sensor in self._context.sensors])
+
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings."""
         self._context = evolve(self._context, sensors=sensors)
@@ -69,7 +74,7 @@ class ArcTracker(Tracker):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one."""
         before_s, lines = self._now.time_s, self._rays.of(detections)
-        self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.with_bias_sigma(lines))
+        self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
         confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:

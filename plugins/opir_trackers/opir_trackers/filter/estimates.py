@@ -158,6 +158,11 @@ class ModeEstimates(Columns):
         """Return the inertial positions (n, 3) of the likelier mode of each track."""
         return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3])
 
+    @property
+    def likelier_state(self) -> FloatArray:
+        """Return the inertial positions and velocities (n, 6) of the likelier mode of each track."""
+        return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST])
+
     def put(self, rows: IntArray, part: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""
         columns = []

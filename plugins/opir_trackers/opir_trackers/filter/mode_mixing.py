@@ -13,7 +13,7 @@ The `_of_one` functions compute the mode probabilities of one track with plain n
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import exp, expm1
+from math import exp, expm1, sqrt
 
 import numpy as np
 
@@ -89,14 +89,21 @@ def detection_rate_of_one(
     )
 
 
-def burnout_shift_of_one(detection_rate: Sequence[float], force: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Return the shift of position and velocity, and its uncertainty, if the force ended after the last look."""
+def burnout_shift_of_one(
+    detection_rate: Sequence[float], force: Sequence[float], scan_s: float
+) -> tuple[list[float], list[float], tuple[float, float]]:
+    """Return the shift of position and velocity, and its uncertainty, if the force ended after the last look.
+
+    And that by a unit of force. As `coast_from_boost`.
+    """
     hits, spell, silent = detection_rate
     pause = spell / max(hits, 1.0)
-    since, doubt = max(silent - pause, 0.0), min(pause, silent)
-    times = 0.5 * since * since, since, since * doubt, doubt
+    later = max(pause - scan_s, 0.0)
+    since = max(silent - (later + 0.5 * min(pause, scan_s)), 0.0)
+    doubt = min(sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
+    times = (0.5 * since * since, since, since * doubt, doubt)
     shifts = [time * part for time in times for part in force]
-    return shifts[:6], shifts[6:]
+    return shifts[:6], shifts[6:], times[:2]
 
 
 def mode_weights_of_one(weight: Sequence[float], change: Pair, least: float) -> Pair:
@@ -125,16 +132,23 @@ EXCLUDED_WEIGHT = 1e-3
 
 
 def mixed(
-    estimates: ModeEstimates, step_s: float, boost_s: float, coast_s: float, least: float, modes: BurnModes
+    estimates: ModeEstimates,
+    step_s: float,
+    boost_s: float,
+    coast_s: float,
+    least: float,
+    modes: BurnModes,
+    scan_s: float = 0.0,
 ) -> ModeEstimates:
     """Return the estimates with modes mixed by the probability of a switch during a step.
 
     `boost_s` and `coast_s` are the mean times in each mode, inf for a mode that never ends. Coasts less probable than
-    `least` after the step are not mixed, nor the boosts of targets that rest: see `relit`.
+    `least` after the step are not mixed, nor the boosts of targets that rest: see `relit`. `scan_s` is the shortest
+    scan period.
     """
     leave = _leaving(step_s, boost_s, coast_s)
     if len(estimates.weight) == 1:
-        return _mixed_alone(estimates, leave, least, modes)
+        return _mixed_alone(estimates, leave, least, modes, scan_s)
     weight, share = _shares(estimates.weight, leave)
     boost, coast = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
@@ -142,21 +156,23 @@ def mixed(
     begins = (share[:, 1, 0] > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
     into_boost = (begins & ~_rest(estimates.detection_rate, weight)).nonzero()[0]
     if len(into_coast):
-        coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1]))
+        coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1], scan_s))
     if len(into_boost):
         lit, parts = _into_boost(estimates.part(into_boost), share[into_boost, :, 0], modes)
         boost, burns = _put(boost, into_boost, lit), burn_modes.put(burns, into_boost, parts)
     return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
-def _mixed_alone(estimates: ModeEstimates, leave: tuple[float, float], least: float, modes: BurnModes) -> ModeEstimates:
+def _mixed_alone(
+    estimates: ModeEstimates, leave: tuple[float, float], least: float, modes: BurnModes, scan_s: float
+) -> ModeEstimates:
     """Return `mixed` for one track."""
     boost, coast = estimates.weight[0].tolist()
     weight, into_boost, into_coast = mixing_of_one((boost, coast), leave)
     burning, coasting = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     if into_coast[0] > _LEAST_SHARE and weight[1] >= least:
-        coasting = _into_coast(estimates, np.array([into_coast]))
+        coasting = _into_coast(estimates, np.array([into_coast]), scan_s)
     rests = estimates.detection_rate[0, 2] > _RESTS_S and weight[1] > _COASTS
     if into_boost[1] > modes.least_lit and coast >= EXCLUDED_WEIGHT and not rests:
         burning, burns = _into_boost(estimates, np.array([into_boost]), modes)
@@ -191,9 +207,9 @@ def _put(
     return mean, root
 
 
-def _into_coast(estimates: ModeEstimates, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _into_coast(estimates: ModeEstimates, share: FloatArray, scan_s: float) -> tuple[FloatArray, FloatArray]:
     """Return the coast's means and roots, mixed with probabilities (n, 2) from boost and coast."""
-    burnt = coast_from_boost(estimates)
+    burnt = coast_from_boost(estimates, scan_s)
     if not np.count_nonzero(share[:, 1]):
         return burnt
     return square_root.moment_matched(share, (burnt[0], estimates.coast_mean), (burnt[1], estimates.coast_root))
@@ -211,17 +227,22 @@ def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -
     return lit, burn_modes.parts_of(lit)
 
 
-def coast_from_boost(estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
+def coast_from_boost(estimates: ModeEstimates, scan_s: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of boosts that ended soon after their last detection.
 
-    With r detections per second, the burn ended 1/r ± 1/r after the last look. At a time u after burnout, velocity and
+    With r detections per second of scans every T, a look detects with p = r T. The burn ended T / 2 ± T / √12 after the
+    last detection, T later for each look that missed it: T (1/p - 1/2) on average, with the variance
+    T² (1/12 + (1 - p) / p²). Much faster scans than detections leave 1/r ± 1/r. Several sensors may look soon after one
+    another, so the doubt is that of one. At a time u after burnout, velocity and
     position are less by f u and f u²/2 than with the force f still acting.
     """
     if len(estimates.detection_rate) == 1:
-        return _coast_from_boost_alone(estimates)
+        return _coast_from_boost_alone(estimates, scan_s)
     hits, spell, silent = estimates.detection_rate.T
     pause = spell / np.maximum(hits, 1.0)
-    since, doubt = np.maximum(silent - pause, 0.0), np.minimum(pause, silent)
+    later = np.maximum(pause - scan_s, 0.0)
+    since = np.maximum(silent - (later + 0.5 * np.minimum(pause, scan_s)), 0.0)
+    doubt = np.minimum(np.sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
     times = np.array([0.5 * since * since, since, since * doubt, doubt]).reshape(2, 2, -1)
     shifts = times.transpose(0, 2, 1)[:, :, :, None] * estimates.boost_mean[:, None, COAST : COAST + 3]
     less, spread = shifts.reshape(2, -1, COAST)
@@ -230,20 +251,24 @@ def coast_from_boost(estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
     rows[:, 0, 0] = 1.0
     rows[:, 1:, 0] = matvec(root[:, :, :COAST], spread)
     rows[:, 1:, 1:-COAST], rows[:, 1:, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+    # A force that is not known has not acted since burnout either.
+    by_force = 0.5 * since * since, since
+    rows[:, 1:, 1:4] += by_force[0][:, None, None] * root[:, :, :3] + by_force[1][:, None, None] * root[:, :, 3:COAST]
     # What is known of the last columns whatever the first ones are.
     return estimates.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
-def _coast_from_boost_alone(estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
+def _coast_from_boost_alone(estimates: ModeEstimates, scan_s: float) -> tuple[FloatArray, FloatArray]:
     """Return `coast_from_boost` for one track."""
-    less, spread = burnout_shift_of_one(
-        estimates.detection_rate[0].tolist(), estimates.boost_mean[0, COAST : COAST + 3].tolist()
+    less, spread, by_force = burnout_shift_of_one(
+        estimates.detection_rate[0].tolist(), estimates.boost_mean[0, COAST : COAST + 3].tolist(), scan_s
     )
     root, size = estimates.boost_root[0], estimates.boost_root.shape[1]
     rows = np.zeros((1, size + 1, size + 1))
     rows[0, 0, 0] = 1.0
     rows[0, 1:, 0] = root[:, :COAST] @ np.array(spread)
     rows[0, 1:, 1:-COAST], rows[0, 1:, -COAST:] = root[:, COAST:], root[:, :COAST]
+    rows[0, 1:, 1:4] += by_force[0] * root[:, :3] + by_force[1] * root[:, 3:COAST]
     return estimates.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 

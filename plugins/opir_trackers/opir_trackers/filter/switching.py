@@ -22,6 +22,7 @@ from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.ground import above_ground
+from opir_trackers.filter.hidden_marginal import replaced
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
 from opir_trackers.lines_of_sight import AngleMeasurements
@@ -35,8 +36,8 @@ class ImmFilter:
 
     `rounds` bounds the iterations of an update. `coast_detection` is the probability that a coasting target is detected
     in a slice, relative to a burning one: 1 where a sensor detects bodies after burnout. `memory_s` and `pause_s`
-    govern the detection rate (`mode_mixing.mode_update`). `residual_share` is the standard deviation of the unseen
-    force after burnout, as a share of that before (`_with_residual`).
+    govern the detection rate (`mode_mixing.mode_update`); `scan_s` is the shortest scan period. `residual_share` is the
+    standard deviation of the unseen force after burnout, as a share of that before (`_with_residual`).
     """
 
     boost: Dynamics
@@ -47,6 +48,7 @@ class ImmFilter:
     memory_s: float = 20.0
     coast_detection: float = 1.0
     pause_s: float = 0.0
+    scan_s: float = 0.0
     residual_share: float = 0.0
     stage: NewStage | None = None
     free: FreeBurn | None = None
@@ -84,7 +86,7 @@ class ImmFilter:
         ).nonzero()[0]
         if not len(rows):
             return estimates
-        burnt = mode_mixing.coast_from_boost(before.part(rows))
+        burnt = mode_mixing.coast_from_boost(before.part(rows), self.scan_s)
         mean, root = _with_rows(
             _modes_of(estimates)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows
         )
@@ -94,7 +96,7 @@ class ImmFilter:
         """Return the estimates a step later; coasts less probable than `least` stay as they were."""
         mixed = estimates
         if self.switches:
-            mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns)
+            mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns, self.scan_s)
         boost, coast = _modes_of(mixed)
         used, steps = _in_use(estimates), np.array([step_s] * len(estimates.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
@@ -248,6 +250,25 @@ class ImmFilter:
     def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the burns of the tracks `rows` above the ground."""
         return self._with_bounded_burns(estimates, rows, above_ground)
+
+    def replaced_along(
+        self, estimates: ModeEstimates, rows: IntArray, axis: FloatArray, along: FloatArray, covariance: FloatArray
+    ) -> ModeEstimates:
+        """Return the estimates with what the burns of tracks `rows` (m,) do along axes (m, 3) of given moments.
+
+        These are of position, velocity and force, (m, 3) and (m, 3, 3).
+        """
+        boost = _modes_of(estimates)[0]
+        boost = _with_rows(boost, replaced(boost[0][rows], boost[1][rows], axis, along, covariance), rows)
+        mean, root = estimates.burn_mean[rows], estimates.burn_root[rows]
+        parts = [replaced(mean[:, part], root[:, part], axis, along, covariance) for part in range(mean.shape[1])]
+        burns: Burns = (
+            np.stack([part[0] for part in parts], axis=1),
+            np.stack([part[1] for part in parts], axis=1),
+            estimates.burn_share[rows],
+        )
+        burns = burn_modes.put((estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, burns)
+        return evolve(estimates, boost_mean=boost[0], boost_root=boost[1], burn_mean=burns[0], burn_root=burns[1])
 
     def _with_bounded_burns(
         self, estimates: ModeEstimates, rows: IntArray, bounded: Callable[[FloatArray, FloatArray], Gaussian]

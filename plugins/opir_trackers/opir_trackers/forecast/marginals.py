@@ -12,9 +12,10 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
 from opir_trackers.forecast.outcomes import log_lofting
-from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel
+from opir_trackers.forecast.planar_boost import MU, RADIUS_M, PlanarBoost, drawn_stages
+from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel
 
-MU, RADIUS_M, STEP_S = 3.986004418e14, 6378137.0, 1.0
+STEP_S = 1.0
 
 #: Nodes of the density, km, and the width of its kernel in the logarithm.
 NODES_KM, WIDTH = np.geomspace(25.0, 20000.0, 24), 0.2
@@ -23,56 +24,15 @@ NODES_KM, WIDTH = np.geomspace(25.0, 20000.0, 24), 0.2
 ORBIT_M_S = 9300.0
 
 
-def drawn(model: VehicleModel, family: int, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations, growths."""
-    family_of = np.full(count, family)
-    number = rng.choice(np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum())
-    total, seen = np.zeros((count, 4)), np.zeros((count, 4))
-    columns = {name: np.zeros((count, STAGES)) for name in ("gap", "burn", "first", "growth")}
-    hot = rng.random((count, STAGES)) < model.hot[family]
-    gap = np.zeros(count)
-    for stage in range(STAGES):
-        mean, sigma = model.law(family_of, np.full(count, stage), total, seen)
-        logs = mean + sigma * rng.normal(size=(count, 4))
-        score = model.scores(family_of, np.full(count, stage), logs)
-        total, seen = total + score, seen + 1.0
-        ratio = np.maximum(np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02)
-        burn, first = np.exp(logs[:, BURN]), np.exp(logs[:, FORCE])
-        row = {"gap": gap, "burn": burn, "first": first, "growth": -np.expm1(-ratio) / burn}
-        for name, value in row.items():
-            columns[name][:, stage] = np.where(stage < number, value, 0.0)
-        gap = np.where(hot[:, stage], 0.0, np.exp(logs[:, GAP]))
-    return columns
-
-
 def flown(stages: dict[str, FloatArray], steering: Steering) -> FloatArray:
     """Return planar states (4, n) at the ends of the burns: x ahead, y up from the centre, and velocity; nan below."""
-    starts = np.cumsum(stages["gap"] + stages["burn"], axis=1) - stages["burn"]
-    over = (starts + stages["burn"]).max(axis=1)
-    state = np.zeros((4, len(over)))
-    state[1] = RADIUS_M
+    boost = PlanarBoost(stages, steering, np.full(len(steering), np.nan))
+    over, state = boost.over_s, boost.at_rest()
     done = np.full_like(state, np.nan)
     crashed = np.zeros(len(over), dtype=bool)
-
-    def rates(state: FloatArray, now: float) -> FloatArray:
-        x, y, u, v = state
-        since = now - starts
-        on = (since >= 0.0) & (since < stages["burn"])
-        size = np.sum(np.where(on, stages["first"] / np.maximum(1.0 - stages["growth"] * since, 0.02), 0.0), axis=1)
-        speed = np.hypot(u, v)
-        rising = (now < steering.rise_s) | (speed < 1.0)
-        ahead, up = np.where(rising, 0.0, u / np.maximum(speed, 1.0)), np.where(rising, 1.0, v / np.maximum(speed, 1.0))
-        lead = steering.leads(np.full(len(x), now))
-        cosine, sine = np.cos(lead), np.sin(lead)
-        pull: FloatArray = -MU / (x * x + y * y) ** 1.5
-        return np.array(
-            [u, v, pull * x + size * (ahead * cosine + up * sine), pull * y + size * (up * cosine - ahead * sine)]
-        )
-
     for now in np.arange(0.0, over.max() + STEP_S, STEP_S).tolist():
         ended = (over >= now) & (over < now + STEP_S)
-        middle = state + 0.5 * STEP_S * rates(state, now)
-        state = state + STEP_S * rates(middle, now + 0.5 * STEP_S)
+        state = boost.stepped(state, now, STEP_S)
         crashed |= (np.hypot(state[0], state[1]) < RADIUS_M - 1.0) & (over > now)
         done[:, ended] = state[:, ended]
     done[:, crashed] = np.nan
@@ -95,7 +55,7 @@ def ranges_m(state: FloatArray) -> FloatArray:
     return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
 
 
-def _inertial(state: FloatArray) -> FloatArray:
+def as_inertial(state: FloatArray) -> FloatArray:
     """Return planar states (4, n) as positions and velocities (n, 6)."""
     x, y, u, v = state
     none = np.zeros(len(x))
@@ -105,14 +65,14 @@ def _inertial(state: FloatArray) -> FloatArray:
 def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     """Return the densities and shares of a model."""
     rng = np.random.default_rng(seed)
-    stages = drawn(model, MISSILE, draws, rng)
+    stages = drawn_stages(model, MISSILE, draws, rng)
     end = flown(stages, drawn_steering(draws, model.data, seed))
     known = np.isfinite(end[0])
     end = end[:, known]
     range_m = ranges_m(end)
     log = np.log(range_m / 1e3)
     flies = np.isfinite(range_m) & (range_m > 1e3 * NODES_KM[0])
-    loft = log_lofting(range_m[flies], _inertial(end[:, flies]))
+    loft = log_lofting(range_m[flies], as_inertial(end[:, flies]))
     away = (np.log(NODES_KM)[:, None] - log[np.isfinite(log)]) / WIDTH
     density = np.exp(-0.5 * away**2).sum(axis=1) / (WIDTH * np.sqrt(2.0 * np.pi) * len(log))
     box = model.data["glide"]
@@ -122,7 +82,7 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     low, high = np.multiply(box["height_km"], 1e3)
     level = (angle > box["angle_deg"][0]) & (angle < box["angle_deg"][1])
     glide = np.mean((height > low) & (height < high) & level & (speed > box["least_m_s"]))
-    space = drawn(model, SPACE, draws, rng)
+    space = drawn_stages(model, SPACE, draws, rng)
     growth = np.maximum(space["growth"], 1e-9)
     gained = np.sum(space["first"] * -np.log1p(-np.minimum(growth * space["burn"], 0.98)) / growth, axis=1)
     return {

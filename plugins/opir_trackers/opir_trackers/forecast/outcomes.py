@@ -95,19 +95,20 @@ class Outcomes:
         weights: FloatArray = share * np.exp(-at)[:, None]
         return weights
 
-    def lofting(self, range_m: FloatArray, state: FloatArray) -> FloatArray:
+    def lofting(self, range_m: FloatArray, state: FloatArray, any_share: float | None = None) -> FloatArray:
         """Return the density (p,) of the greatest heights of missiles over that of all boosts; 1 without a range.
 
         Missiles fly near the arc of least energy, more of them lofted than depressed: the logarithm of the ratio of
-        greatest heights is a normal law of two pieces, but for a share of any. `state` (p, 6) are inertial states at
-        the ends of burns.
+        greatest heights is a normal law of two pieces, but for a share of any, `any_share` or that of the law. `state`
+        (p, 6) are inertial states at the ends of burns.
         """
         law, (mean, sigma) = self.model.data["loft"], self.model.data["marginal"]["loft"]
         log = log_lofting(range_m, state)
         side = np.where(log < 0.0, law["below"], law["above"])
         own = 2.0 / (law["below"] + law["above"]) * np.exp(-0.5 * np.square(log / side))
         every = np.exp(-0.5 * np.square((log - mean) / sigma)) / sigma
-        share = (1.0 - law["any"]) * own / np.maximum(every, 1e-3) + law["any"]
+        odd = law["any"] if any_share is None else any_share
+        share = (1.0 - odd) * own / np.maximum(every, 1e-3) + odd
         return np.where(np.isnan(range_m), 1.0, share)
 
     @property

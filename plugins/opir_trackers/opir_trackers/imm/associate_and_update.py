@@ -1,4 +1,4 @@
-"""Gating, association and update of tracks with the lines of sight of a slice, until the assignment settles."""
+"""Gating, association and update of tracks with the lines of sight of a slice."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -6,13 +6,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from attrs import evolve, field, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_trackers.association import (
     Association,
     AssociationModel,
     ambiguous_tracks,
     associate_nearest,
-    connected_tracks,
+    hard_measurements,
     is_unambiguous,
     scan_numbers,
 )
@@ -21,7 +21,9 @@ from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
-from opir_trackers.imm.measurement_weights import (
+from opir_trackers.imm import crowds as crowd
+from opir_trackers.imm.crowds import Crowds, CrowdUpdate, SensorView
+from opir_trackers.imm.outliers import (
     FEW,
     OutlierFractions,
     SliceSpan,
@@ -30,25 +32,20 @@ from opir_trackers.imm.measurement_weights import (
     suspect_tracks,
 )
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
+from opir_trackers.registration.registration import Registration
+from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
-from opir_trackers.triangulation import FAR_M
 
-#: Gate of the repeated association, standard deviations: wider than the first.
-SETTLING_GATE = 6.0
-
-#: Lines are reassigned where a slice moved a track by more than this share of one look's error: a shift s changes the
-#: log odds of a line between two tracks d apart by s d, in errors; tracks more than 3 apart share few lines.
-_RESTLESS = 1.0 / 3.0
+_NONE = np.empty(0, dtype=np.int64)
 
 _Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
-_NONE = np.empty(0, dtype=np.int64)
-
 
 class AssociationResult(NamedTuple):
-    """Estimates after a slice, the track row of each line, -1 for none, the assigned pairs, and all pairs.
+    """Estimates after a slice, the track row of each line, -1 for none, the pairs assigned to lone tracks, the crowds,
+    and the pairs within the gates of lone tracks.
 
     `outliers` (n, fractions) is the log likelihood of the outlier fractions of each track; None where all tracks have
     next to none.
@@ -57,6 +54,7 @@ class AssociationResult(NamedTuple):
     estimates: ModeEstimates
     owner: IntArray
     assigned: GatedPairs
+    crowds: Crowds
     pairs: GatedPairs
     outliers: FloatArray | None = None
 
@@ -74,6 +72,7 @@ class AssociateAndUpdate:
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
     pair_cache: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
     assignment_cache: list[tuple[GatedPairs, IntArray | None, Association]] = field(factory=list)
+    correction_cache: list[Any] = field(factory=list)
 
     def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later, as `predicted_open`."""
@@ -83,18 +82,28 @@ class AssociateAndUpdate:
         """Return the predictions of the estimates about their time."""
         return self.cached("predicted_measurements", self.filter.predicted_measurements, estimates, time_s)
 
-    def with_bias_covariance(self, estimates: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
-        """Return the predictions including the biases of the sensors that see each track, by `reports`."""
+    def with_bias_covariance(
+        self, estimates: ModeEstimates, time_s: float, reports: IntArray, registration: Registration
+    ) -> PredictedMeasurements:
+        """Return the predictions including the shared errors of the sensors that see each track, by `reports`."""
         predicted_measurements = self.predicted_measurements(estimates, time_s)
-        if not self.biases.any:
+        if not registration.widens_gates:
             return predicted_measurements
-        seen, place = reports >= 0, estimates.likelier_position_m
         return self.cached(
             "blurred",
-            lambda one, when: one._replace(bias_covariance=self.biases.from_other_sensors(place, when, seen)),
+            lambda one, when: one._replace(
+                bias_covariance=registration.gate_covariance(
+                    estimates.likelier_state, reports >= 0, self.vantages(registration, when)
+                )
+            ),
             predicted_measurements,
             time_s,
         )
+
+    def vantages(self, registration: Registration, time_s: float) -> Vantages:
+        """Return the sensors at a time, their angles weighted as the registration leaves them."""
+        places = self.cached("vantages", lambda own, when: Vantages.of(own.sensors, when), self.biases, time_s)
+        return places._replace(weight=self.biases.weights(registration.apart_rad))
 
     def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity."""
@@ -115,43 +124,109 @@ class AssociateAndUpdate:
         answer: _Answer = cached[2]
         return answer
 
+    @property
+    def view(self) -> SensorView:
+        """Return the sensors and whether light takes time."""
+        return SensorView(self.biases, self.light_time)
+
     def updated_tracks(
         self,
         estimates: ModeEstimates,
         end_s: float,
         lines: LinesOfSight,
         span: float,
-        with_history: IntArray,
         table: TrackTable,
+        crowds: Crowds,
+        registration: Registration,
     ) -> AssociationResult:
-        """Return the estimates after a slice's lines, and their association, given the track table.
-
-        Lines are reassigned by the updated estimates until nothing changes, at most `settling` times: among near
-        targets a whole slice is more informative than one scan. Rows `with_history` are left out: all their data decide
-        their assignment.
-        """
-        ahead = self.with_bias_covariance(estimates, end_s, table.reports)
-        pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
+        """Return the estimates after a slice's lines, and their association, given what is known of tracks, crowds and
+        sensors."""
+        ahead = self.with_bias_covariance(estimates, end_s, table.reports, registration)
+        if crowds.are_there:
+            pairs = self.lone_pairs(ahead, lines, span, table, crowds)
+        else:
+            pairs = self.gated_pairs(ahead, lines, span)
+        if len(table) > 1:
+            rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
+            crowds = self._with_tracks(crowds, rows, ahead, table)
+        update = None
+        if crowds.are_there:
+            update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table)
         association = self.nearest_association(pairs, lines)
-        after = self.filter.updated(estimates, end_s, association.measurements, span)
-        ambiguous = (
-            self._unsettled(estimates, after, pairs, lines, with_history)
-            if self.config.settling and association.is_ambiguous
-            else _NONE
-        )
-        first = AssociationResult(after, association.owner, association.assigned, pairs)
-        result = self._reassociated(first, estimates, ahead, lines, span, pairs, ambiguous) if len(ambiguous) else first
+        measurements, owner = association.measurements, association.owner
+        if update is not None:
+            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table)
+            measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
+        after = self.filter.updated(estimates, end_s, measurements, span)
+        result = AssociationResult(after, owner, association.assigned, crowds, pairs)
+        shared = ambiguous_tracks(pairs, lines) if association.is_ambiguous else _NONE
+        slice_span = SliceSpan(end_s, span, self.config.gate_sigma)
+        return self._with_outliers(result, estimates, slice_span, OutlierFractions(table.outliers), shared)
+
+    def _with_outliers(
+        self,
+        result: AssociationResult,
+        estimates: ModeEstimates,
+        span: SliceSpan,
+        fractions: OutlierFractions,
+        shared: IntArray,
+    ) -> AssociationResult:
+        """Return the result with outliers weighted down, but for tracks `shared`, which share lines."""
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
-        suspects = suspect_tracks(result.assigned, share)
-        if len(suspects) and association.is_ambiguous:
-            suspects = np.setdiff1d(suspects, ambiguous_tracks(pairs, lines), assume_unique=True)
-        if not len(suspects):
-            if not np.count_nonzero(share > FEW):
-                return result
-            outliers = fractions.log + clean_log_likelihood(result.assigned, fractions, self.config.gate_sigma)
-            return AssociationResult(result.estimates, result.owner, result.assigned, result.pairs, outliers)
-        return self._with_outlier_weights(
-            result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
+        suspects = np.setdiff1d(suspect_tracks(result.assigned, share), shared, assume_unique=True)
+        if len(suspects):
+            return self._with_outlier_weights(result, estimates, span, fractions, suspects)
+        if not np.count_nonzero(share > FEW):
+            return result
+        return result._replace(outliers=fractions.log + clean_log_likelihood(result.assigned, fractions, span.gate))
+
+    def _followed(
+        self,
+        crowds: Crowds,
+        pairs: GatedPairs,
+        lines: LinesOfSight,
+        end_s: float,
+        span: float,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+    ) -> tuple[CrowdUpdate, GatedPairs]:
+        """Return the crowds after a slice, with the tracks that share lines with them, and the pairs of lone tracks."""
+        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
+        sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
+        pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
+        # Those that join now are alone for this slice.
+        return update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table)), pairs
+
+    def _with_new_sensors(
+        self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable
+    ) -> Crowds:
+        """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
+        fresh = np.zeros(table.reports.shape, dtype=bool)
+        fresh[assigned.track, sensor[assigned.line]] = True
+        fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, table.reports.shape[-1])
+        rows = np.flatnonzero(fresh.any(axis=1))
+        return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
+
+    def _with_tracks(self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable) -> Crowds:
+        """Return the crowds with tracks `rows`, of which some may be in."""
+        rows = rows[~crowds.holds(table.number[rows])]
+        seen = table.reports >= 0
+        return crowd.joined(crowds, table.number, rows, ahead, seen, self.view) if len(rows) else crowds
+
+    def _with_crowds(
+        self,
+        measurements: AngleMeasurements,
+        owner: IntArray,
+        update: CrowdUpdate,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+    ) -> tuple[AngleMeasurements, IntArray]:
+        """Return measurements and owners with those of crowds."""
+        theirs = hard_measurements(crowd.equivalent_pairs(update, table.number, ahead, self.light_time))
+        whose = np.searchsorted(table.number, update.number)
+        return (
+            AngleMeasurements.concatenate([measurements, theirs]),
+            np.where(update.number >= 0, whose, owner),
         )
 
     def _with_outlier_weights(
@@ -178,50 +253,26 @@ class AssociateAndUpdate:
             estimates=result.estimates.put(suspects, weighed.estimates), outliers=fractions.after(outliers).log
         )
 
-    def _unsettled(
-        self, estimates: ModeEstimates, after: ModeEstimates, pairs: GatedPairs, lines: LinesOfSight, young: IntArray
-    ) -> IntArray:
-        """Return the ambiguous tracks in clusters in which one, not in `young`, moved enough to change assignments."""
-        rivals = ambiguous_tracks(pairs, lines)
-        shift = after.take(rivals).likelier_position_m - estimates.take(rivals).likelier_position_m
-        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * lines.sigma_rad.max(initial=0.0) * FAR_M
-        restless = np.setdiff1d(rivals[far], young, assume_unique=True)
-        return rivals[connected_tracks(pairs, restless)[rivals]]
-
-    def _reassociated(
+    def lone_pairs(
         self,
-        first: AssociationResult,
-        estimates: ModeEstimates,
-        ahead: PredictedMeasurements,
+        predicted_measurements: PredictedMeasurements,
         lines: LinesOfSight,
         span: float,
-        pairs: GatedPairs,
-        busy: IntArray,
-    ) -> AssociationResult:
-        """Return the result with the lines of the ambiguous tracks reassigned."""
-        place = np.full(len(estimates) + 1, -1, dtype=np.int64)
-        place[busy] = np.arange(len(busy))
-        rows = np.flatnonzero(place[pairs.track] >= 0)
-        track, line = place[pairs.track[rows]], pairs.line[rows]
-        before, then = estimates.take(busy), first.estimates.take(busy)
-        result, mine, end_s = None, place[first.owner], ahead.time_s
-        bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[busy]
-        for _ in range(self.config.settling):
-            path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
-            closer = gated(path, lines, track, line, SETTLING_GATE, self.light_time)
-            anew = self.nearest_association(closer, lines)
-            if np.array_equal(anew.owner, mine):
-                break
-            result, mine = anew, anew.owner
-            then = self.filter.updated(before, end_s, result.measurements, span)
-        if result is None:
-            return first
-        others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
-        owner = np.where(mine >= 0, busy[mine], others)
-        kept = first.assigned.take(np.flatnonzero(place[first.assigned.track] < 0))
-        settled = evolve(result.assigned, track=busy[result.assigned.track])
-        assigned = GatedPairs.concatenate([kept, settled])
-        return AssociationResult(first.estimates.put(busy, then), owner, assigned, pairs)
+        table: TrackTable,
+        crowds: Crowds,
+    ) -> GatedPairs:
+        """Return the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them."""
+        follows = crowds.follows(table.number, table.reports.shape[1])
+        rows = np.flatnonzero(~follows.all(axis=1))
+        bias, whole = predicted_measurements.bias_covariance, predicted_measurements
+        part = whole._replace(
+            derivative=whole.derivative[rows],
+            root=whole.root[rows],
+            bias_covariance=None if bias is None else bias[rows],
+        )
+        pairs = self.gated_pairs(part, lines if len(rows) else lines.take(rows), span)
+        pairs = evolve(pairs, track=rows[pairs.track])
+        return pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
 
     def gated_pairs(
         self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float
@@ -254,3 +305,10 @@ class AssociateAndUpdate:
             (pairs, scan_numbers(lines.sensor, lines.scan) if association.is_ambiguous else None, association)
         ]
         return association
+
+
+def _of_lone_tracks(pairs: GatedPairs, update: CrowdUpdate, table: TrackTable, sensor: IndexArray) -> GatedPairs:
+    """Return the pairs with lines that no focal-plane track has, without those of tracks that have one there."""
+    follows = update.crowds.follows(table.number, table.reports.shape[1])
+    free = ~follows[pairs.track, sensor[pairs.line]] & (update.number[pairs.line] < 0)
+    return pairs.take(np.flatnonzero(free))

@@ -6,10 +6,11 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, IntArray
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.imm.histories import Histories
+from opir_trackers.imm.crowds import Crowds
 from opir_trackers.imm.track_management import SharedDetections, TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.registration.registration import Registration
 
 
 @frozen(eq=False)
@@ -37,9 +38,9 @@ class EndedTracks:
 class TrackerState:
     """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
 
-    `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
-    the recent scans in which tracks were detected. `motion` (rows of the table) says what each track is; `ended` are
-    those that ended since the last tick.
+    `crowds` are the tracks in focal planes of tracks that share lines; `sightings` are the recent scans in which tracks
+    were detected. `motion` (rows of the table) says what each track is; `ended` are those that ended since the last
+    tick; `registration` is what is known of the sensors.
     """
 
     time_s: float
@@ -47,33 +48,31 @@ class TrackerState:
     table: TrackTable
     unclaimed: LinesOfSight
     reported: IntArray
-    histories: Histories = field(factory=Histories.none)
-    ambiguous: tuple[IntArray, ModeEstimates] = field(
-        factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
-    )
+    crowds: Crowds = field(factory=Crowds)
     next_number: int = 0
     sightings: SharedDetections = field(factory=SharedDetections.empty)
     motion: MotionStatistics = field(factory=MotionStatistics.empty)
     ended: "EndedTracks | None" = None
+    registration: Registration = field(kw_only=True)
 
     def after(
         self,
         time_s: float,
         estimates: ModeEstimates,
         table: TrackTable,
-        histories: Histories,
         motion: MotionStatistics | None = None,
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        known = self.ambiguous, self.next_number, self.sightings, self.motion if motion is None else motion
-        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known, self.ended)
+        known = self.crowds, self.next_number, self.sightings, self.motion if motion is None else motion
+        kept = self.unclaimed, self.reported, *known, self.ended
+        return TrackerState(time_s, estimates, table, *kept, registration=self.registration)
 
     def without(self, drop: BoolArray) -> "TrackerState":
         """Return the state without some tracks (n,)."""
         keep = np.flatnonzero(~drop)
-        histories = self.histories.of(np.isin(self.histories.number, self.table.number[keep]))
+        crowds = self.crowds.without(self.table.number[drop])
         kept = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
-        return evolve(self, estimates=kept[0], table=kept[1], motion=kept[2], histories=histories)
+        return evolve(self, estimates=kept[0], table=kept[1], motion=kept[2], crowds=crowds)
 
     @property
     def is_empty(self) -> bool:
@@ -81,6 +80,7 @@ class TrackerState:
         return not (len(self.table) or len(self.unclaimed.time_s) or self.ended)
 
     @classmethod
-    def first(cls, sensors: int) -> "TrackerState":
+    def first(cls, sensors: int, registration: Registration) -> "TrackerState":
         """Return the state before the first detection, for a number of sensors."""
-        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))
+        none = ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64)
+        return cls(0.0, *none, registration=registration)

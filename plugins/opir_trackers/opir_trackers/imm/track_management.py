@@ -16,7 +16,7 @@ from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
 from opir_core.plugin import Sensor
 from opir_trackers.association import scan_numbers
-from opir_trackers.imm.measurement_weights import FRACTIONS
+from opir_trackers.imm.outliers import FRACTIONS
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.triangulation import LOWEST_M
 
@@ -65,26 +65,44 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
 
 
 def duplicates(
-    number: IntArray, state: FloatArray, covariance: FloatArray, sightings: SharedDetections, hits: IntArray
+    number: IntArray,
+    state: FloatArray,
+    covariance: FloatArray,
+    sightings: SharedDetections,
+    hits: IntArray,
+    seen: BoolArray,
+    fresh: BoolArray,
 ) -> BoolArray:
     """Return which tracks (n,), of ascending numbers, are the lesser of two that follow one target.
 
-    `state` (n, 6) and `covariance` (n, 6, 6) are in the inertial frame, m and m/s.
+    `state` (n, 6) and `covariance` (n, 6, 6) are in the inertial frame, m and m/s. Where more than two are near, those
+    that are `fresh` (n,) are spared, whose first lines are of earlier slices, and those that no sensor sees both of, by
+    `seen` (n, sensors): their pairing decides.
     """
     lesser = np.zeros(len(number), dtype=bool)
     if len(number) < 2:
         return lesser
     near = _near(state[:, :3], np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2)))
+    beside = np.bincount(near.ravel(), minlength=len(number))
     near = near[_never_seen_together(near, number, sightings)] if len(near) else near
     if not len(near):
         return lesser
     apart = state[near[:, 0]] - state[near[:, 1]]
     both = covariance[near[:, 0]] + covariance[near[:, 1]]
     distance = np.sum(apart * np.linalg.solve(both, apart[:, :, None])[:, :, 0], axis=1)
-    for first, second in near[distance < _DUPLICATE_GATE].tolist():
+    alike = near[distance < _DUPLICATE_GATE]
+    for first, second in alike[~_are_spared(alike, beside, seen, fresh)].tolist():
         if not lesser[first] and not lesser[second]:
             lesser[second if (hits[first], second) >= (hits[second], first) else first] = True
     return lesser
+
+
+def _are_spared(alike: IntArray, beside: IntArray, seen: BoolArray, fresh: BoolArray) -> BoolArray:
+    """Return which pairs (k,) have others near, `beside` (n,) in all, and are fresh or seen by no common sensor."""
+    one, other = alike.T
+    crowded = np.maximum(beside[one], beside[other]) > 1
+    spared: BoolArray = crowded & (fresh[one] | fresh[other] | ~np.any(seen[one] & seen[other], axis=1))
+    return spared
 
 
 def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
@@ -137,7 +155,7 @@ class TrackTable(Columns):
     """Properties of tracks besides their estimates, one row each.
 
     Number, start, first and last detection, and hit count. `outliers` (n, fractions) is the log likelihood of the
-    outlier fractions (`measurement_weights`); `reports` (n, sensors) are the types that each sensor last reported,
+    outlier fractions (`outliers`); `reports` (n, sensors) are the types that each sensor last reported,
     codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`.
     """
 

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import IntArray
-from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
+from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.forecast.vehicles import vehicle_model
@@ -15,6 +15,7 @@ from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
+from opir_trackers.registration.health import sensor_health
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -63,6 +64,10 @@ class ImmTracker(Tracker):
     def is_idle(self) -> bool:
         """Return whether there is neither a track nor a line of sight that may begin one."""
         return self._now.is_empty and not len(self._early)
+
+    def sensor_health(self) -> SensorHealth:
+        """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
+        return sensor_health(self._now.registration, [sensor.id for sensor in self._context.sensors])
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

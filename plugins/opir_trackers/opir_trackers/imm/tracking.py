@@ -17,28 +17,19 @@ from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
-from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
+from opir_trackers.association import AssociationModel, associate_nearest, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import air_velocity
-from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
-from opir_trackers.imm import track_management
-from opir_trackers.imm.associate_and_update import SETTLING_GATE, AssociateAndUpdate, AssociationResult
-from opir_trackers.imm.histories import (
-    LONGEST_S,
-    Histories,
-    are_open,
-    due_for_assignment,
-    mean_measurements,
-    reweighted,
-    slice_measurements,
-    smooth_boost_s,
-)
-from opir_trackers.imm.history_assignment import assigned_histories
-from opir_trackers.imm.neighbours import with_neighbours
+from opir_trackers.forecast.outcomes import Outcomes, hypothesis_log_likelihood
+from opir_trackers.forecast.vehicles import vehicle_model
+from opir_trackers.gating import GatedPairs
+from opir_trackers.imm import crowds as crowd, registering, track_management
+from opir_trackers.imm.associate_and_update import AssociateAndUpdate
+from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchDelayPrior, LaunchPoints, delays_at_once, launches, updated_points
@@ -46,14 +37,14 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
 from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
-from opir_trackers.triangulation import FAR_M
 
 #: The launch point is estimated for tracks no older than this, s.
 _YOUNG_S = 10.0
 
-_NOBODY = np.array([-1])
+_NOBODY, _NONE = np.array([-1]), np.empty(0, dtype=np.int64)
 
 #: Codes of ends.
 IMPACT, LOST = TRACK_ENDS.index("impact"), TRACK_ENDS.index("lost")
@@ -69,13 +60,14 @@ class ImmTracking:
     association: AssociateAndUpdate
     period_s: FloatArray
     biases: Biases
+    registration: Registration
     forces: Forces
     type_log_likelihood: FloatArray
-    boost_history_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
     hypotheses: tuple[Hypothesis, ...]
+    single: SingleSensor
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
@@ -86,7 +78,6 @@ class ImmTracking:
         ]
         model = AssociationModel(track_management.clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
-        look_m = FAR_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
         filter_, biases = filter_of(config, context), Biases.of(context.sensors, config.clock_sigma_s)
         return cls(
             config=config,
@@ -95,24 +86,27 @@ class ImmTracking:
             association=AssociateAndUpdate(config, filter_, model, context.light_time, biases),
             period_s=period_s,
             biases=biases,
+            registration=registration_of(config, context.sensors),
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
-            boost_history_s=min(smooth_boost_s(look_m, float(period_s.min(initial=1.0))), LONGEST_S),
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
             silence_limit_s=track_management.longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(
                 config.hypotheses, clutter_per_sr(context, config.false_alarms_per_sr), model.detection_probability
             ),
             hypotheses=context.hypotheses,
+            single=SingleSensor(
+                Outcomes(vehicle_model(config.boost_prior), context.hypotheses), filter_, biases, period_s
+            ),
         )
 
     def start(self) -> TrackerState:
         """Return the state before the first detection."""
-        return TrackerState.first(len(self.period_s))
+        return TrackerState.first(len(self.period_s), self.registration)
 
     def lines_of_sight(self, detections: Detections) -> LinesOfSight:
-        """Return the lines of sight of detections, with the standard deviation of noise and bias."""
-        return self.biases.with_bias_sigma(LinesOfSight.of(detections))
+        """Return the lines of sight of detections."""
+        return LinesOfSight.of(detections)
 
     def stepped(
         self, now: TrackerState, tick_s: float, detections: Detections, cached: LinesOfSight | None = None
@@ -142,7 +136,7 @@ class ImmTracking:
             return now
         pause_s = self._longest_of_sensors(self.period_s, table)
         motion = self.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s)
-        return now.after(now.time_s, now.estimates, table, now.histories, motion)
+        return now.after(now.time_s, now.estimates, table, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand, whatever the filter says.
@@ -166,13 +160,20 @@ class ImmTracking:
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
         span = end_s - now.time_s
-        then, owner = self.associated(now, end_s, lines)
+        right = registering.corrected(self.association, now.registration, lines)
+        then, owner = self.associated(now, end_s, right)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
-            motion = then.motion.with_lines(owner, lines, self.groups.log_clutter)
-            then = then.after(end_s, then.estimates, table, then.histories, motion)
-        then = self._with_unclaimed(then, lines, owner, reported, span)
-        return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
+            motion = then.motion.with_lines(owner, right, self.groups.log_clutter)
+            estimates = self.single.with_ascents(then.estimates, table, motion, then.table.seen_s, end_s)
+            then = then.after(end_s, estimates, table, motion)
+        then, claimed = registering.with_explained(self.association, then, right, owner, span)
+        then = self._with_unclaimed(then, lines, claimed, reported, span)
+        then = self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
+        if not then.crowds.are_there:
+            return then
+        then = evolve(then, crowds=crowd.pruned(then.crowds, end_s, self.period_s))
+        return renewed(then, self.association.view, self.filter, self.config)
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -194,57 +195,18 @@ class ImmTracking:
         if not len(now.estimates.weight):
             return evolve(now, time_s=end_s), owner
         estimates = self.association.predicted(now.estimates, span)
-        histories = now.histories.predicted(self.filter.predicted, span)
         if not len(owner):
             after = self.filter.updated(estimates, end_s, no_measurements(), span)
             after = self.filter.with_open_coast(after, estimates, now.estimates, span)
-            return now.after(end_s, after, now.table, histories), owner
-        with_history = now.table.number.searchsorted(histories.number)
-        result = self.association.updated_tracks(estimates, end_s, lines, span, with_history, now.table)
+            return now.after(end_s, after, now.table), owner
+        known = now.table, now.crowds, now.registration
+        result = self.association.updated_tracks(estimates, end_s, lines, span, *known)
         table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
         estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
-        now = now.after(end_s, estimates, table, histories)
-        return self._with_histories(now, result, with_history, lines, span), result.owner
-
-    def _with_histories(
-        self, now: TrackerState, result: AssociationResult, rows: IntArray, lines: LinesOfSight, span: float
-    ) -> TrackerState:
-        """Return the state with the histories of tracks `rows` reassigned as far as the data decide."""
-        histories = now.histories
-        if not len(histories.number):
-            return now
-        before, age = now.estimates.part(rows), now.time_s - histories.begun_s
-        path = self.association.predicted_measurements(before, now.time_s)
-        measured = slice_measurements(path, result, rows, lines, self.association.model, span)
-        histories, estimates = reweighted(self.filter, histories.with_measurements(*measured), before, now.time_s)
-        assignment = assigned_histories(
-            self.filter,
-            histories,
-            estimates,
-            now.time_s,
-            self.biases.sigma_rad,
-            due_for_assignment(histories, age, span),
-        )
-        histories, boosts = assignment.histories, estimates.weight[:, 0] > 0.5
-        are_kept = are_open(histories, age, boosts, self.boost_history_s)
-        open_ = np.flatnonzero(are_kept & (histories.doubt > 0.0))
-        return evolve(
-            now,
-            estimates=now.estimates
-            if assignment.estimates is before
-            else now.estimates.put(rows, assignment.estimates),
-            histories=histories.of(are_kept),
-            ambiguous=(histories.number[open_], assignment.reported.take(open_)),
-        )
-
-    def reported_estimates(self, now: TrackerState) -> ModeEstimates:
-        """Return the estimates to report: of a track with an undecided history, the mixture."""
-        number, mixed = now.ambiguous
-        if not len(number):
-            return now.estimates
-        here = np.flatnonzero(np.isin(number, now.table.number))
-        rows = np.searchsorted(now.table.number, number[here])
-        return now.estimates.put(rows, mixed.take(here)) if len(here) else now.estimates
+        then = now.after(end_s, estimates, table)
+        then = then if result.crowds is now.crowds else evolve(then, crowds=result.crowds)
+        then = registering.registered_state(self.association, then, result.assigned, lines, result.pairs)
+        return then, result.owner
 
     def _with_launch_points(self, now: TrackerState) -> TrackerState:
         """Return the state with the launch points of young tracks."""
@@ -257,61 +219,71 @@ class ImmTracking:
         table, estimates = now.table.part(young), now.estimates.part(young)
         predicted, thrust = self.association.predicted_measurements(estimates, now.time_s), self.config.thrust
         place, seen = estimates.likelier_position_m, table.reports >= 0
-        biased = self.biases.covariance(place, now.time_s, seen) if self.biases.any else None
+        biased = registering.shared_covariance(self.association, now, estimates, table)
         first_s = emission_s(table.first_s, self.biases.ranges_m(place, now.time_s, seen), self.association.light_time)
         at_once = delays_at_once(self.period_s, self.association.model.detection_probability, seen)
         prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
-        points = launches(predicted, first_s, prior, thrust.launch_noise_m_s2, biased)
+        points = launches(
+            predicted, first_s, prior, thrust.launch_noise_m_s2, None if biased is None else biased[:, :3, :3]
+        )
         points.covariance[:, 2, 2] += self.config.clock_sigma_s**2
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
         launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
-        return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)
+        return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance))
 
     def _with_initiated(self, now: TrackerState) -> TrackerState:
         """Return the state with tracks initiated from unassigned lines."""
         if len(now.unclaimed.time_s) < self.needed_scans:
             return now
-        initiation_ = initiation.track_candidates(now.unclaimed, self.needed_scans, self.biases.sigma_rad)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
+        initiation_ = initiation.track_candidates(lines, self.needed_scans, now.registration.loose_rad)
         if not len(initiation_.begun):
             return now
         first, span = (
             prior_estimates(initiation_.begun, now.time_s, self.config),
-            now.time_s - float(now.unclaimed.time_s.min()),
+            now.time_s - float(lines.time_s.min()),
         )
-        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), now.unclaimed, span)
-        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, now.unclaimed.sensor[pairs.line])))
-        association = associate_nearest(pairs, now.unclaimed, self.association.model)
+        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), lines, span)
+        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
+        association = associate_nearest(pairs, lines, self.association.model)
         estimates = self.filter.updated(first, now.time_s, association.measurements, span)
-        return self._with_new_tracks(
-            now, first, AssociationResult(estimates, association.owner, association.assigned, pairs)
-        )
+        return self._with_new_tracks(now, first, estimates, association.owner)
 
-    def _with_new_tracks(self, now: TrackerState, first: ModeEstimates, result: AssociationResult) -> TrackerState:
+    def _with_new_tracks(
+        self, now: TrackerState, first: ModeEstimates, after: ModeEstimates, lines_of: IntArray
+    ) -> TrackerState:
         """Return the state with the new tracks that have enough lines, numbered in order."""
-        hits = np.bincount(result.owner[result.owner >= 0], minlength=len(first))
+        hits = np.bincount(lines_of[lines_of >= 0], minlength=len(first))
         good = hits >= self.needed_scans
         row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
-        owner, count = row[result.owner], int(good.sum())
+        owner, count = row[lines_of], int(good.sum())
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
+        lines = registering.corrected(self.association, now.registration, now.unclaimed)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
-        motion = motion.with_lines(owner, now.unclaimed, self.groups.log_clutter)
+        motion = motion.with_lines(owner, lines, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
-        path = self.filter.predicted_measurements(result.estimates, now.time_s)
-        sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
-        measured = mean_measurements(path, hard_measurements(result.assigned), sensor, self.config.slice_s)
-        begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *measured).of(good)
-        return evolve(
+        then = evolve(
             now,
-            estimates=ModeEstimates.concatenate([now.estimates, result.estimates.take(np.flatnonzero(good))]),
+            estimates=ModeEstimates.concatenate([now.estimates, after.take(np.flatnonzero(good))]),
             table=track_management.TrackTable.concatenate([now.table, fresh]),
             unclaimed=now.unclaimed.take(left),
             reported=now.reported[left],
-            histories=now.histories.joined(evolve(begun, number=number)),
             next_number=now.next_number + count,
             motion=MotionStatistics.concatenate([now.motion, motion]),
         )
+        return self._with_neighbours(then, count)
+
+    def _with_neighbours(self, now: TrackerState, fresh: int) -> TrackerState:
+        """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several are near."""
+        seen = now.table.reports >= 0
+        rows = crowd.begun_near(now.estimates.likelier_position_m, fresh, seen) if fresh else _NONE
+        rows = rows[~now.crowds.holds(now.table.number[rows])]
+        if not len(rows):
+            return now
+        path = self.filter.predicted_measurements(now.estimates, now.time_s)
+        return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, self.association.view))
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""
@@ -340,11 +312,13 @@ class ImmTracking:
             drop |= down
         if len(state) > 1:
             now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
-            wider = self._with_biases(now.estimates, now.time_s, table, covariance)
+            added = registering.shared_covariance(self.association, now, now.estimates, table)
+            wider = covariance.copy() if added is None else covariance + added
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
             wider[fast] = np.eye(6)
-            drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits)
+            are_fresh, seen = table.begun_s == now.time_s, table.reports >= 0
+            drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits, seen, are_fresh)
         if not np.count_nonzero(drop):
             return now
         gone = np.flatnonzero(drop & self.confirmed(now))
@@ -364,7 +338,10 @@ class ImmTracking:
     def reported_tracks(self, now: TrackerState) -> ReportedTracks:
         """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
         confirmed = self.confirmed(now)
-        estimates, table, motion = self.reported_estimates(now), now.table, now.motion
+        table, motion = now.table, now.motion
+        estimates = now.estimates
+        if now.crowds.are_there:
+            estimates = now.crowds.mixtures.mixed(estimates, table.number, now.time_s)
         if np.count_nonzero(confirmed) < len(confirmed):
             estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
         last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
@@ -373,10 +350,10 @@ class ImmTracking:
             order = np.argsort(last.table.number, kind="stable")
             estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
-        estimates = self._with_neighbours(estimates, now.time_s, table)
         state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
-        if self.biases.any or self.config.clock_sigma_s:
-            covariance = self._with_biases(estimates, now.time_s, table, covariance)
+        added = registering.shared_covariance(self.association, now, estimates, table)
+        if added is not None:
+            covariance = covariance + added
         tracks = tracks_of(state, covariance, table, now.time_s)
         types = type_evidence(table.reports, self.type_log_likelihood)
         reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
@@ -396,28 +373,6 @@ class ImmTracking:
         around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
         return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
 
-    def _with_neighbours(
-        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable
-    ) -> ModeEstimates:
-        """Return the estimates with covariances that allow for the lines of sight of neighbours."""
-        if len(estimates) < 2:
-            return estimates
-        state, seen = self.association.moments(estimates)[0], table.reports >= 0
-        return with_neighbours(estimates, state, time_s, seen, self.biases, SETTLING_GATE)
-
-    def _with_biases(
-        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
-    ) -> FloatArray:
-        """Return covariances (n, 6, 6) including the sensors' biases and the offsets of their clocks."""
-        wider, seen = covariance.copy(), table.reports >= 0
-        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, seen)
-        if self.config.clock_sigma_s:
-            state = np.where(
-                estimates.weight[:, 1:] > estimates.weight[:, :1], estimates.coast_mean, estimates.boost_mean[:, :6]
-            )
-            wider[:, :3, :3] += self.biases.of_clocks(state[:, :3], air_velocity(state), time_s, seen)
-        return wider
-
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
 
@@ -428,8 +383,16 @@ class ImmTracking:
             return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
-        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
-        pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        lines = registering.corrected(self.association, now.registration, lines)
+        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports, now.registration)
+        if not now.crowds.are_there:
+            pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        else:
+            pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
+            theirs = crowd.label_pairs(
+                now.crowds, now.table.number, lines, self.config.cadence_s, self.config.gate_sigma
+            )
+            pairs = GatedPairs.concatenate([pairs, theirs])
         confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))

@@ -188,6 +188,19 @@ class MotionStatistics(Columns):
         misfit = self.misfit + self.height_m * (2.0 * pull[:, 2] + raised[:, 2])
         return information, pull + raised, misfit
 
+    def first_motion(self, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return how one track moves at its first detection, by the cubic that fits its lines best.
+
+        A point at height 0 (3,) in ECEF, position from there and velocity (4,) along axes (2, 3) in ECEF, and their
+        covariance (4, 4).
+        """
+        information, pull, _ = self.of_motion()
+        covariance = np.linalg.inv(information[0] + _ANY_MOTION)
+        rows = np.zeros((4, covariance.shape[0]))
+        rows[:2, :3] = rows[2:, 3:6] = axes @ self.axes[0].T
+        point = self.reference_m[0] - self.height_m[0] * self.axes[0, 2]
+        return point, rows @ covariance @ pull[0], rows @ covariance @ rows.T
+
     def static_estimates(self, height_sigma_m: float, wide_m: float) -> tuple[FloatArray, FloatArray]:
         """Return positions (n, 3) in ECEF of sources that stand still near the ground, and covariances (n, 3, 3)."""
         prior = np.array([wide_m, wide_m, height_sigma_m]) ** -2.0

@@ -27,6 +27,7 @@ from opir_core.interfaces.radiometric_models import AtmosphereContext, Backgroun
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]
+LOWTRAN_BANDS = tuple(table.band for table in sky_tables("us1976", "std_cirrus"))
 EPOCH_US = 1_775_044_800_000_000
 SENSOR_M = geodetic_to_ecef(0.0, 0.0, 35_786e3)
 
@@ -56,14 +57,19 @@ def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
 @pytest.mark.parametrize("climate", ["us1976", "tropical", "midlat_summer", "subarctic_winter"])
 @pytest.mark.parametrize("name", ["clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"])
 def test_every_point_of_the_table_is_met(climate, name):
-    model = background(climate=climate, sky=name)
+    # The imagers' bands have clear skies alone; of these and of none other is a row below what LOWTRAN itself gives:
+    # where its surface emits less by day than by night (8 to 12 µm), opir keeps that of the night.
+    bands = BANDS if name == "clear" else LOWTRAN_BANDS
+    model = background(climate=climate, sky=name, bands=bands)
     rows = [row for row in table_rows() if (row["atmosphere"], row["sky"]) == (climate, name)]
-    assert len(rows) == 77
+    assert len(rows) == 11 * len(bands)
+    dark = {(row["look_deg"], row["band"]): float(row["L_W_m2_sr"]) for row in rows if row["day_night"] == "night"}
     for row in rows:
         sun = np.cos(np.radians(float(row["sza_deg"]))) if row["sza_deg"] else -0.2
         view = looks(LOOK_SINES[float(row["look_deg"])], sun)
         found = model.radiance_w_m2_sr(NAMES.index(row["band"]), view)
-        assert found == pytest.approx(float(row["L_W_m2_sr"]), rel=1e-9, abs=1e-12)
+        least = dark[row["look_deg"], row["band"]]
+        assert found == pytest.approx(max(float(row["L_W_m2_sr"]), least), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +79,7 @@ def test_every_opaque_cloud_of_the_table_is_met(albedo, top_km):
     model = background(CloudConfig(top_km=top_km), cloud_albedo=float(albedo))
     name = f"ANALYTIC_opaque_cloud_top{top_km:g}km"
     rows = [row for row in table_rows() if row["sky"] == name and row["albedo"] == albedo]
-    assert len(rows) == 28
+    assert len(rows) == 4 * len(BANDS)
     for row in rows:
         sun = np.cos(np.radians(float(row["sza_deg"]))) if row["sza_deg"] else -0.2
         found = model.radiance_w_m2_sr(NAMES.index(row["band"]), looks(0.9, sun))
@@ -248,7 +254,8 @@ def test_structure_beyond_the_limb_falls_with_height_over_dark_space():
 
 
 def test_sea_and_cloudy_skies_have_structures_of_their_own():
-    sea, cumulus = background(structure=StructuresConfig(surface="sea")), background(sky="cumulus_top2.7km")
+    sea = background(structure=StructuresConfig(surface="sea"))
+    cumulus = background(sky="cumulus_top2.7km", bands=LOWTRAN_BANDS)
     view = looks([0.4], [0.6])
     numbers = [model.structured_radiances_w_m2_sr([0], view)[2][0] for model in (sea, cumulus)]
     of_sea, of_cloud = sea.structures[numbers[0]], cumulus.structures[numbers[1]]

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from attrs import fields
 from hypothesis import given, strategies as st
-from opir_photons.radiometry import planck, plume as plume_module
+from opir_photons.radiometry import planck, plume as plume_module, propellants as propellants_module
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
+from opir_photons.radiometry.propellants import continuum_w_sr, propellants
 
 import opir_core
 from opir_core.errors import ModelError
@@ -66,7 +67,8 @@ def test_every_class_profile_has_a_plume():
 
 @pytest.mark.parametrize("name", CLASSES)
 def test_the_tables_bands_have_the_tables_intensities(name):
-    signatures = plume_signatures([PlumeConfig(stages=1, rise_time_s=0.0)], context(profiles=(name,)))
+    clean = PlumeConfig(stages=1, rise_time_s=0.0, propellant="storable")
+    signatures = plume_signatures([clean], context(profiles=(name,)))
     for number, band in enumerate(BANDS):
         assert intensity(signatures, number) == pytest.approx(TABLE["peak_w_sr"][name][band.name], rel=1e-12)
 
@@ -91,7 +93,7 @@ def test_intensity_follows_the_stages():
 
 
 def test_intensity_rises_at_ignition():
-    found = intensity(plume(rise_time_s=2.0, stages=1), time_s=np.linspace(0.0, 30.0, 200))
+    found = intensity(plume(rise_time_s=2.0, stages=1, propellant="storable"), time_s=np.linspace(0.0, 30.0, 200))
     assert found[0] == 0.0
     assert (np.diff(found) >= 0.0).all()
     assert found[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
@@ -176,3 +178,84 @@ def test_after_burnout_the_warm_body_alone_is_seen():
         c1, c2 = 1.191042972e8, 1.438776877e4
         radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
         assert told == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
+
+
+WINDOW = Band("window", 3.8, 4.0)
+WIDE = (*BANDS, WINDOW, Band("water", 5.77, 6.6))
+
+
+def spectrum_of(signatures, **place):
+    return np.array([float(intensity(signatures, number, **place)[0]) for number in range(len(WIDE))])
+
+
+def of_propellant(name, profile="SLV"):
+    config = PlumeConfig(stages=1, rise_time_s=0.0, propellant=name)
+    return plume_signatures([config], context(profiles=(profile,), bands=WIDE))
+
+
+def test_soot_dies_with_height_and_leaves_the_gases():
+    sooty, clean = of_propellant("kerosene"), of_propellant("storable")
+    low, high = (spectrum_of(sooty, altitude_m=at) / spectrum_of(clean, altitude_m=at) for at in (5e3, 100e3))
+    assert low[3] > 10.0  # between the gases' bands soot is nearly all
+    assert high == pytest.approx(np.ones(len(WIDE)), abs=0.25)
+    window, swir = (
+        float(intensity(sooty, number, altitude_m=5e3)[0] / intensity(sooty, number, altitude_m=60e3)[0])
+        for number in (3, 0)
+    )
+    assert window > 1.5 * swir  # so the ratio of the two tells the height
+
+
+def test_alumina_outlives_afterburning():
+    share = [spectrum_of(of_propellant(fuel), altitude_m=100e3)[3] for fuel in ("solid", "kerosene", "storable")]
+    assert share[0] > 3.0 * share[1] > 3.0 * share[2] * 0.9
+
+
+def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
+    """Broadside is 4/π of the mean, which all wavelengths together and 4π sr make the radiated power."""
+    table = json.loads((Path(propellants_module.__file__).parents[1] / "data" / "propellants.json").read_text("utf-8"))
+    power_w = 3e9
+    for name, row in table["propellants"].items():
+        found = continuum_w_sr(propellants()[name], power_w, 0.4, 60.0) * np.pi / 4.0 * 4.0 * np.pi / power_w
+        assert found == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
+        assert row["source"]
+        assert row["spread"] > 1.0
+
+
+@pytest.mark.parametrize("name", ["kerosene", "solid"])
+def test_the_continuums_colour_is_that_of_its_particles(name):
+    """Soot of optical depth 1 at 4 µm is 1 - exp(-4/λ) of a black body, thin alumina a grey one."""
+    fuel = propellants()[name]
+
+    def summed(lower, upper):
+        wavelength = np.linspace(lower, upper, 20_001)
+        black = wavelength**-5 / np.expm1(14_387.768775 / (wavelength * fuel.temperature_k))
+        return np.trapezoid(black * (1.0 - np.exp(-4.0 / wavelength) if name == "kerosene" else 1.0), wavelength)
+
+    ours = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
+    assert ours == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
+
+
+def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
+    of_class = plume_signatures([PlumeConfig(stages=1)], context(profiles=("SLV",), bands=WIDE))
+    assert (
+        spectrum_of(of_class).tolist()
+        == spectrum_of(
+            plume_signatures([PlumeConfig(stages=1, propellant="kerosene")], context(profiles=("SLV",), bands=WIDE))
+        ).tolist()
+    )
+    doubled = {band: 2.0 * peak for band, peak in TABLE["peak_w_sr"]["SLV"].items()}
+    given = PlumeConfig(stages=1, peak_w_sr=doubled)
+    twice = spectrum_of(plume_signatures([given], context(profiles=("SLV",), bands=WIDE)))
+    np.testing.assert_allclose(twice, 2.0 * spectrum_of(of_class), rtol=1e-9)
+
+
+def test_hot_water_near_6_um_is_that_of_thin_gas_and_outlives_the_other_bands():
+    """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574 of near 2.7 µm, at
+    1000 K 2.20."""
+    bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))
+    peaks = {"SWIR": 1e5, "MWIR": 0.0, "LWIR": 0.0}
+    config = PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr=peaks, propellant="storable")
+    signatures = plume_signatures([config], context(bands=bands))
+    for altitude_m, ratio in ((20e3, 0.574), (40e3, 0.574), (100e3, 2.203)):
+        near_3, near_6 = (float(intensity(signatures, number, altitude_m=altitude_m)[0]) for number in (0, 1))
+        assert near_6 / near_3 == pytest.approx(ratio, rel=0.005)

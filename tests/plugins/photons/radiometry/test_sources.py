@@ -66,12 +66,12 @@ def test_a_bolide_flashes_on_its_way_down():
     sources = bolide_sources(config, context())
     times = np.array([100.0, 101.0, 102.0])
     place = ecef_to_geodetic(sources.trajectories.position_ecef_m(np.zeros(3, np.int32), times))
-    assert place.height_m[1] == pytest.approx(80e3 - 9_000.0, abs=50.0)
+    assert place.height_m[1] == pytest.approx(config.height_m - 9_000.0, abs=50.0)
     assert place.longitude_rad[1] > place.longitude_rad[0]
     assert np.degrees(place.latitude_rad[1]) == pytest.approx(10.0, abs=1e-3)
     shown = [float(intensity(sources, time_s=time)[0]) for time in times]
     assert shown[0] == pytest.approx(0.0, abs=1e-6 * shown[1])
-    assert shown[1] == pytest.approx(100.0 * band_radiance(4500.0, 2.5, 3.0), rel=1e-12)
+    assert shown[1] == pytest.approx(config.area_m2 * band_radiance(4500.0, 2.5, 3.0), rel=1e-12)
     assert shown[2] == pytest.approx(0.0, abs=1e-6 * shown[1])
 
 

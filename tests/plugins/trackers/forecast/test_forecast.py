@@ -10,6 +10,7 @@ from opir_trackers.forecast import burning_on, marginals
 from opir_trackers.forecast.burning_on import RemainingBurns, drawn_steering
 from opir_trackers.forecast.forecast import Forecasts, forecasts
 from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.planar_boost import drawn_stages
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import MISSILE, STAGES, vehicle_model
 from scipy.integrate import solve_ivp
@@ -97,7 +98,7 @@ class Flights:
 
     def __init__(self, count: int, seed: int) -> None:
         model, rng, drawn = vehicle_model(), np.random.default_rng(seed), 20 * count
-        stages, steering = marginals.drawn(model, MISSILE, drawn, rng), drawn_steering(drawn, model.data, seed)
+        stages, steering = drawn_stages(model, MISSILE, drawn, rng), drawn_steering(drawn, model.data, seed)
         range_m = marginals.ranges_m(marginals.flown(stages, steering))
         weight = np.where(np.isfinite(range_m), OUTCOMES.missiles(range_m).sum(axis=1), 0.0)
         rows = rng.choice(drawn, count, p=weight / weight.sum())

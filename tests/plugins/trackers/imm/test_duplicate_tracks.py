@@ -6,6 +6,7 @@ from opir_trackers.lines_of_sight import no_lines_of_sight
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])
+SEEN, OLD = np.ones((2, 2), dtype=bool), np.zeros(2, dtype=bool)
 
 
 def states(apart_m: float, sigma_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -24,18 +25,39 @@ def sightings(first: list[int], second: list[int]) -> SharedDetections:
 
 
 def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
-    assert duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS).tolist() == [False, True]
-    assert duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS[::-1]).tolist() == [True, False]
+    seen = sightings([1, 2], [3, 4])
+    for hits, lesser in ((HITS, [False, True]), (HITS[::-1], [True, False])):
+        assert duplicates(NUMBER, *states(3e3, 2e3), seen, hits, SEEN, OLD).tolist() == lesser
+
+
+def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pairing() -> None:
+    """With a third beside them, one of the first sensor alone and one of the second may be of different targets."""
+    number, hits, old = np.array([3, 7, 9]), np.array([40, 12, 30]), np.zeros(3, dtype=bool)
+    state, covariance = (np.concatenate([each, each[:1]]) for each in states(3e3, 2e3))
+    seen = SharedDetections(np.repeat(number, 2), np.zeros(6, dtype=np.int32), np.arange(6), np.zeros(6))
+    told = {
+        name: duplicates(number, state, covariance, seen, hits, sensors, fresh).tolist()
+        for name, sensors, fresh in (
+            ("all seen by both", np.ones((3, 2), dtype=bool), old),
+            ("the second by another", np.array([[True, False], [False, True], [True, False]]), old),
+            ("the second fresh", np.ones((3, 2), dtype=bool), np.array([False, True, False])),
+        )
+    }
+    assert told == {
+        "all seen by both": [False, True, True],
+        "the second by another": [False, False, True],
+        "the second fresh": [False, False, True],
+    }
 
 
 def test_one_scan_that_sees_both_or_too_few_scans_leave_two() -> None:
-    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS).any()
-    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS).any()
-    assert not duplicates(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS).any()
+    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS, SEEN, OLD).any()
+    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS, SEEN, OLD).any()
+    assert not duplicates(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD).any()
 
 
 def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() -> None:
-    told = duplicates(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS)
+    told = duplicates(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD)
     assert told.tolist() == [False, True]
 
 

@@ -7,7 +7,7 @@ from drawn_flights import flown
 from hypothesis import given, strategies as st
 from opir_scoring.containments import nees
 from opir_trackers.gating import GatedPairs
-from opir_trackers.imm.measurement_weights import (
+from opir_trackers.imm.outliers import (
     FRACTIONS,
     OutlierFractions,
     clean_log_likelihood,

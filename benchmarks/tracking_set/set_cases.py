@@ -1,0 +1,213 @@
+"""Cases of the tracking set: what is launched, who looks, and what is wrong with the looks.
+
+A scene is a case with a seed. All random numbers of a scene come from one Philox stream of case and seed.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from set_flights import MU, RADIUS_M, SPIN, drawn_vehicle, is_fit
+
+#: Published seeds; odd ones are free to tune on.
+SEEDS = (2, 4)
+IGNITION_S, TAIL_S = 10.0, 25.0
+GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
+LEO_ALTITUDE_M = 1200e3
+METRES_PER_RADIAN = 6371e3
+
+
+class Sensor(NamedTuple):
+    """A sensor in a circular orbit, and what is published of it.
+
+    Its looks come every `period_s` from `phase_s`. `sigma_rad` and `bias_sigma_rad` are as stated, per axis;
+    `true_bias_sigma_rad` is the one that is drawn from.
+    """
+
+    altitude_m: float
+    inclination_deg: float
+    node_deg: float
+    argument_deg: float
+    period_s: float
+    phase_s: float
+    sigma_rad: float
+    bias_sigma_rad: float
+    true_bias_sigma_rad: float
+    detection_probability: float
+    clutter_per_look: float
+
+    def position_m(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the ECEF positions (n, 3) at times (n,) since the epoch."""
+        radius = RADIUS_M + self.altitude_m
+        angle = np.radians(self.argument_deg) + np.sqrt(MU / radius**3) * time_s
+        tilt, node = np.radians(self.inclination_deg), np.radians(self.node_deg) - SPIN * time_s
+        along, across = np.cos(angle), np.sin(angle) * np.cos(tilt)
+        x = along * np.cos(node) - across * np.sin(node)
+        y = along * np.sin(node) + across * np.cos(node)
+        return radius * np.stack([x, y, np.sin(angle) * np.sin(tilt)], axis=1)
+
+
+class Case(NamedTuple):
+    """What the scenes of a case have in common.
+
+    `launches` maps numbers of stages to numbers of launches; these lie within `spread_km` of the middle; those of a
+    salvo are of one vehicle. `orbits` has one letter a sensor, G or L. Of the looks a share `wide_share` has
+    `WIDE` times the stated noise.
+    """
+
+    question: str
+    launches: Mapping[int, int]
+    orbits: str = "GG"
+    has_gaps: bool = False
+    spread_km: float = 300.0
+    is_salvo: bool = False
+    interval_s: float = 0.0
+    period_s: float = 1.0
+    sigma_urad: float = 20.0
+    bias_urad: float = 0.0
+    is_bias_stated: bool = True
+    clutter_per_look: float = 0.0
+    wide_share: float = 0.0
+    detection_probability: float = 0.95
+
+
+#: How much wider the noise of looks is whose stated noise is wrong.
+WIDE = 3.0
+#: Clutter falls within this distance from the middle of the launches, as seen by a sensor.
+CLUTTER_KM = 200.0
+
+CASES: Mapping[str, Case] = {
+    "one-launch": Case("one stage, two sensors: the simplest scene", {1: 1}),
+    "stages": Case("three stages without gaps", {3: 1}),
+    "gaps": Case("three stages, dark between them for 4 to 15 s", {3: 1}, has_gaps=True),
+    "one-sensor": Case("two stages, one sensor: no triangulation", {2: 1}, orbits="G"),
+    "slow-scanners": Case("two stages, a look every 10 s", {2: 1}, period_s=10.0),
+    "low-orbits": Case("two stages, three sensors in low orbit", {2: 1}, orbits="LLL", sigma_urad=60.0),
+    "high-and-low": Case("two stages, a sensor in high and one in low orbit", {2: 1}, orbits="GL"),
+    "salvo-10km": Case("six launches of one vehicle within 10 km", {1: 6}, spread_km=5.0, is_salvo=True),
+    "salvo-1km": Case("six launches of one vehicle within 1 km", {2: 6}, spread_km=0.5, is_salvo=True, period_s=2.0),
+    "clutter": Case(
+        "three launches, 5 000 clutter detections a look and steradian",
+        {1: 1, 2: 1, 3: 1},
+        spread_km=100.0,
+        period_s=2.0,
+        clutter_per_look=0.5,
+    ),
+    "bias-stated": Case("three launches, a bias of 60 µrad, stated", {1: 1, 2: 2}, bias_urad=60.0),
+    "bias-unstated": Case(
+        "three launches, a bias of 60 µrad, not stated", {1: 1, 2: 2}, bias_urad=60.0, is_bias_stated=False
+    ),
+    "wrong-noise": Case("three launches, 30 % of looks with 3 × the stated noise", {1: 2, 2: 1}, wide_share=0.3),
+    "raid": Case(
+        "nine launches in 30 s, three sensors, clutter",
+        {1: 4, 2: 3, 3: 2},
+        orbits="GGG",
+        spread_km=600.0,
+        interval_s=30.0,
+        period_s=2.0,
+        clutter_per_look=0.1,
+    ),
+}
+
+
+class Launch(NamedTuple):
+    """A launch: its stages, and the parameters of its flight (see `set_flights`)."""
+
+    stages: int
+    has_gaps: bool
+    row: np.ndarray
+
+
+class SetScene(NamedTuple):
+    """A scene of the set: sensors, launches, the middle of the launches (rad), and the stream of its looks."""
+
+    name: str
+    case: Case
+    sensors: tuple[Sensor, ...]
+    launches: tuple[Launch, ...]
+    middle: tuple[float, float]
+    rng: np.random.Generator
+
+
+def scene_of(name: str, seed: int) -> SetScene:
+    """Return the scene of a case with a seed."""
+    case = CASES[name]
+    rng = np.random.Generator(np.random.Philox(key=[list(CASES).index(name) + 1, seed]))
+    middle = float(np.arcsin(rng.uniform(-0.8, 0.8))), float(rng.uniform(-np.pi, np.pi))
+    sensors = tuple(_sensor(case, kind, number, middle, rng) for number, kind in enumerate(case.orbits))
+    return SetScene(f"{name}-{seed}", case, sensors, _launches(case, middle, rng), middle, rng)
+
+
+def _launches(case: Case, middle: tuple[float, float], rng: np.random.Generator) -> tuple[Launch, ...]:
+    """Return the launches of a scene: at random places, in a salvo of one vehicle at much the same time."""
+    found: list[Launch] = []
+    azimuth = rng.uniform(0.0, 2.0 * np.pi)
+    for stages, count in case.launches.items():
+        vehicle = _vehicle(stages, case.has_gaps, middle, rng)
+        for _ in range(count):
+            place = _place(middle, case.spread_km, rng)
+            if not case.is_salvo:
+                vehicle, azimuth = _vehicle(stages, case.has_gaps, place, rng), rng.uniform(0.0, 2.0 * np.pi)
+            delay_s = rng.uniform(0.0, max(case.interval_s, 5.0))
+            row = vehicle.copy()
+            row[:4] = *place, azimuth + (rng.uniform(-0.1, 0.1) if case.is_salvo else 0.0), IGNITION_S + delay_s
+            found.append(Launch(stages, case.has_gaps, np.round(row, 9)))
+    return tuple(found)
+
+
+def _vehicle(stages: int, has_gaps: bool, place: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+    """Return the parameters of a drawn vehicle that flies from a place, whichever way."""
+    while True:
+        row = drawn_vehicle(stages, has_gaps, rng)
+        row[:2] = place
+        if is_fit(row, stages):
+            return row
+
+
+def _place(middle: tuple[float, float], spread_km: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Return a random point within a distance from the middle, on a sphere."""
+    away, turn = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN, rng.uniform(0.0, 2.0 * np.pi)
+    latitude = middle[0] + away * np.cos(turn)
+    return float(latitude), float(middle[1] + away * np.sin(turn) / np.cos(middle[0]))
+
+
+def _sensor(case: Case, kind: str, number: int, middle: tuple[float, float], rng: np.random.Generator) -> Sensor:
+    """Return a sensor that sees the middle: over the equator on alternate sides of it, or passing it in low orbit."""
+    phase_s = float(np.round(rng.uniform(0.0, case.period_s), 3))
+    side = (-1.0) ** number * rng.uniform(0.35, 0.75) * (number < 2)
+    if kind == "G":
+        orbit = GEO_ALTITUDE_M, 0.0, float(np.round(np.degrees(middle[1] + side) % 360.0, 6)), 0.0
+    else:
+        orbit = _passing_orbit(middle, number, rng)
+    stated = case.bias_urad if case.is_bias_stated else 0.0
+    return Sensor(
+        *orbit,
+        case.period_s,
+        phase_s,
+        1e-6 * case.sigma_urad,
+        1e-6 * stated,
+        1e-6 * case.bias_urad,
+        case.detection_probability,
+        case.clutter_per_look,
+    )
+
+
+def _passing_orbit(
+    middle: tuple[float, float], number: int, rng: np.random.Generator
+) -> tuple[float, float, float, float]:
+    """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after the epoch."""
+    away, bearing = rng.uniform(0.1, 0.2), rng.uniform(0.0, 0.6) + 2.1 * number
+    latitude = middle[0] + away * np.cos(bearing)
+    longitude = middle[1] + away * np.sin(bearing) / np.cos(middle[0]) + SPIN * 100.0
+    heading = rng.uniform(0.0, 2.0 * np.pi)
+    flat = np.cos(latitude)
+    place = np.array([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)])
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    ahead = np.sin(heading) * east + np.cos(heading) * np.cross(place, east)
+    normal = np.cross(place, ahead)
+    tilt, node = np.arccos(normal[2]), np.arctan2(normal[0], -normal[1])
+    ascending = np.array([np.cos(node), np.sin(node), 0.0])
+    argument = np.arctan2(np.cross(normal, ascending) @ place, ascending @ place)
+    argument -= np.sqrt(MU / (RADIUS_M + LEO_ALTITUDE_M) ** 3) * 100.0
+    degrees = (float(np.round(np.degrees(angle) % 360.0, 6)) for angle in (tilt, node, argument))
+    return LEO_ALTITUDE_M, *degrees

@@ -1,0 +1,5 @@
+"""Coverage of launch places by a fleet of infrared sensors, and the bench of its sensors."""
+
+from opir_core.doors import door
+
+__getattr__, __dir__, __all__ = door(__spec__)

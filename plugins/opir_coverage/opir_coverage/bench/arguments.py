@@ -1,0 +1,85 @@
+"""The arguments of `opir physics`."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from opir_core.cli import add_overrides
+
+_CURVES = ("pd", "snr", "least-intensity", "first-report")
+_AGAINST = ("height", "aspect", "elevation", "cloud", "climate")
+
+
+def physics_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the quantities: a formula, and those of the bench."""
+    quantities = parser.add_subparsers(metavar="QUANTITY", required=True, dest="quantity")
+    _min_intensity(
+        quantities.add_parser("min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance")
+    )
+    budget = _on_bench(quantities, "budget", "noise of one look by term and band, NEI, NEDT; or the steps of its SNR")
+    budget.add_argument("--waterfall", action="store_true", help="steps of the SNR from source to decision, dB")
+    budget.add_argument("--band", default="", metavar="NAME", help="band of --waterfall (default: the reference band)")
+    curve = _on_bench(quantities, "curve", "P_d, SNR, least intensity or first report against a condition")
+    curve.add_argument("--of", choices=_CURVES, default="least-intensity", help="quantity (default least-intensity)")
+    curve.add_argument("--against", choices=_AGAINST, default="height", help="condition (default height)")
+    curve.add_argument("--values", type=_numbers, default=(), metavar="X,…", help="values of the condition")
+    _on_bench(quantities, "roc", "P_d of one look against false alarms a day, by threshold")
+    _on_bench(quantities, "false-alarms", "false alarms a day of each sensor by cause")
+    _on_bench(quantities, "window", "transmittance of the air in the bands of a sensor, by height")
+    frames = _on_bench(quantities, "frame", "one simulated frame of a focal plane, as PNG and arrays", run=_frame)
+    frames.add_argument("--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)")
+    frames.add_argument("--seed", type=int, default=1, help="seed of the noise and the background (default 1)")
+    frames.add_argument("-o", "--out", default="frame", metavar="FOLDER", help="folder of the files (default frame)")
+
+
+def _on_bench(quantities: Any, name: str, words: str, run: Callable[[argparse.Namespace], int] | None = None) -> Any:
+    parser = quantities.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
+    add = parser.add_argument
+    add("scene", nargs="?", metavar="SCENE", help="a scene file (YAML); without one, sensor models alone")
+    add("--sensor", action="append", default=[], metavar="NAME", help="id in the scene, or a model; repeatable")
+    add("--class", dest="classes", type=_names, default=("ICBM",), metavar="NAME,…", help="target class (default ICBM)")
+    add("--height", type=float, default=20.0, metavar="KM", help="height of the target (default 20)")
+    add("--elevation", type=float, default=40.0, metavar="DEG", help="of the sensor above its horizon (default 40)")
+    add(
+        "--aspect",
+        type=float,
+        default=90.0,
+        metavar="DEG",
+        help="between flight and sensor (default 90: from the side)",
+    )
+    add("--burned", type=float, default=0.4, metavar="SHARE", help="share of the burn that is over (default 0.4)")
+    add_overrides(parser)
+    if run is None:
+        add("--json", action="store_true", help="print JSON")
+        add("--plot", metavar="FILE", help="draw it into a .png, .svg or .pdf")
+    parser.set_defaults(run=run or _physics)
+    return parser
+
+
+def _min_intensity(parser: argparse.ArgumentParser) -> None:
+    from opir_coverage.bench.least_intensity import least_intensity_arguments
+
+    least_intensity_arguments(parser)
+
+
+def _physics(arguments: argparse.Namespace) -> int:
+    from opir_coverage.bench.command import physics
+
+    return physics(arguments)
+
+
+def _frame(arguments: argparse.Namespace) -> int:
+    from opir_coverage.bench.command import frame_command
+
+    return frame_command(arguments)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers with commas between") from None

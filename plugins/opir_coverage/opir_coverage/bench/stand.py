@@ -1,0 +1,241 @@
+"""A sensor on the bench: its scene, and targets posed before it, seen by the scene's own models."""
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from opir_core import Plan, Scene, compile_plan, scene_from_mapping
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.errors import ModelError
+from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, length, local_axes
+from opir_core.plugin import DetectionProbability, Exposures, Sensor, TargetClass, Trajectories
+from opir_core.reading import scene_mapping
+from opir_coverage.launches import detection_of, target_class_of
+
+#: The scene time at which posed targets are seen, s, their speed, m/s, and the least cosine of an angle that turns.
+_NOW_S, _SPEED_M_S, _LEAST = 3600.0, 1000.0, 1e-9
+#: What of a scene the bench leaves out.
+_LEFT_OUT: Mapping[str, Any] = {"targets": [], "sources": [], "outputs": [], "tracker": "none", "duration_s": 7200.0}
+#: The scene of a sensor alone.
+_ALONE: Mapping[str, Any] = {
+    "scene": "bench",
+    "epoch": "2026-04-01T12:00:00Z",
+    "seed": 1,
+    "detection": "snr",
+    "atmosphere": "lowtran",
+    "background": "earth",
+}
+
+
+@frozen(eq=False, kw_only=True)
+class Poses:
+    """Targets (n,) of a class: height, m, the sensor's elevation above their horizon and the aspect, rad, and the
+    share of the burn that is over."""
+
+    height_m: FloatArray
+    elevation_rad: FloatArray
+    aspect_rad: FloatArray
+    burned: FloatArray
+    target_class: str = "ICBM"
+
+    @classmethod
+    def of(cls, target_class: str = "ICBM", **values: Any) -> "Poses":
+        """Return poses of numbers and columns (`height_m`, …) in their common length; defaults stand in for others."""
+        whole = {
+            "height_m": 20e3,
+            "elevation_rad": math.radians(40.0),
+            "aspect_rad": 0.5 * math.pi,
+            "burned": 0.4,
+            **values,
+        }
+        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in whole.values()))
+        return cls(target_class=target_class, **dict(zip(whole, columns, strict=True)))
+
+    def __len__(self) -> int:
+        return len(self.height_m)
+
+
+@frozen(eq=False)
+class Signals:
+    """What one look sees of posed targets: P_d (n,), ranges (n,), m, and by band (n, B) expected signals over the
+    noise, the noise, W/m², and transmittances."""
+
+    chance: FloatArray
+    range_m: FloatArray
+    snr: FloatArray
+    noise_w_m2: FloatArray
+    transmittance: FloatArray
+
+    @property
+    def irradiance_w_m2(self) -> FloatArray:
+        """The irradiances (n, B) of the targets at the aperture, as the sensor takes them in."""
+        return self.snr * self.noise_w_m2
+
+    @property
+    def intensity_w_sr(self) -> FloatArray:
+        """The in-band intensities (n, B) at the source; nan where no light passes."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.irradiance_w_m2 * np.square(self.range_m)[:, None] / self.transmittance
+
+
+@frozen(eq=False)
+class PosedTargets(Trajectories):
+    """Targets that fly straight through their places at one time, in the direction that gives their aspect."""
+
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    class_names: Sequence[str]
+    place_m: FloatArray
+    heading: FloatArray
+    profile: str
+
+    @classmethod
+    def of(cls, plan: Plan, poses: Poses) -> "PosedTargets":
+        """Return targets posed before the first sensor of a plan."""
+        kind: TargetClass = target_class_of(plan, poses.target_class)
+        profile = kind.profiles[0]
+        count = len(poses)
+        code = np.full(count, kind.type_code, dtype=np.uint8)
+        ignition_s = _NOW_S - poses.burned * profile.burn_time_s
+        sensor_m = np.asarray(plan.sensors[0].orbit.position_ecef_m(np.array([_NOW_S])))[0]
+        place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
+        heading = _headings(sensor_m, place_m, poses.aspect_rad)
+        burnout_s = ignition_s + profile.burn_time_s
+        return cls(code, ignition_s, burnout_s, [kind.name] * count, place_m, heading, profile.name)
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) of targets (n,) at scene times (n,)."""
+        return self.place_m[target] + (_SPEED_M_S * (time_s - _NOW_S))[:, None] * self.heading[target]
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return the profile of each target."""
+        return [{"profile": self.profile}] * len(self.type_code)
+
+
+class Bench:
+    """One sensor of a scene, or a sensor model alone, with the scene's air and background."""
+
+    def __init__(self, mapping: Mapping[str, Any]) -> None:
+        self.mapping = mapping
+
+    @classmethod
+    def of_scene(cls, scene: Scene, sensor: str | None = None) -> "Bench":
+        """Return a scene's sensor of an id, or its first one; raises `ModelError` for an id that it does not have."""
+        whole = scene_mapping(scene)
+        ids = [each["id"] for each in whole["sensors"]]
+        if sensor is not None and sensor not in ids:
+            raise ModelError(f"--sensor: {sensor!r} is not one of {', '.join(ids)}")
+        chosen = whole["sensors"][0 if sensor is None else ids.index(sensor)]
+        return cls({**whole, **_LEFT_OUT, "sensors": [chosen]})
+
+    @classmethod
+    def of_model(cls, model: str) -> "Bench":
+        """Return a sensor model with its defaults at the slot of 0°, and orbits of its own where it has no slot."""
+        return cls({**_ALONE, **_LEFT_OUT, "sensors": [{"model": model, "id": model, "orbital_slot_deg": 0.0}]})
+
+    def changed(self, **changes: Any) -> "Bench":
+        """Return the bench with values of the scene replaced; keys are paths with `__` between: `sensor__ifov_urad`."""
+        whole: Any = copy.deepcopy(dict(self.mapping))
+        for path, value in changes.items():
+            *parents, last = path.replace("sensor__", "sensors__0__", 1).split("__")
+            at = whole
+            for name in parents:
+                at = at[int(name)] if name.isdigit() else at[name]
+            at[last] = value
+        return Bench(whole)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan of the bench."""
+        return compile_plan(scene_from_mapping(self.mapping))
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor on the bench."""
+        return self.plan.sensors[0]
+
+    def background(self) -> dict[str, Any]:
+        """Return the block of the scene's background, with all its settings."""
+        return dict(scene_mapping(self.plan.scene)["background"])
+
+    def focal_plane(self) -> dict[str, Any]:
+        """Return the settings of the sensor's focal plane, {} without one."""
+        return dict(self.sensor.settings.get("focal_plane") or {})
+
+    def whole(self) -> "Bench":
+        """Return the bench with all settings of its sensor written out, for changes of single ones."""
+        sensors = scene_mapping(self.plan.scene)["sensors"]
+        return Bench({**self.mapping, "sensors": sensors})
+
+    def model(self, poses: Poses) -> tuple[DetectionProbability, Exposures]:
+        """Return the scene's detection model for posed targets, and one look at each."""
+        targets = PosedTargets.of(self.plan, poses)
+        model, _ = detection_of(self.plan, targets)
+        return model, self._exposures(targets, poses)
+
+    def signals(self, poses: Poses) -> Signals:
+        """Return what one look sees of targets; raises `ModelError` for a scene whose detection has no signals."""
+        model, looks = self.model(poses)
+        response = model.response(looks)
+        if response is None or response.probit is None:
+            raise ModelError("the bench needs detection: snr; the scene's detection model has no signals")
+        passed = [_transmittance(model, looks, band) for band in self.sensor.bands]
+        width = len(self.sensor.bands)
+        chance = ndtr(response.probit)
+        snr, noise = response.snr[:, :width], response.noise_w_m2[:, :width]
+        return Signals(chance, looks.range_m, snr, noise, np.stack(passed, axis=1))
+
+    def _exposures(self, targets: PosedTargets, poses: Poses) -> Exposures:
+        count, now = len(poses), np.full(len(poses), _NOW_S)
+        sensor_m = np.asarray(self.sensor.orbit.position_ecef_m(now))
+        way = sensor_m - targets.place_m
+        range_m = length(*way.T)
+        up = local_axes(targets.place_m)[:, 2]
+        return Exposures(
+            time_s=now,
+            emission_time_s=now,
+            scan=np.zeros(count, dtype=np.int64),
+            sensor=np.zeros(count, dtype=np.int32),
+            target=np.arange(count, dtype=np.int32),
+            range_m=range_m,
+            elevation_sine=(way * up).sum(axis=1) / range_m,
+            target_ecef_m=targets.place_m,
+            sensor_ecef_m=sensor_m,
+        )
+
+
+def _transmittance(model: DetectionProbability, looks: Exposures, band: Any) -> FloatArray:
+    passed = model.transmittance(looks, band)
+    return np.full(len(looks), np.nan) if passed is None else passed
+
+
+def _places_m(sensor_m: FloatArray, height_m: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+    """Return places (n, 3), ECEF, m, north of the point below a sensor, from which it has these elevations."""
+    radius_m = float(np.linalg.norm(sensor_m))
+    share = (EARTH_EQUATORIAL_RADIUS_M + height_m) / radius_m * np.cos(elevation_rad)
+    angle = np.arccos(np.minimum(share, 1.0)) - elevation_rad
+    below = sensor_m / radius_m
+    north = local_axes(sensor_m)[1]
+    direction = np.cos(angle)[:, None] * below + np.sin(angle)[:, None] * north
+    found = ecef_to_geodetic(direction * EARTH_EQUATORIAL_RADIUS_M)
+    return geodetic_to_ecef(found.latitude_rad, found.longitude_rad, height_m)
+
+
+def _headings(sensor_m: FloatArray, place_m: FloatArray, aspect_rad: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 3) at these angles to the directions to a sensor."""
+    way = sensor_m - place_m
+    way /= length(*way.T)[:, None]
+    across = np.cross(way, local_axes(place_m)[:, 2])
+    size = length(*across.T)
+    east = local_axes(place_m)[:, 0]
+    across = np.where(size[:, None] > _LEAST, across / np.maximum(size, _LEAST)[:, None], east)
+    return np.cos(aspect_rad)[:, None] * way + np.sin(aspect_rad)[:, None] * across

@@ -1,0 +1,195 @@
+"""Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
+
+Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed
+and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; the pointing bias
+of a sensor is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d.
+The bounds are of a tracker that knows the profile: real ones, which do not, have larger errors.
+
+Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.flight import kepler_impact, launch_site
+from opir_coverage.launches import GridBoosts, LaunchPlaces
+
+#: Steps of differences: of burnout speed, as a share of it, and of the flight path angle, rad.
+_SPEED_SHARE, _ANGLE_RAD = 1e-4, 1e-4
+#: Scales of the unknowns: metres north and east, seconds, azimuth in rad, burnout speed in m/s, angle in rad.
+_SCALES = np.array([1e3, 1e3, 1.0, 1e-2, 10.0, 1e-2])
+#: Unknowns in units of `_SCALES` with less information than this are not observable.
+_LEAST_INFORMATION = 1e-12
+
+
+@frozen(eq=False)
+class LaunchSlopes:
+    """Derivatives (n, 3, 6) of positions by the unknowns of launches, in units of `_SCALES`."""
+
+    places: LaunchPlaces
+    path: GridBoosts
+    faster: GridBoosts
+    steeper: GridBoosts
+
+    @classmethod
+    def of(cls, places: LaunchPlaces) -> "LaunchSlopes":
+        """Return the derivatives of launches from places."""
+        speed_m_s = _SPEED_SHARE * places.profile.burnout_speed_m_s
+        faster, steeper = places.path(0.0, speed_m_s=speed_m_s), places.path(0.0, angle_rad=_ANGLE_RAD)
+        return cls(places, places.path(0.0), faster, steeper)
+
+    def at(self, since_s: float) -> FloatArray:
+        """Return the derivatives of positions at a time since ignition, s, for observers by the clock."""
+        position, velocity, faster, steeper = self._states(since_s)
+        slopes = self._moved(position - self.path.launch_m, position)
+        slopes[:, :, 2] = -velocity
+        slopes[:, :, 4], slopes[:, :, 5] = faster[0], steeper[0]
+        return slopes * _SCALES
+
+    def at_burnout(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return positions and velocities (n, 3) at burnout, and the derivatives (n, 3, 6) of both."""
+        position, velocity, faster, steeper = self._states(self.places.profile.burn_time_s)
+        slopes = self._moved(position - self.path.launch_m, position)
+        turned = self._moved(velocity, velocity, is_free=True)
+        for column, other in ((4, faster), (5, steeper)):
+            slopes[:, :, column], turned[:, :, column] = other
+        return position, velocity, slopes * _SCALES, turned * _SCALES
+
+    def _states(self, since_s: float) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
+        everyone = np.arange(len(self.places))
+        now = np.full(len(everyone), min(since_s, self.path.burnout_s))
+        own = self.path.state(everyone, now)
+        speed_m_s = _SPEED_SHARE * self.places.profile.burnout_speed_m_s
+        faster = [(new - old) / speed_m_s for new, old in zip(self.faster.state(everyone, now), own, strict=True)]
+        steeper = [(new - old) / _ANGLE_RAD for new, old in zip(self.steeper.state(everyone, now), own, strict=True)]
+        return *own, faster, steeper
+
+    def _moved(self, offset: FloatArray, position: FloatArray, *, is_free: bool = False) -> FloatArray:
+        """Return derivatives of vectors by the launch's place and azimuth: rotations about the launch's axes.
+
+        `offset` is from the launch, `position` from the Earth's axis; free vectors turn only.
+        """
+        site = launch_site(self.places.latitude_rad, self.places.longitude_rad, np.zeros(len(self.places)))
+        east, up = site.axes[:, 0], site.axes[:, 2]
+        pole = np.broadcast_to(np.array([0.0, 0.0, 1.0]), up.shape)
+        from_centre = offset if is_free else offset + site.meridian_radius_m[:, None] * up
+        slopes = np.zeros((*offset.shape, 6))
+        slopes[:, :, 0] = np.cross(-east, from_centre) / site.meridian_radius_m[:, None]
+        parallel_m = site.normal_radius_m * np.cos(self.places.latitude_rad)
+        slopes[:, :, 1] = np.cross(pole, position) / parallel_m[:, None]
+        slopes[:, :, 3] = np.cross(-up, offset)
+        return slopes
+
+
+class LaunchInformation:
+    """Fisher information (n, 6, 6) of the unknowns of launches, added sensor by sensor."""
+
+    def __init__(self, cells: int) -> None:
+        self.whole = np.zeros((cells, 6, 6))
+
+    def add(self, parts: "SensorInformation", bias_sigma_rad: float) -> None:
+        """Add a sensor's looks, with its pointing bias as an unknown of this standard deviation."""
+        own = parts.own
+        if bias_sigma_rad > 0.0:
+            shared = parts.bias + np.eye(3) / bias_sigma_rad**2
+            own = own - np.matmul(parts.cross, np.linalg.solve(shared, parts.cross.transpose(0, 2, 1)))
+        self.whole += own
+
+    def covariance(self) -> FloatArray:
+        """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan where something is not observable."""
+        values, vectors = np.linalg.eigh(self.whole)
+        is_known = values[:, 0] > _LEAST_INFORMATION * np.maximum(values[:, -1], 1e-300)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            covariance = np.matmul(vectors / values[:, None, :], vectors.transpose(0, 2, 1))
+        return np.where(is_known[:, None, None], covariance, np.nan)
+
+
+class SensorInformation:
+    """What one sensor's looks say: information (n, 6, 6) of the unknowns, (n, 3, 3) of its bias, and of both."""
+
+    def __init__(self, cells: int) -> None:
+        self.own, self.cross, self.bias = np.zeros((cells, 6, 6)), np.zeros((cells, 6, 3)), np.zeros((cells, 3, 3))
+
+    def add(
+        self,
+        rows: IntArray,
+        slopes: NDArray[np.floating],
+        direction: FloatArray,
+        range_m: FloatArray,
+        weight: FloatArray,
+    ) -> None:
+        """Add looks at cells `rows` (n,): slopes (n, 3, 6), unit directions (n, 3), ranges and weights 1/σ² (n,)."""
+        along = np.matmul(direction[:, None, :], slopes)
+        across = slopes - direction[:, :, None] * along
+        turned = across.transpose(0, 2, 1)
+        self.own[rows] += np.matmul(turned, across) * (weight / range_m**2)[:, None, None]
+        self.cross[rows] += turned * (weight / range_m)[:, None, None]
+        self.bias[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[:, None, None]
+
+
+@frozen(eq=False)
+class BurnoutBounds:
+    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and the impact."""
+
+    launch_m: FloatArray
+    velocity_m_s: FloatArray
+    impact_m: FloatArray
+
+
+@frozen(eq=False)
+class BurnSlopes:
+    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what `at_burnout` returns."""
+
+    moved: Sequence[NDArray[np.float32]]
+    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, slopes: LaunchSlopes, samples: int) -> "BurnSlopes":
+        """Return the derivatives at ends of parts of the burn."""
+        since_s = np.linspace(0.0, slopes.places.profile.burn_time_s, samples + 1).tolist()
+        return cls([slopes.at(each).astype(np.float32) for each in since_s], slopes.at_burnout())
+
+
+def burnout_bounds(
+    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray], covariance: FloatArray, *, comes_down: bool
+) -> BurnoutBounds:
+    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down.
+
+    `burnout` is as `LaunchSlopes.at_burnout` returns it.
+    """
+    position, velocity, moved, turned = burnout
+    launch_m = np.sqrt(covariance[:, 0, 0] * _SCALES[0] ** 2 + covariance[:, 1, 1] * _SCALES[1] ** 2)
+    impact_m = np.full(len(launch_m), np.nan)
+    if comes_down:
+        impact_m = _spread(_impact_slopes(position, velocity, moved, turned), covariance)
+    return BurnoutBounds(launch_m, _spread(turned, covariance), impact_m)
+
+
+def _spread(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return √tr(G P Gᵀ) (n,)."""
+    return np.sqrt(np.einsum("nij,njk,nik->n", slopes, covariance, slopes, optimize=True))
+
+
+def _impact_slopes(position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray) -> FloatArray:
+    """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central differences."""
+    slopes = np.zeros(moved.shape)
+    for column in (0, 1, 3, 4, 5):
+        one, other = moved[:, :, column], turned[:, :, column]
+        ahead, behind = (_impacts(position + sign * one, velocity + sign * other) for sign in (0.05, -0.05))
+        slopes[:, :, column] = (ahead - behind) / 0.1
+    return slopes
+
+
+def _impacts(position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return impact points (n, 3) in ECEF of free flights from states (n, 3) in ECEF."""
+    spin = EARTH_ROTATION_RAD_S
+    inertial = velocity + spin * np.stack([-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1)
+    time_s, point = kepler_impact(position, inertial)
+    cosine, sine = np.cos(spin * time_s), np.sin(spin * time_s)
+    x, y, z = point.T
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)

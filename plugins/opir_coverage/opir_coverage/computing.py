@@ -1,0 +1,111 @@
+"""The coverage of a scene: its layers over a grid, from geometry to bounds at burnout."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from opir_core import Host, Plan, Scene, compile_plan, load_scene
+from opir_core.errors import ModelError
+from opir_core.planning import distinct_bands
+from opir_coverage.geometry_layers import geometry_layers
+from opir_coverage.grid import PlaceGrid
+from opir_coverage.launch_layers import band_title, launch_layers, launch_times_s
+from opir_coverage.layers import PLACES, CoverageMap, Layer
+from opir_coverage.settings import CoverageSettings, Requirement
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def coverage(scene: Scene | Plan | str | Path, **settings: Any) -> "xarray.Dataset":
+    """Return the coverage of a scene as an `xarray.Dataset`; the settings are those of `CoverageSettings`.
+
+    Raises `ModelError` for settings that are not possible, and where xarray is not installed.
+    """
+    try:
+        return computed_coverage(scene, made_settings(**settings)).xarray()
+    except ImportError as error:
+        remedy = "python -m pip install 'opir-coverage[xarray]'"
+        raise ModelError(f"opir_coverage.coverage needs xarray: {remedy}") from error
+
+
+def made_settings(**settings: Any) -> CoverageSettings:
+    """Return settings; raises `ModelError` for those that are not possible."""
+    try:
+        return CoverageSettings(**settings)
+    except (TypeError, ValueError) as error:
+        raise ModelError(str(error)) from error
+
+
+def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettings) -> CoverageMap:
+    """Return the coverage of a scene, of a file or of a plan."""
+    if isinstance(scene, str | Path):
+        scene = load_scene(scene)
+    plan = scene if isinstance(scene, Plan) else compile_plan(scene, Host.discover())
+    if not plan.sensors:
+        raise ModelError("the scene has no sensors, so nothing is covered")
+    try:
+        grid = PlaceGrid.of(settings.grid_deg)
+    except ValueError as error:
+        raise ModelError(f"--grid: {error}") from error
+    layers, time_s = geometry_layers(plan, grid, settings)
+    if settings.target_class is not None:
+        layers += launch_layers(plan, grid, settings)
+    coordinates: dict[str, Any] = {
+        "band": [band_title(band) for band in distinct_bands(plan.sensors)],
+        "assets": list(settings.assets),
+        "height": list(settings.heights_km),
+        "azimuth": list(settings.azimuths_deg),
+        "launch_time": launch_times_s(settings).tolist(),
+        "time": time_s.tolist(),
+    }
+    used = {name for each in layers for name in each.dims}
+    whole = CoverageMap(
+        grid,
+        {name: values for name, values in coordinates.items() if name in used},
+        layers,
+        _attributes(plan, settings),
+    )
+    return _with_shares(whole, settings.requirements)
+
+
+def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
+    """Return what a coverage is of, as text."""
+    from opir_core import __version__
+
+    launched = settings.target_class or "none"
+    epoch = datetime.fromtimestamp(plan.scene.epoch_us * 1e-6, tz=UTC)
+    return {
+        "title": f"Coverage of {plan.scene.name}",
+        "scene": plan.scene.name,
+        "epoch": f"{epoch:%Y-%m-%dT%H:%M:%SZ}",
+        "sensors": ", ".join(each.id for each in plan.sensors),
+        "launches": f"{launched} {settings.profile}".strip(),
+        "probability": f"{settings.chance:g}",
+        "track": f"{settings.track_reports} reports",
+        "source": f"opir {__version__}, opir-coverage",
+    }
+
+
+def _with_shares(whole: CoverageMap, requirements: tuple[Requirement, ...]) -> CoverageMap:
+    """Return a coverage with a layer for each requirement: the share of the day at which it is met."""
+    added = [_share_layer(whole, each, number + 1) for number, each in enumerate(requirements)]
+    return CoverageMap(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes) if added else whole
+
+
+def _share_layer(whole: CoverageMap, requirement: Requirement, number: int) -> Layer:
+    try:
+        layer = whole[requirement.layer]
+    except KeyError as error:
+        raise ModelError(f"--require: {error.args[0]}") from error
+    met = requirement.is_met(np.asarray(layer.values))
+    over = [axis for axis, name in enumerate(layer.dims) if name in ("time", "launch_time", "azimuth")]
+    share = 100.0 * met.mean(axis=tuple(over)) if over else 100.0 * met
+    dims = tuple(name for name in layer.dims if name not in ("time", "launch_time", "azimuth"))
+    words = f"share of the instants (and azimuths) at which {requirement}"
+    return Layer(f"share_{number}", f"Share of the day with {requirement}", "percent", dims, share, words)
+
+
+__all__ = ["PLACES", "computed_coverage", "coverage", "made_settings"]

@@ -1,0 +1,173 @@
+"""Layers of geometry alone: sensors in view over a day, and the figures of merit of access and gaps."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core import Plan
+from opir_core.arrays import BoolArray, FloatArray
+from opir_coverage import merits
+from opir_coverage.grid import PlaceGrid, SeenPoints
+from opir_coverage.layers import Layer
+from opir_coverage.settings import CoverageSettings
+from opir_coverage.stereo import dilution_m, directions, stereo_angles_rad
+from opir_coverage.visibility import Fleet, SightMap, day_s
+
+#: Dilution of precision is given for a microradian.
+_PER_URAD = 1e-6
+
+
+def geometry_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> tuple[list[Layer], FloatArray]:
+    """Return the layers of visibility of points at rest above the cells, and the instants (T,), s."""
+    time_s = day_s(settings.steps, 3600.0 * settings.hours)
+    fleet = Fleet.of(plan, time_s)
+    shape, in_view = grid.shape, []
+    stereo, dilution = [], []
+    for height_km in settings.heights_km:
+        points = SeenPoints.above(grid, 1e3 * height_km)
+        sight = SightMap.of(fleet, points)
+        in_view.append(sight.in_view())
+        if settings.target_class is not None:
+            angles, spread = _crossing(fleet, sight, points)
+            stereo.append(angles)
+            dilution.append(spread)
+    counts = np.stack(in_view)
+    layers = list(_access_layers(counts, settings, shape))
+    if stereo:
+        layers += _crossing_layers(np.stack(stereo), np.stack(dilution), shape)
+    return layers, time_s
+
+
+def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatArray, FloatArray]:
+    """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single precision."""
+    angles, spreads = [], []
+    for step in range(len(sight.bits)):
+        seeing = sight.seeing(step)
+        is_seen = seeing >= 0
+        direction, range_m = directions(points, fleet.position_m[seeing, step])
+        angles.append(np.degrees(stereo_angles_rad(direction, is_seen)).astype(np.float32))
+        spreads.append((dilution_m(direction, range_m, is_seen) * _PER_URAD).astype(np.float32))
+    shape = (sight.steps, sight.cells)
+    return np.broadcast_to(np.stack(angles), shape), np.broadcast_to(np.stack(spreads), shape)
+
+
+def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]) -> Iterator[Layer]:
+    """Yield the layers of numbers in view (heights, T, cells)."""
+    of_all = ("height", "time")
+    yield Layer(
+        "in_view",
+        "Sensors in view",
+        "1",
+        of_all,
+        _on_grid(counts, shape),
+        "N Asset Coverage: sensors that see the point",
+    )
+    least, most = counts.min(axis=1), counts.max(axis=1)
+    mean = counts.mean(axis=1, dtype=np.float32)
+    for name, word, values in (("min", "least", least), ("mean", "mean", mean), ("max", "most", most)):
+        title, words = f"Sensors in view, {word}", f"N Asset Coverage, {word} over the time"
+        yield Layer(f"in_view_{name}", title, "1", ("height",), _on_grid(values, shape), words)
+    found: dict[str, list[FloatArray]] = {}
+    for assets in settings.assets:
+        for count in counts:
+            own = _merits(merits.is_covered(count, assets), 3600.0 * settings.hours / settings.steps)
+            for name, values in own.items():
+                found.setdefault(name, []).append(values)
+    leading = (len(settings.assets), len(counts))
+    for name, rows in found.items():
+        title, unit, words = _MERITS[name]
+        values = np.stack(rows).reshape(*leading, *shape)
+        yield Layer(name, title, unit, ("assets", "height"), values, words)
+
+
+#: Title, unit and definition of each figure of merit.
+_MERITS = {
+    "covered": ("Simple coverage", "1", "Simple Coverage: 1 where enough sensors see the point at any time"),
+    "coverage_time": ("Coverage time", "percent", "Coverage Time, percent of the interval"),
+    "accesses": ("Accesses", "1", "Number of Accesses"),
+    "access_duration_min": ("Access duration, least", "s", "Access Duration, minimum"),
+    "access_duration_mean": ("Access duration, mean", "s", "Access Duration, average"),
+    "access_duration_max": ("Access duration, longest", "s", "Access Duration, maximum"),
+    "gaps": ("Gaps", "1", "Number of Gaps"),
+    "revisit_time_min": ("Revisit time, least", "s", "Revisit Time: the duration of a gap, minimum"),
+    "revisit_time_mean": ("Revisit time, mean", "s", "Revisit Time: the duration of a gap, average"),
+    "revisit_time_max": ("Revisit time, longest", "s", "Revisit Time: the duration of a gap, maximum"),
+    "time_average_gap": ("Time average gap", "s", "Time Average Gap: sum of squared gaps over the interval"),
+    "response_time_mean": ("Response time, mean", "s", "Response Time: from a request to the next access, average"),
+    "response_time_max": ("Response time, longest", "s", "Response Time, maximum"),
+    "age_of_data_mean": ("Age of data, mean", "s", "Age of Data: since the end of the last access, average"),
+    "age_of_data_max": ("Age of data, oldest", "s", "Age of Data, maximum"),
+}
+
+
+def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
+    """Return the figures of merit (cells,) of a point's coverage (T, cells)."""
+    interval_s = step_s * len(covered)
+    access, gap = merits.runs(covered, step_s), merits.runs(~covered, step_s)
+    wait, age = merits.response_times_s(covered, step_s), merits.ages_of_data_s(covered, step_s)
+    known = np.isfinite(age)
+    sampled = np.maximum(known.sum(axis=0), 1)
+    none = ~known.any(axis=0)
+    with np.errstate(invalid="ignore"):
+        return {
+            "covered": merits.simple_coverage(covered),
+            "coverage_time": 100.0 * merits.coverage_time_s(covered, step_s) / interval_s,
+            "accesses": access.number,
+            "access_duration_min": access.least_s,
+            "access_duration_mean": access.mean_s,
+            "access_duration_max": access.most_s,
+            "gaps": gap.number,
+            "revisit_time_min": gap.least_s,
+            "revisit_time_mean": gap.mean_s,
+            "revisit_time_max": gap.most_s,
+            "time_average_gap": merits.time_average_gap_s(gap, interval_s),
+            "response_time_mean": wait.mean(axis=0),
+            "response_time_max": wait.max(axis=0),
+            "age_of_data_mean": np.where(none, np.nan, np.where(known, age, 0.0).sum(axis=0) / sampled),
+            "age_of_data_max": np.where(none, np.nan, np.where(known, age, 0.0).max(axis=0)),
+        }
+
+
+def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, int]) -> list[Layer]:
+    layers = [
+        Layer(
+            "stereo_angle",
+            "Stereo angle",
+            "degree",
+            ("height", "time"),
+            _on_grid(angles, shape),
+            "angle between the two lines of sight that are nearest to a right angle; nan below two sensors",
+        ),
+        Layer(
+            "dilution",
+            "Dilution of precision",
+            "m/urad",
+            ("height", "time"),
+            _on_grid(spreads, shape),
+            "Dilution of Precision of lines of sight: rms position error for an error of 1 urad per axis",
+        ),
+    ]
+    for name, unit, values, title in (
+        ("stereo_angle", "degree", angles, "Stereo angle"),
+        ("dilution", "m/urad", spreads, "Dilution of precision"),
+    ):
+        known = np.isfinite(values)
+        count = known.sum(axis=1)
+        for word, filled, reduce in (
+            ("min", np.inf, np.min),
+            ("mean", 0.0, np.sum),
+            ("max", -np.inf, np.max),
+        ):
+            found = reduce(np.where(known, values, np.float32(filled)), axis=1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                found = found / count if word == "mean" else found
+            found = np.where(count > 0, found, np.nan)
+            words = f"{title}, {word} over the time in which there is one"
+            layers.append(Layer(f"{name}_{word}", f"{title}, {word}", unit, ("height",), _on_grid(found, shape), words))
+    return layers
+
+
+def _on_grid(values: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    return values.reshape(*values.shape[:-1], *shape)

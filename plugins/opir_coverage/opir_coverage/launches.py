@@ -1,0 +1,164 @@
+"""Launches of one class from every cell of a grid, and the models that see them: the engine's own, in columns."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+from numpy.typing import NDArray
+
+from opir_core import Plan
+from opir_core.arrays import FloatArray, IndexArray, IntArray, RowArray
+from opir_core.errors import ModelError
+from opir_core.flight import BoostPath, ascent, boost_path, launch_site
+from opir_core.interfaces import Surroundings
+from opir_core.planning import Targets, join_targets
+from opir_core.plugin import BoostProfile, DetectionProbability, ModelContext, TargetClass, TargetModel, Trajectories
+from opir_core.scene import Choice
+from opir_coverage.grid import PlaceGrid
+
+_ID = "launch"
+
+
+@frozen(eq=False)
+class LaunchPlaces:
+    """Launch places (n,), rad, and the class, the profile and the azimuth, rad, of the launches from them."""
+
+    latitude_rad: FloatArray
+    longitude_rad: FloatArray
+    target_class: TargetClass
+    profile: BoostProfile
+    azimuth_rad: float
+
+    @classmethod
+    def of(cls, grid: PlaceGrid, kind: TargetClass, azimuth_rad: float, profile: str = "") -> "LaunchPlaces":
+        """Return launches from the cells of a grid, of the class's first profile or one by name."""
+        known = {each.name: each for each in kind.profiles}
+        chosen = known.get(profile) if profile else kind.profiles[0]
+        if chosen is None:
+            raise ValueError(f"{kind.name} has no profile {profile!r}; it has {', '.join(known)}")
+        return cls(*grid.places_rad(), kind, chosen, azimuth_rad)
+
+    def __len__(self) -> int:
+        return len(self.latitude_rad)
+
+    def path(self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0) -> "GridBoosts":
+        """Return the boosts of launches at a scene time, with offsets of burnout speed and flight path angle."""
+        latitude, row = np.unique(self.latitude_rad, return_inverse=True)
+        one = np.ones(len(latitude))
+        angle = self.profile.burnout_flight_path_angle_rad + angle_rad
+        course = ascent([self.profile] * len(latitude), angle * one)
+        site = launch_site(latitude, 0.0 * one, 0.0 * one)
+        speed = (self.profile.burnout_speed_m_s + speed_m_s) * one
+        path = boost_path(site, ignition_s, self.azimuth_rad * one, speed, course)
+        return GridBoosts(path, row, np.cos(self.longitude_rad), np.sin(self.longitude_rad))
+
+
+@frozen(eq=False)
+class GridBoosts:
+    """Boosts (n,): those of `path`, one for each latitude, turned about the Earth's axis to their longitudes."""
+
+    path: BoostPath
+    row: IntArray
+    cosine: FloatArray
+    sine: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def ignition_s(self) -> float:
+        """The scene time of all launches."""
+        return float(self.path.ignition_s[0])
+
+    @property
+    def burnout_s(self) -> float:
+        """The scene time of all burnouts."""
+        return float(self.path.burnout_s[0])
+
+    @property
+    def launch_m(self) -> FloatArray:
+        """The launch points (n, 3), ECEF, m."""
+        return self._turned(self.path.plane.launch_m[self.row], np.arange(len(self)))
+
+    def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
+        rows = self.row[target]
+        if len(time_s) and time_s.min() == time_s.max():
+            each = np.arange(len(self.path.ignition_s))
+            position, velocity = self.path.state(each, np.full(len(each), time_s[0]))
+            own = position[rows], velocity[rows]
+        else:
+            own = self.path.state(rows, time_s)
+        return self._turned(own[0], target), self._turned(own[1], target)
+
+    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray) -> FloatArray:
+        x, y, z = vector_m.T
+        cosine, sine = self.cosine[target], self.sine[target]
+        return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+
+
+@frozen(eq=False)
+class GridLaunches(Trajectories):
+    """The boosts of launches from a grid, as trajectories."""
+
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    class_names: Sequence[str]
+    path: GridBoosts
+    profile: str
+
+    @classmethod
+    def of(cls, places: LaunchPlaces, path: GridBoosts) -> "GridLaunches":
+        """Return the launches from places on their paths."""
+        code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
+        times_s = np.full(len(places), path.ignition_s), np.full(len(places), path.burnout_s)
+        return cls(code, *times_s, [places.target_class.name] * len(places), path, places.profile.name)
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) of launches (n,) at scene times (n,)."""
+        return self.path.state(target, time_s)[0]
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return the profile of each launch."""
+        return [{"id": _ID, "profile": self.profile}] * len(self.type_code)
+
+
+@frozen
+class _Launch:
+    """What models of light read of a scene's target: here one for all launches."""
+
+    model: Choice
+    id: str = _ID
+    signature: None = None
+
+
+def detection_of(plan: Plan, launches: Trajectories) -> tuple[DetectionProbability, Targets]:
+    """Return a scene's detection model for launches from a grid, and these as targets."""
+    count = len(launches.type_code)
+    targets = join_targets([_ID] * count, [launches], [range(count)])
+    model = Choice(TargetModel.hook, "ballistic", None, "--class")
+    launch: Any = _Launch(model)
+    scene = evolve(plan.scene, targets=(launch,), sources=())
+    context = ModelContext(
+        sensors=plan.sensors,
+        target_type_code=targets.type_code,
+        class_names=targets.class_names,
+        target_class=partial(plan.host.component, TargetClass),
+        reported_types=plan.reported_types,
+        hypotheses=plan.hypotheses,
+        surroundings=Surroundings(scene, plan.host, plan.sensors, targets, ()),
+    )
+    choice = plan.scene.detection
+    component = plan.host.component(choice.hook, choice.name, choice.path)
+    return DetectionProbability.adopt(component.build(choice.config, context)), targets
+
+
+def target_class_of(plan: Plan, name: str) -> TargetClass:
+    """Return a target class by name; raises `ModelError` for one that nothing offers."""
+    known = plan.host.names(TargetClass.hook)
+    if name not in known:
+        raise ModelError(f"--class: {name!r} is not one of {', '.join(sorted(known))}")
+    return plan.host.component(TargetClass, name)

@@ -1,0 +1,127 @@
+"""Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least intensities."""
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from scipy.special import ndtr, ndtri
+
+from opir_core import Plan
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.flight import height_m as height_m_of
+from opir_core.geometry import length
+from opir_core.planning import Targets
+from opir_core.plugin import Band, DetectionProbability, Exposures, Response
+from opir_coverage.grid import SeenPoints
+from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
+from opir_coverage.visibility import Fleet
+
+#: Largest error of P_d of a look: the default `probability_tolerance` of runs.
+_SLACK = 1e-4
+
+
+@frozen(eq=False)
+class GridLooks:
+    """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines of sight, rad.
+
+    `range_m` (n,), `direction` (n, 3) from the target to the sensor; `least_w_sr` are the intensities (n,) by band.
+    """
+
+    rows: IntArray
+    probit: FloatArray
+    sigma_rad: FloatArray
+    range_m: FloatArray
+    direction: FloatArray
+    least_w_sr: Mapping[Band, FloatArray]
+
+    @property
+    def chance(self) -> FloatArray:
+        """P_d (n,)."""
+        return ndtr(self.probit)
+
+
+class Salvo:
+    """Launches of one class from every cell at one instant, and the scene's models for them."""
+
+    def __init__(self, plan: Plan, places: LaunchPlaces, ignition_s: float) -> None:
+        self.plan, self.places, self.ignition_s = plan, places, ignition_s
+        self.path = places.path(ignition_s)
+        self.detection: DetectionProbability
+        self.targets: Targets
+        self.detection, self.targets = detection_of(plan, GridLaunches.of(places, self.path))
+
+    @cached_property
+    def burn_s(self) -> float:
+        """The time from ignition to burnout, s."""
+        return self.places.profile.burn_time_s
+
+    def state(self, since_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return ECEF positions and velocities (cells, 3) at a time since ignition, s."""
+        everyone = np.arange(len(self.places))
+        now_s = min(self.ignition_s + since_s, self.path.burnout_s)
+        return self.path.state(everyone, np.full(len(everyone), now_s))
+
+    def height_time_s(self, height_m: float) -> float:
+        """Return the time since ignition at which launches rise through a height, s; nan if that is not in the burn."""
+        since_s = np.linspace(0.0, self.burn_s, 257)
+        first = np.zeros(len(since_s), dtype=np.int64)
+        place = self.path.state(first, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[0]
+        height = height_m_of(place.T, 1.0 / length(*place.T))
+        return float(np.interp(height_m, height, since_s, right=np.nan))
+
+    def looks(self, fleet: Fleet, number: int, step: int, points: SeenPoints, *, with_least: bool = False) -> GridLooks:
+        """Return the looks of a sensor at the launches (cells,) at points, at one of the fleet's times."""
+        rows = np.flatnonzero(fleet.seen(number, step, points))
+        place, now_s = fleet.position_m[number, step], float(fleet.time_s[step])
+        way = place - points.position_m[rows]
+        range_m = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2 + way[:, 2] ** 2)
+        direction = way / range_m[:, None]
+        up = points.up[rows]
+        exposures = Exposures(
+            time_s=now_s + range_m / SPEED_OF_LIGHT_M_S,
+            emission_time_s=np.full(len(rows), now_s),
+            scan=np.zeros(len(rows), dtype=np.int64),
+            sensor=np.full(len(rows), number, dtype=np.int32),
+            target=rows.astype(np.int32),
+            range_m=range_m,
+            elevation_sine=up[:, 0] * direction[:, 0] + up[:, 1] * direction[:, 1] + up[:, 2] * direction[:, 2],
+            target_ecef_m=points.position_m[rows],
+            sensor_ecef_m=np.broadcast_to(place, (len(rows), 3)),
+        )
+        probit, sigma_rad, response = self._measured(exposures)
+        least = self._least(number, exposures, response) if with_least and response is not None else {}
+        return GridLooks(rows, probit, sigma_rad, range_m, direction, least)
+
+    def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
+        """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with signals."""
+        sensor, model = exposures.sensor, self.detection
+        own = np.array([each.line_of_sight_sigma_rad for each in self.plan.sensors])[sensor]
+        if not len(sensor):
+            return np.empty(0), own, None
+        chance = model.pair_probability(sensor, exposures.target)
+        if chance is not None:
+            return ndtri(chance), own, None
+        response = model.response(exposures, slack=_SLACK)
+        if response is None or response.probit is None:
+            return ndtri(model.probability(exposures)), own, response
+        sigma: Any = getattr(model, "line_of_sight_sigma_rad", None)
+        return response.probit, own if sigma is None else sigma(response, sensor), response
+
+    def _least(self, number: int, exposures: Exposures, response: Response) -> dict[Band, FloatArray]:
+        """Return the intensities (n,), W/sr, that are at a sensor's threshold in one look, by band."""
+        sensor = self.plan.sensors[number]
+        if sensor.radiometer is None:
+            return {}
+        least = {}
+        for place, band in enumerate(sensor.bands):
+            passed = self.detection.transmittance(exposures, band)
+            if passed is None:
+                continue
+            own = sensor.radiometer.threshold if place == sensor.radiometer.reference else sensor.radiometer.coincidence
+            with np.errstate(divide="ignore"):
+                needed = own * response.noise_w_m2[:, place] * np.square(exposures.range_m) / passed
+            least[band] = needed
+        return least

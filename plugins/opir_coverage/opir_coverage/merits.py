@@ -1,0 +1,102 @@
+"""Figures of merit of coverage over time, with the names and the definitions that users of STK know.
+
+All are of a point that is covered, or not, at each of T instants, the middles of equal steps that make up the interval:
+accesses and gaps are runs of steps, so their ends are known to half a step. Gaps at the ends of the interval count, as
+long as they are. Arrays are (T, n) for n points; times are in s. A point that is never covered has one gap, the whole
+interval, and no response.
+"""
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+
+
+@frozen(eq=False)
+class Runs:
+    """Numbers (n,) of runs of steps, and the least, the mean and the largest duration of one, s; nan without one.
+
+    `square_s2` (n,) is the sum of their squares.
+    """
+
+    number: IntArray
+    least_s: FloatArray
+    mean_s: FloatArray
+    most_s: FloatArray
+    square_s2: FloatArray
+
+
+def runs(is_in: BoolArray, step_s: float) -> Runs:
+    """Return the runs of steps (T, n) in which a condition holds, in steps of `step_s`."""
+    steps, count = is_in.shape
+    now, number = np.zeros(count), np.zeros(count, dtype=np.int64)
+    least, most, square = np.full(count, np.inf), np.zeros(count), np.zeros(count)
+    for step in range(steps + 1):
+        is_on = is_in[step] if step < steps else np.zeros(count, dtype=np.bool_)
+        ended = ~is_on & (now > 0.0)
+        number += ended
+        least = np.where(ended, np.minimum(least, now), least)
+        most = np.where(ended, np.maximum(most, now), most)
+        square += np.where(ended, now * now, 0.0)
+        now = np.where(is_on, now + step_s, 0.0)
+    total = is_in.sum(axis=0) * step_s
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(number > 0, total / number, np.nan)
+    none = number == 0
+    return Runs(number, np.where(none, np.nan, least), mean, np.where(none, np.nan, most), square)
+
+
+def coverage_time_s(covered: BoolArray, step_s: float) -> FloatArray:
+    """Return Coverage Time (n,): the time during which a point is covered, s."""
+    return covered.sum(axis=0) * step_s
+
+
+def simple_coverage(covered: BoolArray) -> BoolArray:
+    """Return Simple Coverage (n,): whether a point is covered at any time."""
+    return np.asarray(covered.any(axis=0))
+
+
+def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
+    """Return Time Average Gap (n,): the mean length of the gap that a random instant is in, 0 while covered, s.
+
+    The sum of the squares of all gaps over the interval.
+    """
+    return gaps.square_s2 / interval_s
+
+
+def response_times_s(covered: BoolArray, step_s: float) -> FloatArray:
+    """Return Response Times (T, n): from each instant to the next at which a point is covered, 0 while it is.
+
+    After the last access it is the time to the end of the interval: a lower bound. nan for points never covered.
+    """
+    wait = np.empty(covered.shape)
+    left = np.full(covered.shape[1], 0.5 * step_s)
+    for step in range(len(covered) - 1, -1, -1):
+        # An access begins half a step before its first instant.
+        left = np.where(covered[step], -0.5 * step_s, left)
+        wait[step] = np.maximum(left, 0.0)
+        left = left + step_s
+    wait[:, ~covered.any(axis=0)] = np.nan
+    return wait
+
+
+def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
+    """Return Ages of Data (T, n): from the end of the last access to each instant, 0 while covered; nan before one."""
+    age = np.empty(covered.shape)
+    since = np.full(covered.shape[1], np.nan)
+    for step in range(len(covered)):
+        since = np.where(covered[step], -0.5 * step_s, since + step_s)
+        age[step] = np.where(covered[step], 0.0, np.maximum(since, 0.0))
+    return age
+
+
+def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
+    """Return whether at least so many sensors see a point: N Asset Coverage with a least number."""
+    covered: BoolArray = np.asarray(in_view >= assets)
+    return covered
+
+
+def percent_below(values: FloatArray, limit: float, weights: FloatArray) -> float:
+    """Return the percentage of the area, by weights (n,), with a value (n,) below a limit; nan is not below."""
+    return float(100.0 * weights[values < limit].sum() / weights.sum())

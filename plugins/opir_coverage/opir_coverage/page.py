@@ -1,0 +1,169 @@
+"""The page of a coverage: equal-area maps with controls, one HTML file with all its data."""
+
+import json
+import zlib
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from opir_report import coast_rings, style_sheet
+
+from opir_core.arrays import FloatArray
+from opir_coverage.layers import DIMENSIONS, CoverageMap, Layer
+from opir_coverage.summary import words_of
+
+#: The script is the page's own; nothing is fetched.
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none';"
+    " form-action 'none'"
+)
+#: Values over more than this many times their least are drawn on a logarithmic scale.
+_LOG_RATIO = 100.0
+#: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
+_LIMITS, _BULK = (0.01, 0.99), 0.6
+
+
+def page_of(found: CoverageMap, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the page of a coverage as HTML; `rows` are those of its table."""
+    title, part = escape(found.attributes["title"]), files("opir_coverage") / "page"
+    text = json.dumps(_data(found), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+<style>{style_sheet()}{(part / "coverage.css").read_text(encoding="utf-8")}</style>
+</head>
+<body>
+<header><h1>{title}</h1><p>{escape(_subtitle(found))}</p></header>
+<main>
+{(part / "controls.html").read_text(encoding="utf-8")}
+<section id="table"><h2>All layers</h2>
+<p>Least, area-weighted mean and largest value over the grid, and the share of its area that has one.</p>
+<div class="scroll" role="region" aria-label="All layers" tabindex="0"><table>
+<thead><tr>{"".join(f'<th scope="col">{head}</th>' for head in _HEAD)}</tr></thead>
+<tbody>{"".join(_row(row) for row in rows)}</tbody></table></div></section>
+</main>
+<footer><p>{_FOOTER}</p></footer>
+<script type="application/json" id="data">{text}</script>
+<script>{(part / "coverage.js").read_text(encoding="utf-8")}</script>
+</body>
+</html>
+"""
+
+
+def _data(found: CoverageMap) -> dict[str, Any]:
+    """Return what the page's script draws."""
+    is_difference = "minus" in found.attributes
+    names = ("PuOr_r",) if is_difference else ("viridis",)
+    return {
+        "layers": [_layer(each, found.grid.weights(), is_difference=is_difference) for each in found.layers],
+        "coordinates": {name: list(own) for name, own in found.coordinates.items()},
+        "dimensions": {name: list(words) for name, words in DIMENSIONS.items()},
+        "rows": found.grid.shape[0],
+        "columns": found.grid.shape[1],
+        "step": found.grid.step_deg,
+        "colours": [_palette(name) for name in names],
+        "difference": is_difference,
+        "epoch": found.attributes["epoch"],
+        "land": [np.round(np.degrees(ring), 1)[:, ::-1].ravel().tolist() for ring in coast_rings()],
+    }
+
+
+_FOOTER = "Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural Earth."
+_HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
+
+
+def _subtitle(found: CoverageMap) -> str:
+    words, count = found.attributes, len(found.attributes["sensors"].split(", "))
+    launched = "" if words["launches"] == "none" else f"; launches of {words['launches']}"
+    return f"{count} sensors from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
+
+
+def _row(row: Mapping[str, Any]) -> str:
+    cells = ["–" if row[name] is None else f"{row[name]:.4g}" for name in ("min", "mean", "max")]
+    numbers = "".join(f'<td class="n">{cell}</td>' for cell in cells)
+    unit = "" if row["unit"] == "1" else escape(row["unit"])
+    return (
+        f'<tr><th scope="row">{escape(row["layer"])}</th><td>{escape(words_of(row["of"]))}</td>{numbers}<td>{unit}</td>'
+        f'<td class="n">{row["percent_of_area"]:.1f}</td></tr>'
+    )
+
+
+def _palette(name: str) -> str:
+    """Return the 256 colours of a colour-blind safe scale as hexadecimal digits."""
+    return (np.round(colormaps[name](np.arange(256))[:, :3] * 255).astype(np.uint8)).tobytes().hex()
+
+
+def _layer(layer: Layer, weights: FloatArray, *, is_difference: bool) -> dict[str, Any]:
+    """Return a layer with its values in whole steps of a linear or logarithmic scale, compressed."""
+    values = np.asarray(layer.values, dtype=np.float64)
+    known = values[np.isfinite(values)]
+    is_small = "time" in layer.dims
+    top = 254 if is_small else 65_534
+    low, high, is_log = _scale(known, is_difference=is_difference)
+    if layer.values.dtype.kind in "bui" and high - low <= top:
+        top, is_log = round(high - low), False
+    steps = _steps(values, low, high, top, is_log=is_log)
+    kind = np.uint8 if is_small or top <= 254 else np.uint16
+    empty = np.iinfo(kind).max
+    packed = np.where(np.isfinite(values), np.clip(steps, 0, top), empty).astype(kind)
+    shown = _shown(values.ravel(), weights, low, high, is_log=is_log, is_difference=is_difference)
+    return {
+        "name": layer.name,
+        "title": layer.title,
+        "unit": "" if layer.unit == "1" else layer.unit,
+        "dims": list(layer.dims),
+        "definition": layer.definition,
+        "bytes": np.dtype(kind).itemsize,
+        "low": low,
+        "high": high,
+        "top": max(top, 1),
+        "log": is_log,
+        "shown": shown,
+        "data": b64encode(zlib.compress(packed.tobytes(), 6)).decode(),
+    }
+
+
+def _scale(known: FloatArray, *, is_difference: bool) -> tuple[float, float, bool]:
+    """Return the ends of a layer's scale and whether it is logarithmic."""
+    if not known.size:
+        return 0.0, 1.0, False
+    low, high = float(known.min()), float(known.max())
+    if is_difference:
+        most = max(abs(low), abs(high)) or 1.0
+        return -most, most, False
+    if low > 0.0 and high > _LOG_RATIO * low:
+        return low, high, True
+    return low, high if high > low else low + 1.0, False
+
+
+def _steps(values: FloatArray, low: float, high: float, top: int, *, is_log: bool) -> FloatArray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.log(values / low) / np.log(high / low) if is_log else (values - low) / (high - low)
+        return np.nan_to_num(np.round(share * top))
+
+
+def _shown(
+    values: FloatArray, weights: FloatArray, low: float, high: float, *, is_log: bool, is_difference: bool
+) -> tuple[float, float]:
+    """Return the values between which colours run."""
+    known = np.isfinite(values)
+    if not known.any():
+        return low, high
+    order = np.argsort(values[known])
+    share = np.cumsum(np.resize(weights, values.shape)[known][order])
+    ends = np.minimum(np.searchsorted(share, np.multiply(_LIMITS, share[-1])), len(share) - 1)
+    bottom, upper = values[known][order][ends].tolist()
+    if is_difference:
+        most = max(abs(bottom), abs(upper)) or high
+        return -most, most
+    is_far = np.log(upper / bottom) < _BULK * np.log(high / low) if is_log else upper - bottom < _BULK * (high - low)
+    return (bottom, upper) if is_far and upper > bottom else (low, high)

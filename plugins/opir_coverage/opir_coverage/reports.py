@@ -1,0 +1,182 @@
+"""When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation and latency.
+
+A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks are independent; a
+look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over
+the outcomes of the last N - 1 scans.
+"""
+
+import numpy as np
+from attrs import frozen
+from scipy.special import ndtr
+
+from opir_core.arrays import FloatArray, IntArray
+
+#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
+#: look no more often: its M-th detection is at most M such steps late.
+_LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
+#: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
+#: chance, and left out if they are this share of all.
+_PRUNED_EVERY, _SURE, _WORTH_PRUNING = 8, 1e-9, 0.05
+#: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
+_IMPOSSIBLE = 1e-6
+#: Time within a look's step: its middle.
+_MIDDLE = 0.5
+
+
+@frozen(eq=False)
+class ScanSteps:
+    """The steps of a chain of looks: `phases` steps of `step_s` make a scan; `steps` of them cover a burn."""
+
+    step_s: float
+    phases: int
+    steps: int
+
+    @classmethod
+    def of(cls, period_s: float, burn_s: float) -> "ScanSteps":
+        """Return the steps of a scan period over a burn."""
+        phases = max(1, round(period_s / _LONGEST_STEP_S))
+        step_s = max(period_s / phases, _SHORTEST_STEP_S)
+        return cls(step_s, phases, max(1, round(burn_s / step_s)))
+
+    def times_s(self) -> FloatArray:
+        """Return the times (steps,) of looks since ignition, s."""
+        return np.asarray((np.arange(self.steps) + _MIDDLE) * self.step_s)
+
+
+class ReportChain:
+    """Chances (most, n) of 0 to most - 1 reports so far, `total`, of the launches that one sensor looks at.
+
+    `confirmation` are M and N. Launches that surely have `most` reports are left out of further looks.
+    """
+
+    def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
+        self._needed, self._phases, self._step = confirmation[0], phases, 0
+        # After so many steps without a chance of a detection past outcomes are all misses.
+        self._memory = phases * (confirmation[1] - 1)
+        self._last = np.full(rows, -self._memory - 1)
+        self._active = np.arange(rows)
+        self._states = np.zeros((phases, most, 1 << (confirmation[1] - 1), rows))
+        self._states[:, 0, 0] = 1.0
+        self.total = np.zeros((most, rows))
+        self.total[0] = 1.0
+
+    @property
+    def active(self) -> IntArray:
+        """The launches that may have fewer than `most` reports."""
+        return self._active
+
+    def look(self, chance: FloatArray) -> None:
+        """Look once more, at one of the phases in turn, with P_d (active,) of the active launches."""
+        self._last[chance > _IMPOSSIBLE] = self._step
+        rows = np.flatnonzero(self._step - self._last <= self._memory)
+        phase = self._step % self._phases
+        if len(rows):
+            old = self._states[phase][..., rows]
+            new = _after(old, chance[rows], self._needed)
+            self.total[:, self._active[rows]] += (_whole(new) - _whole(old)) / self._phases
+            self._states[phase][..., rows] = new
+        self._step += 1
+        if self._step % _PRUNED_EVERY == 0 and len(rows):
+            self._prune()
+
+    def _prune(self) -> None:
+        is_done = self.total[:, self._active].sum(axis=0) < _SURE
+        if is_done.mean() > _WORTH_PRUNING:
+            self.total[:, self._active[is_done]] = 0.0
+            self._active, self._last = self._active[~is_done], self._last[~is_done]
+            self._states = self._states[..., ~is_done]
+
+
+def _whole(states: FloatArray) -> FloatArray:
+    """Return the chances (reports, n) over all past outcomes."""
+    whole = states[:, 0].copy()
+    for past in range(1, states.shape[1]):
+        whole += states[:, past]
+    return whole
+
+
+def _after(old: FloatArray, chance: FloatArray, needed: int) -> FloatArray:
+    """Return the states (reports, outcomes, n) after a look with P_d (n,)."""
+    new, mask = np.zeros(old.shape), old.shape[1] - 1
+    missed = 1.0 - chance
+    for past in range(old.shape[1]):
+        new[:, (past << 1) & mask] += old[:, past] * missed
+        hit, now = old[:, past] * chance, ((past << 1) | 1) & mask
+        if past.bit_count() + 1 >= needed:
+            new[1:, now] += hit[:-1]
+        else:
+            new[:, now] += hit
+    return new
+
+
+def joined(counts: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the chances (…, most, n) of numbers of reports of two independent sources, each (…, most, n)."""
+    both = np.zeros(counts.shape)
+    for more in range(counts.shape[-2]):
+        both[..., more:, :] += counts[..., : counts.shape[-2] - more, :] * others[..., more : more + 1, :]
+    return both
+
+
+class Reports:
+    """The chances (T, most, n) of fewer than `most` reports by times since ignition (T,), of all sensors together."""
+
+    def __init__(self, time_s: FloatArray, most: int, cells: int) -> None:
+        self.time_s = time_s
+        self.chance = np.zeros((len(time_s), most, cells), dtype=np.float32)
+        self.chance[:, 0] = 1.0
+
+    def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
+        """Add a sensor's chain over cells `rows`, with normal quantiles of P_d (K, rows) at equal steps of the
+        burn, ends included; nan without a look."""
+        place = (self.time_s - latency_s) / steps.step_s
+        at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
+        early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
+        for number in range(1, steps.steps + 1):
+            if len(chain.active):
+                chain.look(_interpolated(nodes, at_node[number - 1], chain.active))
+            if wanted == len(place) or place[wanted] > number + 1.0:
+                continue
+            late = chain.total
+            while wanted < len(place) and place[wanted] <= number:
+                now = early + (late - early) * max(place[wanted] - (number - 1.0), 0.0)
+                self._join(wanted, rows, now)
+                wanted += 1
+            early = late.copy()
+        for left in range(wanted, len(place)):
+            self._join(left, rows, chain.total)
+
+    def _join(self, place: int, rows: IntArray, counts: FloatArray) -> None:
+        self.chance[place][:, rows] = joined(self.chance[place][:, rows], counts)
+
+    def times_s(self, reports: int, probability: float) -> FloatArray:
+        """Return the times (n,) since ignition by which so many reports have come with a probability; nan if never."""
+        have = 1.0 - self.chance[:, :reports].sum(axis=1)
+        reached = have >= probability
+        late = reached.argmax(axis=0)
+        cells = np.arange(have.shape[1])
+        early = np.maximum(late - 1, 0)
+        low, high = have[early, cells], have[late, cells]
+        share = np.where(late > 0, (probability - low) / np.maximum(high - low, 1e-12), 0.0)
+        time = self.time_s[early] + (self.time_s[late] - self.time_s[early]) * share
+        return np.where(reached.any(axis=0), time, np.nan)
+
+    def probability(self, reports: int) -> FloatArray:
+        """Return the probability (n,) of so many reports by the last time."""
+        return 1.0 - self.chance[-1, :reports].sum(axis=0)
+
+
+def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray:
+    """Return P_d (n,) of some launches at a place between nodes (K, launches), nan at those without a look.
+
+    The normal quantile is interpolated, as the engine does between looks; beside a node without a look the nearer node
+    decides.
+    """
+    early = min(int(place), len(nodes) - 2)
+    share = place - early
+    one, other = nodes[early, rows], nodes[early + 1, rows]
+    quantile = one + share * (other - one)
+    lone = np.flatnonzero(np.isnan(quantile))
+    if len(lone):
+        nearer = (one if share < _MIDDLE else other)[lone]
+        quantile[lone] = np.where(np.isnan(nearer), -np.inf, nearer)
+    return ndtr(quantile)

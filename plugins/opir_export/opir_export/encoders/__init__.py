@@ -1,0 +1,1 @@
+"""Encoders of detections for consumers other than FORGE, one module each."""

@@ -1,0 +1,81 @@
+"""The sensor models `GOES-ABI` and `AHI`: bands 7 to 10 of the imagers of GOES-R and Himawari.
+
+Bands, 2 km pixels at nadir, noise and cadence: T. J. Schmit et al., "A closer look at the ABI on the GOES-R series",
+Bulletin of the American Meteorological Society 98 (2017), 681-698, and the GOES-R Product Definition and Users' Guide;
+K. Bessho et al., "An introduction to Himawari-8/9", Journal of the Meteorological Society of Japan 94 (2016), 151-183.
+A NEDT is a noise-equivalent irradiance over a pixel: NEDT · dL/dT at 300 K · (56 µrad)².
+"""
+
+from collections.abc import Iterable
+
+from opir_core.plugin import ScanningSensorConfig, SensorModel, cited, hookimpl, scanning_model, with_defaults
+
+ABI = "Schmit et al., BAMS 98 (2017) 681; GOES-R Product Definition and Users' Guide"
+AHI = "Bessho et al., J. Meteor. Soc. Japan 94 (2016) 151"
+
+#: Bands 7 to 10, µm: shortwave window; upper, middle and lower tropospheric water vapour.
+BANDS = {"B07": (3.8, 4.0), "B08": (5.77, 6.6), "B09": (6.75, 7.15), "B10": (7.24, 7.44)}
+
+#: NEDT of 0.1 K at 300 K in each band, and of 0.16 K in band 7 of AHI, as irradiances.
+ABI_NEI_W_M2 = {"B07": 1.553e-12, "B08": 3.783e-11, "B09": 2.137e-11, "B10": 1.113e-11}
+AHI_NEI_W_M2 = {**ABI_NEI_W_M2, "B07": 2.484e-12}
+
+#: A pixel is sampled every 2 km at nadir, from 35 786 km.
+PIXEL_URAD = 56.0
+
+#: A third of the navigation error (1 km at nadir, 3 sigma) with a pixel's width over the square root of 12.
+_NAVIGATED_URAD = 19.0
+
+ABI_SCANS = {
+    "full-disk": {"scan_period_ms": 600_000.0},
+    "conus": {"scan_period_ms": 300_000.0},
+    "mesoscale": {"scan_period_ms": 60_000.0},
+    "mesoscale-30s": {"scan_period_ms": 30_000.0},
+}
+AHI_SCANS = {
+    "full-disk": {"scan_period_ms": 600_000.0},
+    "target-area": {"scan_period_ms": 150_000.0},
+    "landmark": {"scan_period_ms": 30_000.0},
+}
+
+
+@with_defaults(
+    bands=cited(BANDS, ABI),
+    scan_pattern="step-stare",
+    scan_period_ms=cited(60_000.0, f"mesoscale sector; {ABI}"),
+    detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
+    line_of_sight_sigma_urad=cited(_NAVIGATED_URAD, f"navigation 28 urad, 3 sigma, and pixel; {ABI}"),
+    band_nei_w_m2=cited(ABI_NEI_W_M2, f"NEDT 0.1 K at 300 K; {ABI}"),
+    ifov_urad=cited(PIXEL_URAD, ABI),
+    threshold_sigma=7.0,
+    confirmation_detections=1,
+    confirmation_scans=1,
+    spectral_discrimination="none",
+)
+class AbiConfig(ScanningSensorConfig):
+    """What a scene may set of a GOES-ABI imager."""
+
+
+@with_defaults(
+    bands=cited(BANDS, f"those of the ABI, within 0.1 µm; {AHI}"),
+    scan_pattern="step-stare",
+    scan_period_ms=cited(600_000.0, f"full disk; {AHI}"),
+    detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
+    line_of_sight_sigma_urad=_NAVIGATED_URAD,
+    band_nei_w_m2=cited(AHI_NEI_W_M2, f"NEDT 0.16 K at 300 K in band 7, 0.1 K in the others; {AHI}"),
+    ifov_urad=cited(PIXEL_URAD, AHI),
+    threshold_sigma=7.0,
+    confirmation_detections=1,
+    confirmation_scans=1,
+    spectral_discrimination="none",
+)
+class AhiConfig(ScanningSensorConfig):
+    """What a scene may set of an AHI imager."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield `GOES-ABI` and `AHI`."""
+    summary = "civil imager, 3.9, 6.2, 6.9 and 7.3 um, 2 km at nadir"
+    yield scanning_model("GOES-ABI", f"{summary}, every minute (presets by scan)", AbiConfig, presets=ABI_SCANS)
+    yield scanning_model("AHI", f"{summary}, every ten minutes (presets by scan)", AhiConfig, presets=AHI_SCANS)

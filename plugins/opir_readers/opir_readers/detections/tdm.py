@@ -1,0 +1,149 @@
+"""Tracking Data Messages: CCSDS 503.0-B-2 in the keyword form (KVN); of each segment the angles of one sensor.
+
+Accepted are angles of the type AZEL, RADEC in EME2000, J2000, ICRF and GCRF, in the time systems that OEM may have.
+Other quantities (ranges, Doppler, magnitudes) are left out.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from attrs import Factory, define
+
+from opir_core.plugin import BadFileError
+from opir_readers.detections.numbers import finite
+from opir_readers.detections.times import date_text, unix_ns
+from opir_readers.time_systems import SYSTEMS, utc_s
+
+FIRST_KEYWORD = "CCSDS_TDM_VERS"
+
+_HEAD = re.compile(rf"(\s*(COMMENT[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
+_EQUINOX = ("EME2000", "J2000", "ICRF", "GCRF")
+_KEYS = {"AZEL": ("azimuth_deg", "elevation_deg"), "RADEC": ("right_ascension_deg", "declination_deg")}
+
+
+def is_tdm(text: str) -> bool:
+    """Return whether a text is a Tracking Data Message in the keyword form."""
+    return _HEAD.match(text) is not None
+
+
+@define
+class Segment:
+    """The metadata of a segment, and its angles by time: (first, second), with their lines."""
+
+    line: int
+    meta: dict[str, str] = Factory(dict)
+    angles: dict[str, dict[str, tuple[str, int]]] = Factory(dict)
+
+    @property
+    def sensor(self) -> str:
+        """Return the participant that received: the last one of PATH, 1 without it."""
+        number = self.meta.get("PATH", "1").split(",")[-1].strip()
+        name = self.meta.get(f"PARTICIPANT_{number}", "")
+        if not name:
+            raise BadFileError(f"line {self.line}: the metadata lack PARTICIPANT_{number}, the sensor")
+        return name
+
+    def target(self) -> str | None:
+        """Return the first participant that is not the sensor."""
+        others = (value for key, value in self.meta.items() if key.startswith("PARTICIPANT_"))
+        return next((name for name in others if name != self.sensor), None)
+
+
+def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
+    """Return the detections of a message; raises `BadFileError` with the line that is none, or lacks an angle."""
+    segments, others = _segments(text)
+    rows = [row for segment in segments for row in _rows(segment)]
+    if not rows:
+        left = f"; it has {', '.join(others)}" if others else ""
+        raise BadFileError(f"has no angles (ANGLE_1 and ANGLE_2){left}")
+    return rows
+
+
+def _segments(text: str) -> tuple[list[Segment], Counter[str]]:
+    segments, block, others = list[Segment](), "", Counter[str]()
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split()
+        if not words or words[0] == "COMMENT" or (not segments and words[0] != "META_START"):
+            continue
+        if words[0] in ("META_START", "DATA_START"):
+            block = words[0]
+            segments += [Segment(number)] if block == "META_START" else []
+        elif words[0] in ("META_STOP", "DATA_STOP"):
+            block = ""
+        else:
+            key, equals, value = (part.strip() for part in line.partition("="))
+            if not equals or not block:
+                raise BadFileError(
+                    f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value in a block"
+                )
+            if block == "META_START":
+                segments[-1].meta[key] = value
+            elif key in ("ANGLE_1", "ANGLE_2"):
+                _take_angle(segments[-1], key, value, number)
+            else:
+                others[key] += 1
+    return segments, others
+
+
+def _take_angle(segment: Segment, key: str, value: str, number: int) -> None:
+    words = value.split()
+    if len(words) != 2:
+        raise BadFileError(f"line {number}: {key} has {len(words)} values; a time and an angle are needed")
+    pair = segment.angles.setdefault(words[0], {})
+    if key in pair:
+        raise BadFileError(f"line {number}: {key} stands twice for {words[0]}, in line {pair[key][1]} too")
+    pair[key] = words[1], number
+
+
+def _rows(segment: Segment) -> Iterator[Mapping[str, Any]]:
+    if not segment.angles:
+        return
+    names, system = _KEYS[_kind(segment)], segment.meta.get("TIME_SYSTEM", "UTC").upper()
+    if system not in SYSTEMS:
+        raise BadFileError(
+            f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of {', '.join(SYSTEMS)}"
+        )
+    target = segment.target()
+    for time, pair in segment.angles.items():
+        line = next(iter(pair.values()))[1]
+        if len(pair) < 2:
+            raise BadFileError(f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two angles")
+        angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ("ANGLE_1", "ANGLE_2")]
+        angles = [angle + _correction(segment, number) for number, angle in enumerate(angles, 1)]
+        yield {
+            "line": line,
+            "timestamp": _utc_text(time, line, system),
+            "sensor_id": segment.sensor,
+            **dict(zip(names, angles, strict=True)),
+            **({} if target is None else {"target_id": target}),
+        }
+
+
+def _utc_text(time: str, line: int, system: str) -> str:
+    """Return a time of another system as a date in UTC."""
+    own_ns = unix_ns(time, f"line {line}: the time")
+    seconds = own_ns * 1e-9
+    return date_text(own_ns - round((seconds - utc_s(seconds, system)) * 1e3) * 1_000_000)
+
+
+def _kind(segment: Segment) -> str:
+    """Return the type of a segment's angles; raises `BadFileError` for one that is not read."""
+    kind = segment.meta.get("ANGLE_TYPE", "").upper()
+    if kind not in _KEYS:
+        raise BadFileError(f"line {segment.line}: ANGLE_TYPE is {kind or 'missing'}; read are {' and '.join(_KEYS)}")
+    frame = segment.meta.get("REFERENCE_FRAME", "EME2000").upper()
+    if kind == "RADEC" and frame not in _EQUINOX:
+        raise BadFileError(f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {', '.join(_EQUINOX)}")
+    if segment.meta.get("TIMETAG_REF", "RECEIVE").upper() != "RECEIVE":
+        raise BadFileError(f"line {segment.line}: TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is read")
+    return kind
+
+
+def _correction(segment: Segment, number: int) -> float:
+    """Return the correction of an angle, deg, that its values do not have yet."""
+    key = f"CORRECTION_ANGLE_{number}"
+    if key not in segment.meta or segment.meta.get("CORRECTIONS_APPLIED", "NO").upper() == "YES":
+        return 0.0
+    return finite(segment.meta[key], f"line {segment.line}: {key}")

@@ -1,0 +1,229 @@
+"""The formats of flights of other programs that are read, and a small file of each."""
+
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, number, text
+from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
+
+
+@frozen(kw_only=True)
+class RocketConfig:
+    """The settings of exports of rocket simulators."""
+
+    site: SiteConfig | None = nested(default=None, help=SITE_HELP)
+    start_s: float | None = start_setting()
+
+
+@frozen(kw_only=True)
+class WebcastConfig:
+    """The settings of telemetry of webcasts."""
+
+    site: SiteConfig | None = nested(default=None, help=SITE_HELP)
+    start_s: float | None = start_setting()
+    height_noise_m: float | None = number(
+        default=None, unit="m", above=0.0, maximum=1e5, help="noise of the altitudes; default: that of their rounding"
+    )
+    speed_noise_m_s: float | None = number(
+        default=None, unit="m/s", above=0.0, maximum=1e4, help="noise of the speeds; default: that of their rounding"
+    )
+
+
+@frozen(kw_only=True)
+class TrackConfig:
+    """The settings of files with several objects."""
+
+    object: str | None = text(default=None, help="name of the object, where the file has several")
+
+
+def _is_openrocket(text_: str) -> bool:
+    from opir_readers.flights.rocket_exports import is_openrocket
+
+    return is_openrocket(text_)
+
+
+def _is_rocketpy(text_: str) -> bool:
+    from opir_readers.flights.rocket_exports import is_rocketpy
+
+    return is_rocketpy(text_)
+
+
+def _is_rasaero(text_: str) -> bool:
+    from opir_readers.flights.rocket_exports import is_rasaero
+
+    return is_rasaero(text_)
+
+
+def _is_webcast(text_: str) -> bool:
+    from opir_readers.flights.webcast import is_webcast
+
+    return is_webcast(text_)
+
+
+def _is_root(text_: str, name: str) -> bool:
+    from opir_readers.xml_nodes import root_name
+
+    return text_.lstrip()[:1] == "<" and root_name(text_) == name
+
+
+def _is_oem_xml(text_: str) -> bool:
+    from opir_readers.oem_xml import is_oem_xml
+
+    return is_oem_xml(text_)
+
+
+def _is_sp3(text_: str) -> bool:
+    from opir_readers.sp3_table import is_sp3
+
+    return is_sp3(text_)
+
+
+def _rocket(program: str) -> Any:
+    def built(config: RocketConfig, context: ReaderContext) -> StateTable:
+        from opir_readers.flights.rocket_exports import rocket_table
+
+        return rocket_table(context.text, program, config.site, config.start_s or 0.0)
+
+    return built
+
+
+def _webcast(config: WebcastConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.flights.site import Site
+    from opir_readers.flights.webcast import webcast_table
+
+    site = Site.of(config.site, "speed and altitude alone have no place", with_azimuth=True)
+    return webcast_table(context.text, site, config.height_noise_m, config.speed_noise_m_s, config.start_s or 0.0)
+
+
+def _gpx(config: TrackConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.flights.gps_tracks import gpx_table
+
+    return gpx_table(context.text, context.epoch_us, config.object)
+
+
+def _kml(config: TrackConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.flights.gps_tracks import kml_table
+
+    return kml_table(context.text, context.epoch_us, config.object)
+
+
+def _oem_xml(config: TrackConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.oem_xml import oem_xml_table
+
+    return oem_xml_table(context.text, context.epoch_us, config.object)
+
+
+def _sp3(config: TrackConfig, context: ReaderContext) -> StateTable:
+    from opir_readers.sp3_table import sp3_table
+
+    return sp3_table(context.text, context.epoch_us, config.object)
+
+
+FLIGHTS = (
+    FileReader(
+        name="openrocket",
+        summary="CSV of OpenRocket, with its events: latitude and longitude, or the position from the launch point",
+        config=RocketConfig,
+        build=_rocket("OpenRocket"),
+        recognises=_is_openrocket,
+        example="""# Time (s),Altitude (m),Vertical velocity (m/s),Latitude (°),Longitude (°)
+# Event IGNITION occurred at t=0 seconds
+0,0,0,34.73,-120.57
+10,900,180,34.7301,-120.5702
+# Event BURNOUT occurred at t=12 seconds
+20,2500,140,34.7302,-120.5704
+""",
+    ),
+    FileReader(
+        name="rocketpy",
+        summary="CSV of RocketPy (export_data): X, Y and Z from the launch point, or latitude and longitude",
+        config=RocketConfig,
+        build=_rocket("RocketPy"),
+        recognises=_is_rocketpy,
+        example="# Time (s), Latitude (°), Longitude (°), Z (m)\n"
+        + "".join(f"{time},34.73,-120.57,{100 + 10 * time * time}\n" for time in range(9)),
+    ),
+    FileReader(
+        name="rasaero",
+        summary="CSV of RASAero II: altitude and distance from a launch point along an azimuth",
+        config=RocketConfig,
+        build=_rocket("RASAero"),
+        recognises=_is_rasaero,
+        example="Time (sec),Stage,Thrust (lb),Vel-V (ft/sec),Altitude (ft),Distance (ft)\n"
+        "0,S,500,0,0,0\n1,S,500,9,9,0\n",
+    ),
+    FileReader(
+        name="webcast",
+        summary="JSON or CSV of speed and altitude over time, from a launch point along an azimuth",
+        config=WebcastConfig,
+        build=_webcast,
+        recognises=_is_webcast,
+        example="".join(
+            f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n' for time in range(30)
+        ),
+    ),
+    FileReader(
+        name="gpx",
+        summary="GPX: a track with times",
+        config=TrackConfig,
+        build=_gpx,
+        recognises=lambda text_: _is_root(text_, "gpx"),
+        example="""<?xml version="1.0"?>
+<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><name>ONE</name><trkseg>
+<trkpt lat="34.73" lon="-120.57"><ele>100</ele><time>2026-04-01T12:00:00Z</time></trkpt>
+<trkpt lat="34.731" lon="-120.571"><ele>900</ele><time>2026-04-01T12:00:10Z</time></trkpt>
+</trkseg></trk></gpx>
+""",
+    ),
+    FileReader(
+        name="kml",
+        summary="KML: a gx:Track, whose places have times",
+        config=TrackConfig,
+        build=_kml,
+        recognises=lambda text_: _is_root(text_, "kml"),
+        example="""<?xml version="1.0"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><name>ONE</name>
+<gx:Track><altitudeMode>absolute</altitudeMode>
+<when>2026-04-01T12:00:00Z</when><when>2026-04-01T12:00:10Z</when>
+<gx:coord>-120.57 34.73 100</gx:coord><gx:coord>-120.571 34.731 900</gx:coord>
+</gx:Track></Placemark></kml>
+""",
+    ),
+    FileReader(
+        name="oem-xml",
+        summary="CCSDS Orbit Ephemeris Message, XML form",
+        config=TrackConfig,
+        build=_oem_xml,
+        recognises=_is_oem_xml,
+        example="""<?xml version="1.0"?>
+<oem id="CCSDS_OEM_VERS" version="2.0"><body><segment><metadata>
+<OBJECT_NAME>ONE</OBJECT_NAME><OBJECT_ID>2026-001A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>
+<REF_FRAME>ITRF</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM>
+<START_TIME>2026-04-01T12:00:00</START_TIME><STOP_TIME>2026-04-01T12:00:10</STOP_TIME>
+</metadata><data>
+<stateVector><EPOCH>2026-04-01T12:00:00</EPOCH><X units="km">-2643.878</X><Y>-4579.332</Y><Z>3566.637</Z>
+<X_DOT>-0.053</X_DOT><Y_DOT>-0.091</Y_DOT><Z_DOT>0.083</Z_DOT></stateVector>
+<stateVector><EPOCH>2026-04-01T12:00:10</EPOCH><X>-2644.469</X><Y>-4580.355</Y><Z>3567.568</Z>
+<X_DOT>-0.065</X_DOT><Y_DOT>-0.114</Y_DOT><Z_DOT>0.104</Z_DOT></stateVector>
+</data></segment></body></oem>
+""",
+    ),
+    FileReader(
+        name="sp3",
+        summary="SP3 orbit of a satellite, Earth-fixed",
+        config=TrackConfig,
+        build=_sp3,
+        recognises=_is_sp3,
+        example="""#cP2026  4  1 12  0  0.00000000       2 ORBIT IGS20 HLM  IGS
+## 2412 302400.00000000   900.00000000 61131 0.5000000000000
++    1   G01
+%c G  cc GPS ccc cccc cccc cccc cccc ccccc ccccc ccccc ccccc
+*  2026  4  1 12  0  0.00000000
+PG01  15600.500000 -14000.250000  16200.100000    120.500000
+*  2026  4  1 12 15  0.00000000
+PG01  16800.500000 -11900.250000  16900.100000    121.500000
+EOF
+""",
+    ),
+)

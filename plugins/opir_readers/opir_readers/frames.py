@@ -1,0 +1,82 @@
+"""States in the frames that ephemerides are written in, to ECEF: those of the core, and frames frozen at an epoch.
+
+Polar motion is left out and UTC taken for UT1, as everywhere in opir: the first is below 0.6 arcseconds, the second
+below 0.9 s of the Earth's rotation.
+"""
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.flight import ecef_state
+from opir_core.geometry import nutation_rad
+
+#: What ephemerides call the frames, in capitals, and what they are here. ICRF and GCRF differ from EME2000 by 0.02
+#: arcseconds.
+FRAMES = {
+    **dict.fromkeys(("TDR", "GRC", "EFG", "ECEF", "FIXED"), "ITRF"),
+    **dict.fromkeys(("EME2000", "J2000", "GCRF", "ICRF"), "EME2000"),
+    "TEME": "TEME",
+    "TOD": "TOD",
+}
+
+#: The names for messages.
+FRAME_NAMES = ("ITRF", "TDR", "GRC", "TEME", "TOD", "EME2000", "J2000", "GCRF", "ICRF")
+
+_J2000_UNIX_S, _CENTURY_S, _TT_LESS_UTC_S = 946_728_000.0, 36525.0 * 86400.0, 69.184
+
+
+def frame_of(name: str) -> str:
+    """Return the frame of a name, "" for one that is not known.
+
+    >>> frame_of("ITRF-2014")
+    'ITRF'
+    """
+    capitals = name.upper()
+    return "ITRF" if capitals.startswith("ITRF") else FRAMES.get(capitals, "")
+
+
+def to_ecef(
+    frame: str,
+    position_m: FloatArray,
+    velocity_m_s: FloatArray,
+    epoch_us: int,
+    time_s: FloatArray,
+    frame_s: float | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return ECEF positions and velocities over the Earth (n, 3) of states in ITRF, TEME, TOD or EME2000.
+
+    Times (n,) are scene times, the epoch microseconds of UTC since 1970. `frame_s` is the scene time at which axes of
+    date are frozen (REF_FRAME_EPOCH); None for axes of each state's own date.
+    """
+    if frame_s is not None and frame in ("TEME", "TOD"):
+        own, equinox = (_matrix(name, epoch_us, frame_s) for name in (frame, "EME2000"))
+        # Rows of a matrix are the axes in ECEF at that time: from the frozen axes to those of J2000.
+        turn = (own[:, None, :] * equinox[None, :, :]).sum(axis=2)
+        position_m, velocity_m_s = (_times(vectors, turn) for vectors in (position_m, velocity_m_s))
+        frame = "EME2000"
+    if frame == "TOD":
+        angle = _equinoxes_rad(epoch_us, time_s)
+        position_m, velocity_m_s = (_about_z(vectors, angle) for vectors in (position_m, velocity_m_s))
+        frame = "TEME"
+    return ecef_state(frame, position_m, velocity_m_s, epoch_us, time_s)
+
+
+def _matrix(frame: str, epoch_us: int, time_s: float) -> FloatArray:
+    """Return the axes (3, 3) of a frame at a time, as rows in ECEF."""
+    return to_ecef(frame, np.eye(3), np.zeros((3, 3)), epoch_us, np.full(3, time_s))[0]
+
+
+def _times(vectors: FloatArray, turn: FloatArray) -> FloatArray:
+    return np.asarray((vectors[:, :, None] * turn[None, :, :]).sum(axis=1))
+
+
+def _equinoxes_rad(epoch_us: int, time_s: FloatArray) -> FloatArray:
+    """Return by how much the true equinox is ahead of the mean one along the equator, rad."""
+    longitude, obliquity, _ = nutation_rad((epoch_us * 1e-6 + time_s + _TT_LESS_UTC_S - _J2000_UNIX_S) / _CENTURY_S)
+    return np.asarray(longitude * np.cos(obliquity))
+
+
+def _about_z(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    x, y, z = vectors.T
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)

@@ -1,0 +1,1 @@
+"""Orbits of satellites from files: mean elements for SGP4 (OMM, TLE) and ephemerides; fleets of sensors of them."""

@@ -1,0 +1,113 @@
+"""A fleet of sensors from a file of elements: which satellites, and the sensors' blocks for a scene."""
+
+import fnmatch
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.orbits import omm_epoch, omm_name
+from opir_core.plugin import BadFileError
+from opir_readers.orbits.element_files import number_of
+
+Row = Mapping[str, Any]
+
+_DAY_S = 86_400.0
+
+
+@frozen(kw_only=True)
+class FleetFilter:
+    """Which satellites of a file: by name (with * and ?), inclination, deg, numbers, and age at an epoch, days."""
+
+    name: str | None = None
+    inclination_deg: tuple[float, float] | None = None
+    numbers: tuple[tuple[int, int], ...] = ()
+    most_age_days: float | None = None
+    epoch_s: float | None = None
+
+    def left_out(self, row: Row) -> str:
+        """Return why a satellite is left out, "" if it is not."""
+        name = omm_name(row)
+        if "PROBLEM" in row:
+            return "with errors"
+        if self.name is not None and not fnmatch.fnmatchcase(name.casefold(), self.name.casefold()):
+            return "by name"
+        if self.inclination_deg is not None and not self._has_inclination(row):
+            return "by inclination"
+        number = number_of(row)
+        if self.numbers and not any(number is not None and low <= number <= high for low, high in self.numbers):
+            return "by number"
+        return "by age" if self.most_age_days is not None and self._age_days(row) > self.most_age_days else ""
+
+    def _has_inclination(self, row: Row) -> bool:
+        low, high = self.inclination_deg or (0.0, 180.0)
+        try:
+            return low <= float(row.get("INCLINATION", "nan")) <= high
+        except (TypeError, ValueError):
+            return False
+
+    def _age_days(self, row: Row) -> float:
+        if self.epoch_s is None:
+            raise BadFileError("a limit on the age of elements needs the scene's epoch")
+        try:
+            moment = omm_epoch(row.get("EPOCH"))
+        except ValueError as error:
+            raise BadFileError(f"the elements of {omm_name(row)}: EPOCH: {error}") from error
+        return abs(self.epoch_s - moment.replace(tzinfo=UTC).timestamp()) / _DAY_S
+
+
+def range_of(text: str, kind: type[Any]) -> tuple[Any, Any]:
+    """Return the range of `LOW:HIGH`, or of one number; raises `ValueError`.
+
+    >>> range_of("5:9", int)
+    (5, 9)
+    """
+    low, _, high = text.partition(":")
+    return kind(low), kind(high or low)
+
+
+def epoch_s_of(text: str) -> float:
+    """Return Unix seconds of a date in UTC; raises `ValueError`."""
+    moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def latest(rows: Sequence[Row]) -> Sequence[Row]:
+    """Return the rows with the latest elements of each satellite: of equal numbers, of equal names without one."""
+    newest: dict[Any, Row] = {}
+    for row in rows:
+        key = number_of(row) if number_of(row) is not None else omm_name(row)
+        if key not in newest or str(row.get("EPOCH", "")) > str(newest[key].get("EPOCH", "")):
+            newest[key] = row
+    return list(newest.values())
+
+
+def sensor_lines(rows: Sequence[Row], model: str) -> Iterator[str]:
+    """Yield the lines of the `sensors:` block of a scene, one sensor a line."""
+    yield "sensors:"
+    taken: set[str] = set()
+    for row in rows:
+        own = _id(row, taken)
+        block = {"model": model, "id": own, "orbit": _orbit(row)}
+        yield f"  - {json.dumps(block, ensure_ascii=False)}"
+
+
+def _orbit(row: Row) -> Mapping[str, Any]:
+    if "TLE_LINE1" in row:
+        return {"tle": [row["TLE_LINE1"], row["TLE_LINE2"]]}
+    plain = {name: value for name, value in row.items() if isinstance(value, str | int | float) and value != ""}
+    return {"omm": {name: value for name, value in plain.items() if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)}}
+
+
+def _id(row: Row, taken: set[str]) -> str:
+    """Return an id that a scene takes, made of the name and, where that is taken, the number."""
+    name = re.sub(r"[^A-Za-z0-9._+-]+", "-", omm_name(row)).strip("-._+")[:48] or "SAT"
+    number = number_of(row)
+    candidates = [name, f"{name}-{number}" if number is not None else name]
+    candidates += [f"{name}-{count}" for count in range(2, len(taken) + 3)]
+    own = next(candidate for candidate in candidates if candidate not in taken)
+    taken.add(own)
+    return own

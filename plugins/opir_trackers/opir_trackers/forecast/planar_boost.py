@@ -1,0 +1,121 @@
+"""Boosts of a law of vehicles from the ground, in a plane through the Earth's centre, without rotation or drag."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
+from opir_trackers.forecast.burning_on import Steering
+from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, VehicleModel
+
+#: A sphere with the Earth's gravity.
+MU, RADIUS_M = EARTH_MU_M3_S2, EARTH_EQUATORIAL_RADIUS_M
+
+#: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it changes: the
+#: program of a launcher is smooth, and never points far below the horizon.
+_SINES, _LEAST_LEFT_S = (-0.6, 0.97), 15.0
+
+
+def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations, growths."""
+    family_of = np.full(count, family)
+    number = rng.choice(np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum())
+    total, seen = np.zeros((count, 4)), np.zeros((count, 4))
+    columns = {name: np.zeros((count, STAGES)) for name in ("gap", "burn", "first", "growth")}
+    hot = rng.random((count, STAGES)) < model.hot[family]
+    gap = np.zeros(count)
+    for stage in range(STAGES):
+        mean, sigma = model.law(family_of, np.full(count, stage), total, seen)
+        logs = mean + sigma * rng.normal(size=(count, 4))
+        score = model.scores(family_of, np.full(count, stage), logs)
+        total, seen = total + score, seen + 1.0
+        ratio = np.maximum(np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02)
+        burn, first = np.exp(logs[:, BURN]), np.exp(logs[:, FORCE])
+        row = {"gap": gap, "burn": burn, "first": first, "growth": -np.expm1(-ratio) / burn}
+        for name, value in row.items():
+            columns[name][:, stage] = np.where(stage < number, value, 0.0)
+        gap = np.where(hot[:, stage], 0.0, np.exp(logs[:, GAP]))
+    return columns
+
+
+@frozen(eq=False)
+class PlanarBoost:
+    """Vehicles (n,): their stages, as of `drawn_stages`, and steering.
+
+    Those with an `orbit_m` (n,), not nan, are steered to the height of an orbit instead, and cut off at its speed.
+    States (4, n) are x ahead and y up from the Earth's centre, and velocity.
+    """
+
+    stages: dict[str, FloatArray]
+    steering: Steering
+    orbit_m: FloatArray
+
+    @property
+    def starts_s(self) -> FloatArray:
+        """Return the ignitions (n, STAGES)."""
+        starts: FloatArray = np.cumsum(self.stages["gap"] + self.stages["burn"], axis=1) - self.stages["burn"]
+        return starts
+
+    @property
+    def over_s(self) -> FloatArray:
+        """Return the times (n,) of the last burnout."""
+        over: FloatArray = (self.starts_s + self.stages["burn"]).max(axis=1)
+        return over
+
+    def at_rest(self) -> FloatArray:
+        """Return the states on the ground."""
+        state = np.zeros((4, len(self.orbit_m)))
+        state[1] = RADIUS_M
+        return state
+
+    def stepped(self, state: FloatArray, now: float, step_s: float) -> FloatArray:
+        """Return the states after a step, by the midpoint rule."""
+        middle = state + 0.5 * step_s * self._rates(state, now)
+        return state + step_s * self._rates(middle, now + 0.5 * step_s)
+
+    def _rates(self, state: FloatArray, now: float) -> FloatArray:
+        x, y, u, v = state
+        ahead, up = self.force(state, now)
+        pull: FloatArray = -MU / (x * x + y * y) ** 1.5
+        return np.array([u, v, pull * x + ahead, pull * y + up])
+
+    def force(self, state: FloatArray, now: float) -> FloatArray:
+        """Return the specific force (2, n), m/s²."""
+        since = now - self.starts_s
+        stages = self.stages
+        on = (since >= 0.0) & (since < stages["burn"])
+        size = np.sum(np.where(on, stages["first"] / np.maximum(1.0 - stages["growth"] * since, 0.02), 0.0), axis=1)
+        speed = np.hypot(state[2], state[3])
+        rising = (now < self.steering.rise_s) | (speed < 1.0)
+        ahead, up = (
+            np.where(rising, rest, part / np.maximum(speed, 1.0)) for rest, part in ((0.0, state[2]), (1.0, state[3]))
+        )
+        lead = self.steering.leads(np.full(len(speed), now))
+        cosine, sine = np.cos(lead), np.sin(lead)
+        unit = np.array([ahead * cosine + up * sine, up * cosine - ahead * sine])
+        steered = np.isfinite(self.orbit_m) & ~rising
+        if steered.any():
+            rows = np.flatnonzero(steered)
+            unit[:, rows], cut_off = self._to_orbit(state[:, rows], now, size[rows], rows)
+            size[rows[cut_off]] = 0.0
+        thrust: FloatArray = size * unit
+        return thrust
+
+    def _to_orbit(
+        self, state: FloatArray, now: float, size: FloatArray, rows: IntArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return thrust directions (2, m) that end at the height of an orbit without climbing, and who is fast enough.
+
+        The climb is a cubic of the time that is left.
+        """
+        x, y, u, v = state
+        radius = np.hypot(x, y)
+        up = np.array([x, y]) / radius
+        level = np.array([up[1], -up[0]])
+        climb, fast = u * up[0] + v * up[1], u * level[0] + v * level[1]
+        circular = np.sqrt(MU / radius)
+        push = np.maximum(size, 1.0)
+        left_s = np.maximum(np.minimum(self.over_s[rows] - now, (circular - fast) / push), _LEAST_LEFT_S)
+        wanted = 6.0 * (self.orbit_m[rows] + RADIUS_M - radius) / left_s**2 - 4.0 * climb / left_s
+        sine = np.clip((wanted + MU / radius**2 - fast**2 / radius) / push, *_SINES)
+        return sine * up + np.sqrt(1.0 - sine**2) * level, fast > circular

@@ -1,0 +1,300 @@
+"""Crowds: tracks with contested lines of sight, each with a track of its own in the focal plane of every sensor.
+
+A track joins when others have its lines in their gates in so many sensors that the pairing is open, when it shares a
+line with a crowd, or when it begins near another one before two sensors; it leaves some time after it was last
+contested. While it is in, its lines are those of its focal-plane tracks, and its state follows from them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import Factory, evolve, field, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.estimation import BOOST, matvec
+from opir_trackers.association import AssociationModel, connected_tracks
+from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.gating import GatedPairs, gated
+from opir_trackers.imm import focal_plane
+from opir_trackers.imm.focal_plane import FocalPlanePairs, FocalPlaneTracks
+from opir_trackers.imm.mixtures import Mixtures
+from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+from opir_trackers.pairing import KEPT_S, Directions
+from opir_trackers.sensors import Biases
+from opir_trackers.triangulation import FAR_M
+
+#: New tracks within this distance of another one, m, may have one another's lines: their crossings may be ghosts.
+NEAR_M = 60e3
+
+#: A focal-plane track without a line for this time, s, or this many scans ends.
+_SILENT_S, _SILENT_SCANS = 10.0, 4.0
+
+
+class SensorView(NamedTuple):
+    """The sensors of a scene, and whether light takes time to them."""
+
+    sensors: Biases
+    light_time: bool
+
+    def received_s(self, time_s: float, range_m: FloatArray) -> FloatArray:
+        """Return when (n,) light that is received from `FAR_M` at a time is received from ranges (n,)."""
+        late: FloatArray = (range_m - FAR_M) / SPEED_OF_LIGHT_M_S * self.light_time
+        return time_s + late
+
+    def positions(self, sensor: IntArray, time_s: FloatArray) -> FloatArray:
+        """Return the positions (n, 3) in ECEF of sensors (n,) at times (n,)."""
+        place = np.empty((len(sensor), 3))
+        for one in np.unique(sensor).tolist():
+            rows = np.flatnonzero(sensor == one)
+            place[rows] = self.sensors.sensors[one].orbit.position_ecef_m(time_s[rows])
+        return place
+
+
+@frozen(eq=False)
+class Crowds:
+    """Focal-plane tracks, their kept directions, the mixtures of undecided pairings, and when they were last paired."""
+
+    tracks: FocalPlaneTracks = field(factory=FocalPlaneTracks.empty)
+    kept: Directions = field(factory=Directions.empty)
+    mixtures: Mixtures = field(factory=Mixtures.empty)
+    paired_s: float = -np.inf
+    #: Whether any track is in a crowd.
+    are_there: bool = field(default=Factory(lambda self: self.tracks.number.size > 0, takes_self=True), init=False)
+
+    def holds(self, number: IntArray) -> BoolArray:
+        """Return which tracks (n,) are in a crowd."""
+        return np.isin(number, self.tracks.number)
+
+    def follows(self, number: IntArray, sensors: int) -> BoolArray:
+        """Return in which sensors (n, sensors) tracks `number` (n,), ascending, have a focal-plane track."""
+        table = np.zeros((len(number), sensors), dtype=bool)
+        table[np.searchsorted(number, self.tracks.number), self.tracks.sensor] = True
+        return table
+
+    def without(self, number: IntArray) -> "Crowds":
+        """Return the crowds without tracks."""
+        if not self.are_there:
+            return self
+        return Crowds(
+            self.tracks.take(np.flatnonzero(~np.isin(self.tracks.number, number))),
+            self.kept.take(np.flatnonzero(~np.isin(self.kept.number, number))),
+            self.mixtures.take(np.flatnonzero(~np.isin(self.mixtures.number, number))),
+            self.paired_s,
+        )
+
+
+class CrowdUpdate(NamedTuple):
+    """Crowds after a slice, the track number of each line (m,), -1 for none, and equivalent lines and their numbers."""
+
+    crowds: Crowds
+    number: IntArray
+    equivalent: LinesOfSight
+    of: IntArray
+
+
+def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray) -> IntArray:
+    """Return the sorted rows of tracks whose pairing gated pairs (m,) leave open.
+
+    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that see two
+    tracks apart fix both states, and these tell the lines of other sensors apart. So two tracks that share lines are
+    contested where fewer than two sensors see both apart.
+    """
+    order = np.lexsort((track, line))
+    track, line, sensor = track[order], line[order], sensor[order]
+    keys = [np.empty(0, dtype=np.int64)]
+    count, sensors = seen.shape
+    for lag in range(1, _COMPARED + 1):
+        shared = np.flatnonzero(line[lag:] == line[:-lag])
+        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
+    pair, shared_in = np.unique(np.unique(np.concatenate(keys)) // sensors, return_counts=True)
+    one, other = divmod(pair, max(count, 1))
+    apart = np.count_nonzero(seen[one] & seen[other], axis=1) - shared_in
+    return np.unique(np.concatenate([one[apart < _FIXING], other[apart < _FIXING]]))
+
+
+#: Time after the last contest, s, in which three sensors decide a pairing twice over; two need the stretch.
+_DECIDED_S = 10.0
+
+#: Sensors that fix a state; and how many neighbours that share a line are compared, in order of their numbers.
+_FIXING, _COMPARED = 2, 3
+
+
+def updated_crowds(
+    crowds: Crowds,
+    lines: LinesOfSight,
+    end_s: float,
+    span: float,
+    model: AssociationModel,
+    gate: float,
+    view: SensorView,
+) -> CrowdUpdate:
+    """Return the crowds after the lines of a slice of length `span` that ends at `end_s`."""
+    tracks = crowds.tracks.predicted(end_s - span)
+    update = focal_plane.updated(tracks, lines, focal_plane.candidate_pairs(tracks, lines, span, gate), model, gate)
+    after = _with_contested(update.tracks.predicted(end_s), update.pairs, lines.sensor, end_s)
+    fresh = _mean_directions(after, update.equivalent, update.row, end_s, view)
+    recent = np.flatnonzero(crowds.kept.time_s > end_s - KEPT_S)
+    kept = Directions.concatenate([crowds.kept.take(recent), fresh])
+    number = np.append(tracks.number, -1)
+    return CrowdUpdate(
+        evolve(crowds, tracks=after, kept=kept), number[update.owner], update.equivalent, tracks.number[update.row]
+    )
+
+
+def _with_contested(
+    tracks: FocalPlaneTracks, pairs: FocalPlanePairs, sensor: IndexArray, time_s: float
+) -> FocalPlaneTracks:
+    """Return the tracks with the time at which they, or one they are connected to by shared lines, were contested."""
+    number, which = np.unique(tracks.number, return_inverse=True)
+    seen = np.zeros((len(number), int(tracks.sensor.max(initial=0)) + 1), dtype=bool)
+    seen[which, tracks.sensor] = True
+    of_pair = which[pairs.row]
+    rows = contested_tracks(of_pair, pairs.line, sensor[pairs.line], seen)
+    if not len(rows):
+        return tracks
+    is_open = connected_tracks(of_pair, pairs.line, rows)
+    is_open = np.append(is_open, np.zeros(len(number) - len(is_open), dtype=bool))
+    return evolve(tracks, contested_s=np.where(is_open[which], time_s, tracks.contested_s))
+
+
+def _mean_directions(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, row: IntArray, end_s: float, view: SensorView
+) -> Directions:
+    """Return one direction of each row with equivalent lines: their mean about the row's path, at its end.
+
+    Light of the same instant reaches sensors at different times: directions are those of light that left the target
+    when light from `FAR_M`, received at `end_s`, did.
+    """
+    if not len(row):
+        return Directions.empty()
+    local = matvec(tracks.axes.take(row, axis=0), lines.direction_ecef)
+    off = local[:, :2] / local[:, 2:] - tracks.places(row, lines.time_s)[0]
+    weight = 1.0 / np.square(lines.sigma_rad)
+    total = np.bincount(row, weight, len(tracks))
+    have = np.flatnonzero(total)
+    mean = np.stack([np.bincount(row, weight * off[:, axis], len(tracks))[have] for axis in (0, 1)], axis=1)
+    sigma = np.hypot(1.0 / np.sqrt(total[have]), view.sensors.sigma_rad[tracks.sensor[have]])
+    return directions_at(tracks, have, end_s, view, mean / total[have, None], sigma)
+
+
+def directions_at(
+    tracks: FocalPlaneTracks,
+    row: IntArray,
+    time_s: float,
+    view: SensorView,
+    off: FloatArray | float = 0.0,
+    sigma_rad: FloatArray | None = None,
+) -> Directions:
+    """Return the directions of rows (m,) at a time, shifted by angles (m, 2); errors by default those of the rows."""
+    received_s = view.received_s(time_s, tracks.range_m[row])
+    place, variance = tracks.places(row, received_s)
+    origin = view.positions(tracks.sensor[row], received_s)
+    sigma = np.sqrt(variance) if sigma_rad is None else sigma_rad
+    when = np.full(len(row), time_s)
+    return Directions(tracks.number[row], tracks.sensor[row], when, origin, tracks.directions(row, place + off), sigma)
+
+
+def joined(
+    crowds: Crowds,
+    number: IntArray,
+    rows: IntArray,
+    predicted: PredictedMeasurements,
+    seen: BoolArray,
+    view: SensorView,
+) -> Crowds:
+    """Return the crowds with tracks `rows` of predictions, `number` (n,) and `seen` (n, sensors) as new ones."""
+    row, sensor = np.nonzero(seen[rows])
+    if not len(row):
+        return crowds
+    row = rows[row]
+    time_s, ones = predicted.time_s, np.ones(len(row))
+    delay_s = FAR_M / SPEED_OF_LIGHT_M_S * view.light_time
+    apart = [
+        earth_rotated(predicted.positions(row, (time_s + step - delay_s) * ones), -(time_s + step - delay_s) * ones)
+        - view.positions(sensor, (time_s + step) * ones)
+        for step in (-1.0, 0.0, 1.0)
+    ]
+    motion = apart[1], 0.5 * (apart[2] - apart[0]), apart[2] - 2.0 * apart[1] + apart[0]
+    turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
+    roots = turn @ predicted.root[row].reshape(len(row), 4, 3, BOOST)[:, :3]
+    noise = np.array([each.line_of_sight_sigma_rad for each in view.sensors.sensors])[sensor]
+    fresh = focal_plane.begun(number[row], sensor, time_s, motion, roots, _OFF * noise)
+    if crowds.are_there:
+        # A sensor more does not contest a track anew.
+        known = np.full(len(number), -np.inf)
+        np.maximum.at(known, np.searchsorted(number, crowds.tracks.number), crowds.tracks.contested_s)
+        last_s = known[row]
+        fresh = evolve(fresh, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
+    return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, fresh]))
+
+
+#: Error of the angle of a new focal-plane track beside that of the state, in looks: states may be of wrong pairings.
+_OFF = 0.3
+
+
+def begun_near(position_m: FloatArray, fresh: int, seen: BoolArray) -> IntArray:
+    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are near a new one.
+
+    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not cross by chance.
+    """
+    from scipy.spatial import cKDTree
+
+    few = np.flatnonzero(np.count_nonzero(seen, axis=1) <= _FIXING)
+    new = few[few >= len(position_m) - fresh]
+    if len(few) < 2 or not len(new):
+        return np.empty(0, dtype=np.int64)
+    near = cKDTree(position_m[few]).query_ball_point(position_m[new], NEAR_M)
+    crowd = [row for each in near if len(each) > 1 for row in each]
+    return few[np.unique(np.array(crowd, dtype=np.int64))]
+
+
+def equivalent_pairs(
+    update: CrowdUpdate, number: IntArray, predicted: PredictedMeasurements, light_time: bool
+) -> GatedPairs:
+    """Return the equivalent lines as pairs with their tracks, rows of `number` (n,), ascending."""
+    row = np.searchsorted(number, update.of)
+    return gated(predicted, update.equivalent, row, np.arange(len(row)), _EVERY, light_time)
+
+
+#: A gate that all lines pass.
+_EVERY = 1e9
+
+
+def label_pairs(crowds: Crowds, number: IntArray, lines: LinesOfSight, span: float, gate: float) -> GatedPairs:
+    """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within their gates.
+
+    These pairs tell distances alone.
+    """
+    tracks = crowds.tracks
+    candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)
+    pairs = focal_plane.gated_pairs(tracks, lines, *candidates, gate)
+    count, line = len(pairs.row), pairs.line
+    return GatedPairs(
+        np.searchsorted(number, tracks.number[pairs.row]),
+        line,
+        lines.time_s[line],
+        lines.origin_ecef_m[line],
+        np.zeros((count, 3, 3)),
+        pairs.off,
+        pairs.distance,
+        2.0 * np.log(pairs.variance),
+        lines.sigma_rad[line],
+    )
+
+
+def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
+    """Return the crowds without silent focal-plane tracks, and without tracks uncontested for long."""
+    tracks = crowds.tracks
+    if not len(tracks):
+        return crowds
+    silent = time_s - tracks.seen_s > np.maximum(_SILENT_S, _SILENT_SCANS * period_s[tracks.sensor])
+    number, which = np.unique(tracks.number, return_inverse=True)
+    last_s = np.full(len(number), -np.inf)
+    np.maximum.at(last_s, which, tracks.contested_s)
+    gone = time_s - last_s > np.where(np.bincount(which) > _FIXING, _DECIDED_S, KEPT_S)
+    if not np.count_nonzero(silent) and not np.count_nonzero(gone):
+        return crowds
+    quiet = evolve(crowds, tracks=tracks.take(np.flatnonzero(~silent)))
+    alone = number[gone | ~np.isin(number, quiet.tracks.number)]
+    return quiet.without(alone)

@@ -1,0 +1,339 @@
+"""Tracks in the focal planes of the sensors: the first level of association, for targets in a crowd.
+
+Where tracks share lines of sight, each sensor follows its targets by itself: angle, rate and acceleration in a tangent
+plane, with white noise of the jerk. A line is weighted with its association probability over all one-to-one hypotheses
+of its scan (JPDA: Fortmann, Bar-Shalom and Scheffe, IEEE J. Oceanic Engineering 8(3), 1983). A wrong pairing with other
+sensors' tracks has no effect on it.
+
+The filter of states gets each scan of such a track as one line of sight, the *equivalent* one: what moves the estimate
+in the focal plane as the weighted lines do, with the same gain.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.estimation import dot, matvec, tangent_axes
+from opir_core.interfaces import Columns
+from opir_trackers.assignment import belief_propagation, cheapest_assignment, unambiguous
+from opir_trackers.association import AssociationModel, scan_numbers
+from opir_trackers.lines_of_sight import LinesOfSight
+
+#: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites changes the acceleration by
+#: some 20 m/s², which the track follows within 2 s; twice or half as much changes the purity by 0.02 (salvos of 20).
+JERK_NOISE_M_S3 = 2.5
+
+#: Sweeps of belief propagation in a scan.
+_SWEEPS = 10
+
+#: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over the odds of a detection:
+#: targets launch one by one. In wide crowds belief propagation is overconfident without it.
+_NEWCOMERS = 0.01
+
+#: A scan whose equivalent line has less than this share of the information of a line of a lone target is left out.
+_LEAST_INFORMATION = 0.02
+
+
+@frozen(eq=False, repr=False)
+class FocalPlaneTracks(Columns):
+    """Tracks in focal planes: one row for each track and sensor.
+
+    `axes` (n, 3, 3) are the rows of the tangent plane and its normal, in ECEF; `range_m` (n,) the approximate range;
+    `mean` (n, 3, 2) angle, rate and acceleration in the plane, rad; `covariance` (n, 3, 3) that of each of the two
+    axes; `time_s` (n,) their time; `contested_s` (n,) when the track was last contested, and `seen_s` (n,) had a line.
+    """
+
+    number: IntArray
+    sensor: IntArray
+    axes: FloatArray
+    range_m: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    time_s: FloatArray
+    contested_s: FloatArray
+    seen_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> "FocalPlaneTracks":
+        """Return no tracks."""
+        whole, none, square = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3, 3))
+        return cls(whole, whole, square, none, np.empty((0, 3, 2)), square, none, none, none)
+
+    def predicted(self, time_s: FloatArray | float) -> "FocalPlaneTracks":
+        """Return the tracks at times (n,) or a time."""
+        when = np.broadcast_to(np.asarray(time_s, dtype=np.float64), self.time_s.shape).copy()
+        step = when - self.time_s
+        move = _transition(step)
+        noise = np.square(JERK_NOISE_M_S3 / self.range_m)[:, None, None] * _noise(step)
+        return evolve(
+            self,
+            mean=move @ self.mean,
+            covariance=move @ self.covariance @ move.transpose(0, 2, 1) + noise,
+            time_s=when,
+        )
+
+    def places(self, row: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return angles (m, 2) of rows (m,) at times (m,), and their variances (m,) on each axis."""
+        step = time_s - self.time_s.take(row)
+        half = 0.5 * step * step
+        mean, cov = self.mean.take(row, axis=0), self.covariance.take(row, axis=0)
+        place = mean[:, 0] + step[:, None] * mean[:, 1] + half[:, None] * mean[:, 2]
+        variance = cov[:, 0, 0] + 2.0 * step * cov[:, 0, 1] + 2.0 * half * (cov[:, 1, 1] + cov[:, 0, 2])
+        variance += 2.0 * step * half * cov[:, 1, 2] + half * half * cov[:, 2, 2]
+        variance += np.square(JERK_NOISE_M_S3 / self.range_m.take(row)) * np.abs(step) ** 5 / 20.0
+        return place, variance
+
+    def directions(self, row: IntArray, place: FloatArray) -> FloatArray:
+        """Return unit vectors (m, 3), in ECEF, of angles (m, 2) in the planes of rows (m,)."""
+        local = np.concatenate([place, np.ones((len(row), 1))], axis=1)
+        along = matvec(self.axes.take(row, axis=0).transpose(0, 2, 1), local)
+        unit: FloatArray = along / np.sqrt(dot(along, along))[:, None]
+        return unit
+
+
+def _transition(step: FloatArray) -> FloatArray:
+    move = np.zeros((len(step), 3, 3))
+    move[:, range(3), range(3)] = 1.0
+    move[:, 0, 1] = move[:, 1, 2] = step
+    move[:, 0, 2] = 0.5 * step * step
+    return move
+
+
+def _noise(step: FloatArray) -> FloatArray:
+    """Return the covariances (n, 3, 3) of white jerk of unit density over steps (n,)."""
+    power = [np.abs(step) ** number for number in range(6)]
+    noise = np.empty((len(step), 3, 3))
+    noise[:, 0, 0], noise[:, 1, 1], noise[:, 2, 2] = power[5] / 20.0, power[3] / 3.0, power[1]
+    noise[:, 0, 1] = noise[:, 1, 0] = power[4] / 8.0
+    noise[:, 0, 2] = noise[:, 2, 0] = power[3] / 6.0
+    noise[:, 1, 2] = noise[:, 2, 1] = power[2] / 2.0
+    return noise
+
+
+class FocalPlanePairs(NamedTuple):
+    """Gated pairs (m,) of a row and a line: angle off the prediction (m, 2), its variance and squared distance."""
+
+    row: IntArray
+    line: IntArray
+    off: FloatArray
+    variance: FloatArray
+    distance: FloatArray
+
+    def part(self, rows: IntArray) -> "FocalPlanePairs":
+        """Return some pairs."""
+        squares = self.variance.take(rows), self.distance.take(rows)
+        return FocalPlanePairs(self.row.take(rows), self.line.take(rows), self.off.take(rows, axis=0), *squares)
+
+
+def gated_pairs(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, row: IntArray, line: IntArray, gate: float
+) -> FocalPlanePairs:
+    """Return the pairs (m,) of rows and lines within the gate; the variance includes that of the line."""
+    local = matvec(tracks.axes.take(row, axis=0), lines.direction_ecef.take(line, axis=0))
+    place, variance = tracks.places(row, lines.time_s.take(line))
+    off = local[:, :2] / local[:, 2:] - place
+    variance += np.square(lines.sigma_rad.take(line))
+    distance = dot(off, off) / variance
+    inside = np.flatnonzero((distance <= gate * gate) & (local[:, 2] > 0.0))
+    return FocalPlanePairs(row, line, off, variance, distance).part(inside)
+
+
+def candidate_pairs(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, span_s: float, gate: float
+) -> tuple[IntArray, IntArray]:
+    """Return rows and lines (m,) of one sensor each that may pass the gate within a span after the tracks' time."""
+    from scipy.spatial import cKDTree
+
+    row = np.arange(len(tracks))
+    if not len(row) or not len(lines):
+        return row[:0], row[:0]
+    middle = tracks.predicted(tracks.time_s + 0.5 * span_s)
+    speed = np.sqrt(dot(middle.mean[:, 1], middle.mean[:, 1]))
+    sigma = np.sqrt(tracks.predicted(tracks.time_s + span_s).covariance[:, 0, 0])
+    reach = gate * (sigma + lines.sigma_rad.max()) + 0.5 * span_s * speed
+    # Other sensors are far off along a fourth axis.
+    apart = 8.0 * np.maximum(reach.max(), 1.0)
+    place = np.column_stack([middle.directions(row, middle.mean[:, 0]), apart * tracks.sensor])
+    tree = cKDTree(np.column_stack([lines.direction_ecef, apart * lines.sensor]))
+    near = tree.query_ball_point(place, 1.5 * reach, return_sorted=True)
+    count = np.array([len(each) for each in near], dtype=np.int64)
+    line = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
+    return np.repeat(row, count), line
+
+
+class FocalPlaneUpdate(NamedTuple):
+    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows.
+
+    `pairs` are those within the gates of the rows as they were before.
+    """
+
+    tracks: FocalPlaneTracks
+    owner: IntArray
+    equivalent: LinesOfSight
+    row: IntArray
+    pairs: FocalPlanePairs
+
+
+def updated(
+    tracks: FocalPlaneTracks,
+    lines: LinesOfSight,
+    candidates: tuple[IntArray, IntArray],
+    model: AssociationModel,
+    gate: float,
+) -> FocalPlaneUpdate:
+    """Return the rows after the lines of a slice; `candidates` are rows and lines that may be paired.
+
+    Rows that share lines take them scan by scan, the others all at once.
+    """
+    pairs = gated_pairs(tracks, lines, *candidates, gate)
+    scan = scan_numbers(lines.sensor, lines.scan)
+    several = ~unambiguous(pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line)
+    is_shared = np.zeros(len(tracks), dtype=bool)
+    is_shared[pairs.row[several]] = True
+    shared = is_shared[pairs.row]
+    owner = np.full(len(lines), -1, dtype=np.int64)
+    tracks, taken, of = _after_own_lines(tracks, lines, pairs.part(np.flatnonzero(~shared)), model)
+    owner[taken] = of
+    parts, rows = [lines.take(taken)], [of]
+    row, line = pairs.row[shared], pairs.line[shared]
+    turn = _turns(scan, lines.sensor)[line]
+    for each in range(int(turn.max(initial=-1)) + 1):
+        mine = np.flatnonzero(turn == each)
+        now = gated_pairs(tracks, lines, row.take(mine), line.take(mine), gate)
+        if not len(now.row):
+            continue
+        log = _log_ratio(model, lines, now)
+        chosen = np.flatnonzero(cheapest_assignment(now.row, now.line, -log))
+        owner[now.line[chosen]] = now.row[chosen]
+        tracks, equivalent, theirs = _after_scan(tracks, lines, now, log, chosen)
+        parts.append(equivalent)
+        rows.append(theirs)
+    return FocalPlaneUpdate(tracks, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
+
+
+def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePairs) -> FloatArray:
+    """Return the log likelihood ratios (m,) of pairs to a miss and a false alarm."""
+    odds: FloatArray = model.log_odds.take(lines.sensor.take(pairs.line))
+    return odds - 0.5 * pairs.distance - np.log(pairs.variance)
+
+
+def _after_own_lines(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, model: AssociationModel
+) -> tuple[FocalPlaneTracks, IntArray, IntArray]:
+    """Return the rows after lines that no other row may have, these lines and their rows.
+
+    In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
+    """
+    pairs = pairs.part(np.flatnonzero(_log_ratio(model, lines, pairs) > 0.0))
+    if not len(pairs.row):
+        return tracks, pairs.line, pairs.row
+    row, place = np.unique(pairs.row, return_inverse=True)
+    time_s, weight = lines.time_s[pairs.line], 1.0 / np.square(lines.sigma_rad[pairs.line])
+    total = np.bincount(place, weight)
+    when = np.bincount(place, weight * time_s) / total
+    last_s = np.full(len(row), -np.inf)
+    np.maximum.at(last_s, place, time_s)
+    off = np.stack([np.bincount(place, weight * pairs.off[:, axis]) for axis in (0, 1)], axis=1) / total[:, None]
+    part = tracks.take(row).predicted(when)
+    gain = part.covariance[:, :, 0] / (part.covariance[:, 0, 0] + 1.0 / total)[:, None]
+    after = evolve(
+        part,
+        mean=part.mean + gain[:, :, None] * off[:, None, :],
+        covariance=part.covariance - gain[:, :, None] * part.covariance[:, None, 0, :],
+        seen_s=last_s,
+    )
+    return _put(tracks, row, after), pairs.line, pairs.row
+
+
+def _turns(scan: IntArray, sensor: IndexArray) -> IntArray:
+    """Return for each line (m,) the number of its scan, by `scan_numbers`, among those of its sensor, from 0."""
+    first = np.full(int(scan.max(initial=-1)) + 1, -1, dtype=np.int64)
+    first[scan] = sensor
+    start = np.searchsorted(first, np.arange(int(sensor.max(initial=0)) + 1))
+    turn: IntArray = scan - start[sensor]
+    return turn
+
+
+def _after_scan(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray, chosen: IntArray
+) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
+    """Return the rows after one scan of each sensor, and the equivalent lines of rows with an assigned line."""
+    beta = _probabilities(lines, pairs, log)
+    row, place = np.unique(pairs.row, return_inverse=True)
+    total, time_s = np.bincount(place, beta), lines.time_s[pairs.line]
+    when = np.maximum(np.bincount(place, beta * time_s) / np.maximum(total, 1e-300), time_s.min())
+    sums = [np.bincount(place, beta * pairs.off[:, axis]) for axis in (0, 1)]
+    off = np.stack(sums, axis=1).astype(np.float64, copy=False)
+    spread = 0.5 * (np.bincount(place, beta * dot(pairs.off, pairs.off)) - dot(off, off))
+    part = tracks.take(row).predicted(when)
+    noise = np.bincount(place, np.square(lines.sigma_rad[pairs.line])) / np.bincount(place)
+    before, gain = part.covariance[:, 0, 0], part.covariance[:, :, 0]
+    whole = before + noise
+    information = total * whole - spread
+    shift, shrink = off / whole[:, None], information / np.square(whole)
+    which = np.full(len(row), -1)
+    which[place[chosen]] = pairs.line[chosen]
+    after = evolve(
+        part,
+        mean=part.mean + gain[:, :, None] * shift[:, None, :],
+        covariance=part.covariance - shrink[:, None, None] * gain[:, :, None] * gain[:, None, :],
+        seen_s=np.where(which >= 0, when, part.seen_s),
+    )
+    good = np.flatnonzero((which >= 0) & (information > _LEAST_INFORMATION * whole))
+    # A look that gives the same gain and the same covariance as the weighted lines.
+    at = part.mean[good, 0] + off[good] * (whole / information)[good, None]
+    sigma = np.sqrt(np.square(whole[good]) / information[good] - before[good])
+    direction = part.directions(good, at)
+    equivalent = evolve(lines.take(which[good]), time_s=when[good], direction_ecef=direction, sigma_rad=sigma)
+    return _put(tracks, row, after), equivalent, row[good]
+
+
+def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray) -> FloatArray:
+    """Return the association probabilities (m,) of pairs with log likelihood ratios."""
+    ratio = np.exp(np.minimum(log, 300.0))
+    beta = ratio / (1.0 + ratio)
+    crowd = np.flatnonzero(~unambiguous(pairs.row, pairs.line))
+    if len(crowd):
+        sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
+        ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
+        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
+    return beta
+
+
+def _put(tracks: FocalPlaneTracks, row: IntArray, part: FocalPlaneTracks) -> FocalPlaneTracks:
+    """Return the tracks with the estimates of some rows replaced."""
+    columns = {}
+    for name in ("mean", "covariance", "time_s", "seen_s"):
+        column = getattr(tracks, name).copy()
+        column[row] = getattr(part, name)
+        columns[name] = column
+    return evolve(tracks, **columns)
+
+
+def begun(
+    number: IntArray,
+    sensor: IntArray,
+    time_s: float,
+    apart_m: tuple[FloatArray, FloatArray, FloatArray],
+    roots_m: FloatArray,
+    noise_rad: FloatArray,
+) -> FocalPlaneTracks:
+    """Return rows from states: vectors (n, 3) from the sensor to the track and its first two derivatives, in ECEF, m.
+
+    `roots_m` (n, 3, 3, k) are the roots of the covariances of those three vectors; `noise_rad` (n,) is added to the
+    error of the angle.
+    """
+    range_m = np.sqrt(dot(apart_m[0], apart_m[0]))
+    axes = tangent_axes(apart_m[0] / range_m[:, None])
+    across = axes[:, :2]
+    # Derivatives of x / z in the plane; across it x is 0 at this moment.
+    off, fast, faster = (matvec(axes, each) / range_m[:, None] for each in apart_m)
+    rate = fast[:, :2]
+    mean = np.stack([off[:, :2], rate, faster[:, :2] - 2.0 * fast[:, 2:] * rate], axis=1)
+    side = (across[:, None] @ roots_m).reshape(len(number), 3, -1)
+    seen = side @ side.transpose(0, 2, 1) / (2.0 * range_m * range_m)[:, None, None]
+    seen[:, 0, 0] += np.square(noise_rad)
+    when = np.full(len(number), time_s)
+    return FocalPlaneTracks(number, sensor, axes, range_m, mean, seen, when, when.copy(), when.copy())

@@ -1,0 +1,175 @@
+"""Outliers: weights of measurements by expectation maximisation.
+
+A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a gate of that
+error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by their inlier
+probability, which is recomputed with the updated track (EM: Dempster, Laird and Rubin, J. Royal Statistical Society B
+39(1), 1977). The information of the slice is then the observed information (Louis, J. Royal Statistical Society B
+44(2), 1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood
+of all its lines so far, over a grid of fractions: a running mean of weights would retain the first belief
+(Titterington, J. Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.estimation import matvec
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.gating import GatedPairs
+from opir_trackers.lines_of_sight import AngleMeasurements
+
+#: Weight of a measurement that is most probably unassigned.
+_LEAST_WEIGHT = 1e-6
+
+
+def predicted_directions(path: PredictedMeasurements, measurements: AngleMeasurements) -> FloatArray:
+    """Return the predicted directions (n, 2) of measurements, each in its tangent plane."""
+    local = matvec(measurements.axes, path.positions(measurements.track, measurements.time_s) - measurements.origin_m)
+    seen: FloatArray = local[:, :2] / local[:, 2:]
+    return seen
+
+
+#: Outlier fractions, evenly spaced in log odds: 0, and from 0.01 to 0.9.
+_STEP = 0.2
+FRACTIONS = np.append(0.0, 1.0 / (1.0 + np.exp(-np.arange(-4.6, 2.3, _STEP))))
+
+#: Prior mean of the outlier fraction, and its weight in lines.
+_SHARE, _BELIEVED = 0.01, 3.0
+
+#: Squared distance exceeded with probability 10⁻³, and the least outlier fraction that is considered.
+_IMPROBABLE, _SOME = 13.8, 0.02
+
+#: Below this fraction, tracks without an improbable line are not counted; so onsets of outliers are seen.
+FEW = 1e-3
+
+_NONE = np.empty(0, dtype=np.int64)
+
+#: EM iterations, and the least information of a slice relative to its weights.
+_TURNS, _LEAST_TOLD = 4, 0.2
+
+
+class SliceSpan(NamedTuple):
+    """End and length of a slice, s, and its gate, standard deviations."""
+
+    end_s: float
+    long_s: float
+    gate: float
+
+
+def _prior_log() -> FloatArray:
+    """Return the log prior (fractions,) of the outlier fraction: a beta distribution.
+
+    Its density per log odds is proportional to (1 - q)^`_BELIEVED` from the first fraction on; the rest is at 0.
+    """
+    some = _SHARE * _BELIEVED * _STEP * (1.0 - FRACTIONS[1:]) ** _BELIEVED
+    return np.asarray(np.log(np.append(1.0 - some.sum(), some)))
+
+
+_BEFORE, _CLEAN = _prior_log(), np.log1p(-FRACTIONS)
+
+
+class OutlierFractions(NamedTuple):
+    """Log likelihoods (n, fractions) of the outlier fraction of each track, at most 0."""
+
+    log: FloatArray
+
+    @property
+    def share(self) -> FloatArray:
+        """Return the posterior mean (n,)."""
+        chance = np.exp(self.log + _BEFORE)
+        share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(chance, axis=1)
+        return share
+
+    def take(self, rows: IntArray) -> "OutlierFractions":
+        """Return those of some tracks."""
+        return OutlierFractions(self.log[rows])
+
+    def after(self, log_likelihood: FloatArray) -> "OutlierFractions":
+        """Return those after more lines with log likelihoods (n, fractions)."""
+        log = self.log + log_likelihood
+        return OutlierFractions(log - np.maximum.reduce(log, axis=1, keepdims=True))
+
+
+class ReweightedEstimates(NamedTuple):
+    """Estimates after a slice, and the log likelihoods (n, fractions) of its lines."""
+
+    estimates: ModeEstimates
+    outliers: FloatArray
+
+
+def suspect_tracks(assigned: GatedPairs, share: FloatArray) -> IntArray:
+    """Return the rows (k,) of tracks that may have outliers, by their outlier fractions (n,)."""
+    some = (assigned.distance > _IMPROBABLE) | (share.take(assigned.track) > _SOME)
+    return np.unique(assigned.track[some]) if np.count_nonzero(some) else _NONE
+
+
+def clean_log_likelihood(assigned: GatedPairs, outlier: OutlierFractions, gate: float) -> FloatArray:
+    """Return the log likelihoods (n, fractions) of lines none of which is improbable.
+
+    Each counts with the probability that an outlier in its place would have been improbable.
+    """
+    within = _IMPROBABLE / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
+    clean: FloatArray = (
+        np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None] * _CLEAN
+    )
+    return clean
+
+
+def reweighted(
+    filter_: ImmFilter,
+    before: ModeEstimates,
+    after: ModeEstimates,
+    span: SliceSpan,
+    assigned: GatedPairs,
+    outlier: OutlierFractions,
+) -> ReweightedEstimates:
+    """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from `before` to `after`."""
+    share = outlier.share
+    for turn in range(_TURNS + 1):
+        weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, share)
+        log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
+        if turn < _TURNS:
+            after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
+            share = outlier.after(log_likelihood).share
+    most = np.bincount(assigned.track, weight, len(before))
+    left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
+    part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
+    # The rescaled measurements move the estimate as far as the weighted ones, with less information.
+    seen = place + (assigned.measured - place) / part[:, None]
+    after = filter_.updated(before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s)
+    return ReweightedEstimates(after, log_likelihood)
+
+
+def fraction_log_likelihood(square: FloatArray, gate: float, track: IntArray, count: int) -> FloatArray:
+    """Return the log likelihoods (count, fractions) of lines (m,) with squared distances, by track.
+
+    Lines beyond the gate are outliers, and carry no information on how many lie within it.
+    """
+    ratio = 2.0 / gate**2 * np.exp(0.5 * np.minimum(square, gate**2))
+    ratio = np.where(square > gate**2, 1.0, ratio)
+    log, log_likelihood = np.log1p(FRACTIONS * (ratio[:, None] - 1.0)), np.zeros((count, len(FRACTIONS)))
+    np.add.at(log_likelihood, track, log)
+    return log_likelihood
+
+
+def _weights(
+    path: PredictedMeasurements, span: SliceSpan, assigned: GatedPairs, share: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the inlier probabilities (m,) of lines, their predicted directions (m, 2) and squared distances (m,)."""
+    measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
+    place, sharp, outlier = (
+        predicted_directions(path, measurements),
+        1.0 / np.square(assigned.sigma_rad),
+        share[assigned.track],
+    )
+    square = np.sum(np.square(assigned.measured - place), axis=1) * sharp
+    mine = (1.0 - outlier) * np.exp(-0.5 * square) * sharp / (2.0 * np.pi)
+    others = outlier * sharp / (np.pi * span.gate**2)
+    return np.maximum(mine / (mine + others), _LEAST_WEIGHT), place, square
+
+
+def _weighted(assigned: GatedPairs, seen: FloatArray, weight: FloatArray) -> AngleMeasurements:
+    """Return pairs as measurements at directions (m, 2) with weights (m,)."""
+    return assigned.measurements(seen, (np.sqrt(weight) / assigned.sigma_rad)[:, None, None] * np.eye(2))

@@ -1,0 +1,162 @@
+"""Tracks of one sensor: what it does not see is replaced, every few seconds, by what the law of boosts says of it."""
+
+from functools import cached_property, lru_cache
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.estimation import COAST, dot, square_root
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.filter.thrust import air_velocity
+from opir_trackers.forecast.along_sight import AlongSight, Sighting, along_sight
+from opir_trackers.forecast.ascents import Ascents, ascents_of
+from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.launch_points import BEFORE_S, SITE_M
+from opir_trackers.lines_of_sight import earth_rotated
+from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
+from opir_trackers.sensors import Biases
+from opir_trackers.triangulation import are_low_orbits
+
+#: A track is compared with ascents at its first detection after each interval of this length, s, since the first one:
+#: the state along the line of sight changes little in it, and a comparison takes milliseconds.
+EVERY_S = 5.0
+
+#: A free burn more probable than this is no ascent of the law.
+_FREE = 0.5
+
+#: Cross product with the Earth's rotation.
+_SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+@frozen(eq=False)
+class SingleSensor:
+    """The law of boosts for tracks that one sensor alone sees."""
+
+    outcomes: Outcomes
+    filter: ImmFilter
+    biases: Biases
+    period_s: FloatArray
+
+    def with_ascents(
+        self,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        motion: MotionStatistics,
+        seen_before_s: FloatArray,
+        time_s: float,
+    ) -> ModeEstimates:
+        """Return the estimates of tracks (n,) at a time, those of one sensor as ascents say along its line of sight.
+
+        `seen_before_s` (n,) are the times of the last detections before the slice.
+        """
+        rows = self._due(estimates, table, motion, seen_before_s).nonzero()[0]
+        rows = rows[self._far(table, rows, time_s)] if rows.size else rows
+        if not rows.size:
+            return estimates
+        found, axes = [], []
+        # A track is compared with thousands of ascents.
+        for row in rows.tolist():
+            sighting, axis, sensor = self._sighting(estimates, table, motion, row, time_s)
+            found.append(along_sight(self.ascents, sighting, self._ignitions_s(sensor)))
+            axes.append(axis)
+        known = [number for number, each in enumerate(found) if each is not None]
+        if not known:
+            return estimates
+        moments: list[AlongSight] = [each for each in found if each is not None]
+        mean, axis = np.array([each.mean for each in moments]), np.array(axes)[known]
+        # Ascents move relative to the Earth, and the part of its rotation along the line is the same at all distances.
+        mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ _SPIN.T)
+        return self.filter.replaced_along(
+            estimates,
+            rows[known],
+            axis,
+            mean,
+            np.array([each.covariance for each in moments]),
+        )
+
+    @cached_property
+    def ascents(self) -> Ascents:
+        """Return the ascents of the law; they are drawn for the first track that needs them."""
+        return ascents_of(self.outcomes)
+
+    def _due(
+        self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, seen_before_s: FloatArray
+    ) -> BoolArray:
+        """Return which tracks (n,) are compared: those of one sensor that burn and were detected in the slice."""
+        interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // EVERY_S
+        alone = np.count_nonzero(table.reports >= 0, axis=1) == 1
+        burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < _FREE)
+        return np.asarray((interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5))
+
+    def _far(self, table: TrackTable, rows: IntArray, time_s: float) -> BoolArray:
+        """Return which tracks (m,) no low sensor sees: one that moves past a target sees how far away it is."""
+        when = np.full(1, time_s)
+        origin = np.concatenate([sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors])
+        return np.asarray(~np.any((table.reports[rows] >= 0) & are_low_orbits(origin), axis=1))
+
+    def _sighting(
+        self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, row: int, time_s: float
+    ) -> tuple[Sighting, FloatArray, int]:
+        """Return what the sensor of a track sees, its inertial line of sight (3,), and its number."""
+        number = int(np.flatnonzero(table.reports[row] >= 0)[0])
+        orbit, first_s = self.biases.sensors[number].orbit, float(table.first_s[row])
+        then, before, now, after = orbit.position_ecef_m(np.array([first_s, time_s - 0.5, time_s, time_s + 0.5]))
+        mean, back = estimates.boost_mean[row], np.full(3, -time_s)
+        state = earth_rotated(np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back)
+        axes, first_axes = (
+            _image_axes(state[0] - now, state[0]),
+            _image_axes(motion.reference_m[row] - then, motion.reference_m[row]),
+        )
+        turned = earth_rotated(axes, -back)
+        seen = _image_rows(turned[:2]) @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
+        ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])
+        noise = np.zeros((8, 8))
+        noise[:6, :6] = seen @ seen.T
+        noise[:2, :2] += spread[:2, :2]
+        noise[6:, 6:] = spread[2:, 2:]
+        sighting = Sighting(
+            first_sensor_m=then,
+            first_m=ground + first[:2] @ first_axes[:2],
+            first_sigma_m=float(np.hypot(np.sqrt(spread[1, 1]), SITE_M)),
+            ground_radius_m=float(np.linalg.norm(ground)),
+            since_s=time_s - first_s,
+            sensor_m=now,
+            sensor_m_s=after - before,
+            state=state.ravel(),
+            axes=axes[:2],
+            first_axes=first_axes[:2],
+            first_m_s=first[2:],
+            noise=noise,
+        )
+        return sighting, turned[2], number
+
+    def _ignitions_s(self, sensor: int) -> FloatArray:
+        """Return times (2, n), s, from the ignition of each ascent to its first detection: at once, or out of cloud."""
+        uniform = _uniform(len(self.ascents.log_weight))
+        return uniform * np.array([[self.period_s[sensor]], [BEFORE_S]])
+
+
+def _image_axes(line: FloatArray, beside: FloatArray) -> FloatArray:
+    """Return unit vectors (3, 3): two across a line of sight (3,), the first also across another vector; then along."""
+    along = line / np.linalg.norm(line)
+    across = np.cross(along, beside)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(across, along), along])
+
+
+def _image_rows(axes: FloatArray) -> FloatArray:
+    """Return the rows (6, 9) that take position, velocity and force to the image plane, velocities over the ground."""
+    rows = np.zeros((6, 9))
+    rows[:2, :3] = rows[2:4, 3:6] = rows[4:, 6:] = axes
+    rows[2:4, :3] = -axes @ _SPIN
+    return rows
+
+
+@lru_cache(maxsize=2)
+def _uniform(count: int) -> FloatArray:
+    """Return uniform numbers (2, n), the same for all tracks and ticks."""
+    return np.random.default_rng(12).random((2, count))

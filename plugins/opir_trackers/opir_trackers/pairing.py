@@ -1,0 +1,394 @@
+"""Pairing of focal-plane tracks across sensors: the second level of association, by geometry alone.
+
+Each focal-plane track keeps its directions of the last `KEPT_S`, one a slice. Directions of one target meet, at every
+instant; those of two targets pass one another. The cost of a set of focal-plane tracks, one a sensor, is the sum over
+the stretch of the least squares of the triangulation: for two sensors the misfit of their epipolar planes. The cheapest
+one-to-one assignment is exact for two sensors. For more it is NP-hard: each sensor in turn is assigned to the sets of
+the others until nothing changes (multidimensional assignment by relaxation to two dimensions: Poore, Computational
+Optimization and Applications 3, 1994), from the present pairing and from none.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.geometry import WGS84
+from opir_core.interfaces import Columns
+from opir_trackers.assignment import cheapest_assignment, marginals, ranks
+from opir_trackers.triangulation import FIRST_HEIGHT_M
+
+#: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
+#: in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
+KEPT_S = 40.0
+
+#: Time from one pairing to the next, s.
+RENEWED_S = 4.0
+
+#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane tracks by more than
+#: their errors for a second or two, and wrong partners lose more within a few slices.
+_LEAST_GAIN = -20.0
+
+#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a probability of 10⁻⁴.
+_LEAST_FIRST_GAIN = -7.5
+
+#: Tolerance below the ground of a first crossing, m, in addition to its own error.
+_DEEP_M = 500.0
+
+#: Log likelihood that a degree of freedom has for one target over different ones, at each of the stretch's instants:
+#: those of different targets are larger by chance three times in four or so, and long correlated.
+REWARD = 1.0
+
+#: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
+_FIRST_REWARD = 3.0
+
+#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks change targets every
+#: 20 s or so; and how many last instants count whatever was before.
+_SWAPPED, _RECENT = 3.0, 3
+
+#: Log likelihood that a present pairing has over another, by what came before the stretch.
+_KEPT = 3.0
+
+#: Assignments are repeated while they gain more than this (log likelihood).
+_SETTLED = 1e-3
+
+#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more to the least
+#: squares there, in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one.
+_COARSE, _HOPELESS = (-1, -3, -6), 18.0
+
+#: Lowest and highest distance of a target from the Earth's centre, m.
+_LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
+
+#: Crossings beyond these distances by fewer standard deviations than this may be targets.
+_SURE_SIGMAS = 5.0
+
+#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of one target.
+_VAGUE_M = 300e3
+
+#: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is
+#: start enough.
+_CERTAIN = 3
+
+#: Rounds of assignment of each sensor to the sets of the others.
+_ROUNDS = 6
+
+#: Log likelihoods of pairings are divided by this: errors of directions are correlated over some slices.
+_CORRELATED = 4.0
+
+#: Every track has a partner where it has any: log weight of the likeliest.
+_FORCED_LOG = 60.0
+
+
+@frozen(eq=False, repr=False)
+class Directions(Columns):
+    """Kept directions of focal-plane tracks: track number and sensor, slice, unit vectors in ECEF and their errors."""
+
+    number: IntArray
+    sensor: IntArray
+    time_s: FloatArray
+    origin_ecef_m: FloatArray
+    direction_ecef: FloatArray
+    sigma_rad: FloatArray
+
+    @classmethod
+    def empty(cls) -> "Directions":
+        """Return no directions."""
+        whole, none, vectors = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3))
+        return cls(whole, whole, none, vectors, vectors, none)
+
+
+def normal_equations(
+    directions: Directions, row: IntArray, count: int, range_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations (count, instants, 12) of the intersections of directions, and a point of reference.
+
+    `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix (6), side (3),
+    least squares without the point, and numbers of focal-plane tracks and of lines. Those of a set are sums.
+    """
+    instants, instant = np.unique(directions.time_s, return_inverse=True)
+    table = np.zeros((count, len(instants), 12))
+    unit, sigma_m = directions.direction_ecef, directions.sigma_rad * range_m
+    centre = (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0) if len(row) else np.zeros(3)
+    from_centre = directions.origin_ecef_m - centre
+    across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
+    weight = 1.0 / np.square(sigma_m)
+    outer = -unit[:, _FIRST] * unit[:, _SECOND] + (_FIRST == _SECOND)
+    columns = [weight[:, None] * outer, weight[:, None] * across, weight * np.sum(across * across, axis=1)]
+    table[row, instant] = np.column_stack([*columns, np.zeros(len(row)), np.ones(len(row))])
+    table[..., 10] = 1.0
+    return table, centre
+
+
+#: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
+_LEAST_WEIGHT = 1e-14
+
+#: Elements of a symmetric matrix (6): rows, columns, and how often each stands in it.
+_TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+_FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+
+
+def intersections(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the points (..., 3) of sums of normal equations (..., 12) and their least squares (...)."""
+    inverse = _inverses(table)
+    side = table[..., 6:9]
+    point = np.stack([np.sum(inverse[..., row] * side, axis=-1) for row in _ROWS], axis=-1)
+    return point, table[..., 9] - np.sum(point * side, axis=-1)
+
+
+def _inverses(table: FloatArray) -> FloatArray:
+    """Return the inverses (..., 6) of the matrices of normal equations: covariances of points, m²."""
+    xx, xy, xz, yy, yz, zz = np.moveaxis(table[..., :6], -1, 0)
+    xx, yy, zz = xx + _LEAST_WEIGHT, yy + _LEAST_WEIGHT, zz + _LEAST_WEIGHT
+    first, second, third = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    minors = [first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy]
+    return np.stack(minors, axis=-1) / (xx * first + xy * second + xz * third)[..., None]
+
+
+#: The rows of a symmetric matrix among its six elements.
+_ROWS = ([0, 1, 2], [1, 3, 4], [2, 4, 5])
+
+
+def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
+    """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
+
+    The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has a `reward` over
+    different targets. Where a focal-plane track was not there yet, a set has the reward as if its lines fitted: else
+    long tracks of different targets, which happen to fit, would be preferred to short ones of one. In a crowd
+    focal-plane tracks change targets: a set is one since the instant that makes it likeliest.
+    """
+    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, reward).min(axis=-1)
+
+
+def first_instants(table: FloatArray) -> IntArray:
+    """Return the instant (...) from which on each set is most likely of one target."""
+    first: IntArray = np.argmin(_losses(table, REWARD), axis=-1)
+    return first
+
+
+def are_open(table: FloatArray, group: IntArray) -> BoolArray:
+    """Return which rows are of sets (n,), from 0, that the pairing may change: of two sensors, or that fit badly.
+
+    Lines of three sensors do not cross at all instants by chance.
+    """
+    sums = set_sums(table, group)
+    whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
+    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (_losses(sums, REWARD)[:, 0] < _FITTING * whole)
+    open_rows: BoolArray = ~is_sure[group]
+    return open_rows
+
+
+#: A set of three sensors is sure where it has lost less than this share of its reward: where the mean least squares of
+#: a degree of freedom are below 1.5.
+_FITTING = 0.25
+
+
+def _losses(table: FloatArray, reward: float) -> FloatArray:
+    """Return what sets lose (..., instants) to perfect ones if they are of one target since each instant."""
+    degrees = _degrees(table[..., 11])
+    excess = np.where(degrees > 0.0, 0.5 * (intersections(table)[1] - degrees), 0.0)
+    rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
+    before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
+    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[..., : max(table.shape[-2] - _RECENT, 1)]
+    return loss
+
+
+def _degrees(lines: FloatArray) -> FloatArray:
+    """Return the degrees of freedom of the least squares of crossings of lines."""
+    return np.maximum(2.0 * lines - 3.0, 0.0)
+
+
+class SetModel(NamedTuple):
+    """What sets of focal-plane tracks are likely: `centre` (3,) is the point of reference of normal equations, ECEF, m.
+
+    `present` (n,) are the sets of the rows as they are: what came before the stretch speaks for them. No target is
+    below the ground. Of sets that `begin` tracks the height h at the first look counts: its prior density is
+    proportional to 1 / (3 km + h), so that above 3 km each octave is equally probable.
+    """
+
+    centre: FloatArray
+    begin: bool = False
+    present: IntArray | None = None
+
+    def total(self, table: FloatArray, group: IntArray) -> float:
+        """Return the log likelihood of sets (n,), from 0, of the rows of normal equations."""
+        kept = 0 if self.present is None else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
+        return float(self.gains(set_sums(table, group)).sum()) + _KEPT * kept
+
+    @property
+    def least_gain(self) -> float:
+        """Return the least gain (log likelihood) of a set over its parts alone."""
+        return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
+
+    def gains(self, table: FloatArray) -> FloatArray:
+        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the last height."""
+        last = table[..., -1, :]
+        height_m, sigma_m = self._heights(last)
+        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
+        if self.begin:
+            cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
+        gain = gains(table, _FIRST_REWARD if self.begin else REWARD)
+        lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
+        return lawful
+
+    def _heights(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
+        point = intersections(table)[0] + self.centre
+        radius = np.sqrt(np.sum(np.square(point), axis=-1))
+        up = point / radius[..., None]
+        ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(up[..., 2]))
+        variance = np.sum(_inverses(table) * up[..., _FIRST] * up[..., _SECOND] * _TWICE, axis=-1)
+        return radius - ground, np.sqrt(variance)
+
+    def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
+        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
+        both = theirs + mine
+        point, misfit = intersections(both)
+        met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
+        radius = np.sqrt(np.sum(np.square(point + self.centre), axis=-1))
+        blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
+        lawful = (radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m) & (blur_m < _SURE_SIGMAS * _VAGUE_M)
+        lawful |= ~met
+        added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+        possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
+        return possible
+
+
+class Candidates(NamedTuple):
+    """Possible pairs (m,) of a set and a focal-plane track of one sensor, and the log likelihood of the addition."""
+
+    set: IntArray
+    row: IntArray
+    gain: FloatArray
+
+
+def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetModel) -> Candidates:
+    """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets, instants, 12).
+
+    They are sought at the last instant, then at some.
+    """
+    mine = table[rows]
+    which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
+    some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
+    theirs, ours = sums[which][:, some], mine[row][:, some]
+    met = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
+    likely = np.flatnonzero(met & model.may_be_one(theirs, ours))
+    which, row = which[likely], row[likely]
+    gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
+    return Candidates(which, rows[row], gain)
+
+
+def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
+    """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost."""
+    if model.present is not None and np.ptp(sensor) >= _CERTAIN:
+        return _relaxed(table, sensor, model.present, model)[0]
+    starts = [_in_sequence(table, sensor, model), model.present]
+    if model.present is None:
+        starts[1] = _in_sequence(table, sensor.max() - sensor, model)
+    found = [_relaxed(table, sensor, start, model) for start in starts if start is not None]
+    return max(found, key=lambda each: each[1])[0]
+
+
+def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
+    """Return sets made sensor by sensor: the rows of each are assigned to the sets of those before."""
+    group = np.arange(len(sensor))
+    for one in np.unique(sensor)[1:].tolist():
+        rows = np.flatnonzero(sensor <= one)
+        part = model if model.present is None else model._replace(present=model.present[rows])
+        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], part)
+        # The others stay alone.
+        group[sensor > one] = len(sensor) + np.flatnonzero(sensor > one)
+    return ranks(group)
+
+
+def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel) -> tuple[IntArray, float]:
+    """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes.
+
+    Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
+    """
+    sensors = np.unique(sensor).tolist()
+    ones, pairs = [[one] for one in sensors], [list(pair) for pair in pairwise(sensors)]
+    if len(sensors) == 2:
+        group = _reassigned(table, sensor, group, ones[1], model)
+        return group, model.total(table, group)
+    total, moves = model.total(table, group), ones
+    for _ in range(_ROUNDS):
+        before = total
+        for some in moves:
+            group = _reassigned(table, sensor, group, some, model)
+        total = model.total(table, group)
+        if total > before + _SETTLED:
+            moves = ones
+        elif moves is pairs or len(sensors) == 3:
+            break
+        else:
+            moves = pairs
+    return group, total
+
+
+def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
+    """Return the sums (sets, instants, 12) of the normal equations of each set."""
+    sums = np.zeros((int(group.max(initial=-1)) + 1, *table.shape[1:]))
+    np.add.at(sums, group, table)
+    return sums
+
+
+def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel) -> IntArray:
+    """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
+    chosen = np.isin(sensor, ones)
+    rows, others = np.flatnonzero(chosen), np.flatnonzero(~chosen)
+    number, place = np.unique(group[others], return_inverse=True)
+    part, part_of = np.unique(group[rows], return_inverse=True)
+    parts = set_sums(table[rows], part_of)
+    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
+    gain = pairs.gain
+    if model.present is not None:
+        label, mine = np.empty(len(number), dtype=np.int64), np.empty(len(part), dtype=np.int64)
+        label[place[::-1]], mine[part_of[::-1]] = model.present[others[::-1]], model.present[rows[::-1]]
+        gain = gain + _KEPT * (label[pairs.set] == mine[pairs.row])
+    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
+    # Parts that fit no set make sets of their own.
+    fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
+    fresh[pairs.row[used]] = number[pairs.set[used]]
+    after = group.copy()
+    after[rows] = fresh[part_of]
+    renumbered: IntArray = np.unique(after, return_inverse=True)[1].astype(np.int64)
+    return renumbered
+
+
+class Rivals(NamedTuple):
+    """Focal-plane tracks that a set may have instead of its own of a sensor: set, own, other, probability (m,)."""
+
+    set: IntArray
+    own: IntArray
+    other: IntArray
+    probability: FloatArray
+
+
+def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel, least: float) -> Rivals:
+    """Return other partners of sets, with probabilities of at least `least`, of all sensors but the first."""
+    parts = []
+    for one in np.unique(sensor).tolist()[1:]:
+        rows, others = np.flatnonzero(sensor == one), np.flatnonzero(sensor != one)
+        if not len(others):
+            continue
+        number, place = np.unique(group[others], return_inverse=True)
+        pairs = candidates(table, set_sums(table[others], place), rows, model)
+        if not len(pairs.set):
+            continue
+        log = pairs.gain / _CORRELATED
+        best = np.full(len(number), -np.inf)
+        np.maximum.at(best, pairs.set, log)
+        beta = marginals(pairs.set, pairs.row, np.exp(np.maximum(log - best[pairs.set] + _FORCED_LOG, -300.0)))
+        own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
+        own[group[rows]] = rows
+        mine = own[number[pairs.set]]
+        some = np.flatnonzero((beta > least) & (mine >= 0) & (mine != pairs.row))
+        parts.append(Rivals(number[pairs.set[some]], mine[some], pairs.row[some], beta[some]))
+    none = np.empty(0, dtype=np.int64)
+    return (
+        Rivals(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        if parts
+        else Rivals(none, none, none, np.empty(0))
+    )

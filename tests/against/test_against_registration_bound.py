@@ -1,0 +1,159 @@
+"""Biases that `imm` estimates beside their Cramér–Rao bound, on looks that are made and bounded here.
+
+Targets rise in a frame that turns with the Earth; two or three geostationary sensors, each turned by two small angles,
+look at them ten times a second. The bound has a position for each target and second, as free parameters, and the angles
+with their prior; its Jacobian is by differences of directions. Seeds are even; odd ones were built on.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve
+from opir_testing.doubles import stub_sensor, stub_window
+from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.tracker import imm_tracker
+from scipy.spatial.transform import Rotation
+
+from opir_core.interfaces.contexts import TrackerContext
+
+SIGMA_RAD, BIAS_RAD, TARGETS, SECONDS = 20e-6, 60e-6, 8, 40
+SLOTS_DEG = (-150.0, -95.0)
+GEO_M, EARTH_M = 4.2164e7, 6.378137e6
+
+
+def frame(longitude_deg: float) -> np.ndarray:
+    """Return the rows east, north and up at the equator."""
+    turn = np.radians(longitude_deg)
+    up = np.array([np.cos(turn), np.sin(turn), 0.0])
+    return np.array([[-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0], up])
+
+
+def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return directions (n, 3) of a sensor whose line of sight to nadir is moved by angles (2,) east and north.
+
+    Nadir is down: a turn about north moves it west, one about east moves it north.
+    """
+    return Rotation.from_rotvec(angles[1] * axes[0] - angles[0] * axes[1]).apply(direction)
+
+
+def paths(rng: np.random.Generator) -> Any:
+    """Return a function of the places (n, 3) of a target at times (n,) since the start, for each target."""
+    made = []
+    for _ in range(TARGETS):
+        latitude, longitude = rng.uniform(-35.0, 35.0), rng.uniform(-150.0, -95.0)
+        up = Rotation.from_euler("zy", [longitude, -latitude], degrees=True).apply([1.0, 0.0, 0.0])
+        aside = np.cross(up, rng.standard_normal(3))
+        aside /= np.linalg.norm(aside)
+        made.append(
+            lambda t, up=up, aside=aside: EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
+        )
+    return made
+
+
+def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return detections, biases (s, 2), and the bound's information (2 s, 2 s) with the prior."""
+    rng = np.random.default_rng([2, seed])
+    bias = BIAS_RAD * rng.standard_normal((len(SLOTS_DEG), 2))
+    axes = np.array([frame(slot) for slot in SLOTS_DEG])
+    rows, information = [], np.eye(bias.size) / BIAS_RAD**2
+    for path in paths(rng):
+        seen = []
+        for sensor in range(len(SLOTS_DEG)):
+            scan = np.arange(11, 10 * SECONDS)
+            scan = scan[rng.random(len(scan)) < 0.7]
+            apart = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
+            direction = turned(apart / np.linalg.norm(apart, axis=1)[:, None], axes[sensor], bias[sensor])
+            noise = SIGMA_RAD * rng.standard_normal(direction.shape)
+            noise -= np.sum(noise * direction, axis=1)[:, None] * direction
+            direction = (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
+            rows.append((scan, np.full(len(scan), sensor), direction))
+            seen.append(scan)
+        for second in range(1, SECONDS):
+            counts = [np.count_nonzero(scan // 10 == second) for scan in seen]
+            information += told(path(np.array([second - 0.5]))[0], axes, counts)
+    scan, sensor, direction = (np.concatenate(column) for column in zip(*rows, strict=True))
+    order = np.lexsort((sensor, scan))
+    detections = evolve(
+        stub_window(len(scan)).detections,
+        time_ns=scan[order] * 100_000_000,
+        scan=scan[order],
+        sensor=sensor[order].astype(np.int32),
+        line_of_sight_ecef=direction[order],
+        sensor_ecef_m=GEO_M * axes[sensor[order], 2],
+        line_of_sight_sigma_rad=np.full(len(scan), SIGMA_RAD),
+        track=np.full(len(scan), -1),
+        estimate=np.full(len(scan), -1),
+    )
+    return detections, bias, information
+
+
+def told(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarray:
+    """Return what a second of looks says of the biases, the place of the target being free."""
+
+    def directions(values: np.ndarray) -> np.ndarray:
+        every = []
+        for sensor, own in enumerate(axes):
+            apart = place + values[:3] - GEO_M * own[2]
+            turn = turned(apart / np.linalg.norm(apart), own, values[3 + 2 * sensor : 5 + 2 * sensor])
+            every.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
+        return np.concatenate(every)
+
+    steps = np.append(np.full(3, 100.0), np.full(2 * len(axes), 1e-5))
+    slope = np.stack([(directions(step) - directions(-step)) / (2.0 * step.max()) for step in np.diag(steps)], axis=1)
+    whole = slope.T @ slope
+    ridge = np.eye(3) / 1e12
+    left: np.ndarray = whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(whole[:3, :3] + ridge, whole[:3, 3:])
+    return left
+
+
+def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
+    """Return the tracker after all looks, and the number of its tracks."""
+    sensors = tuple(
+        evolve(
+            stub_sensor(f"S{row}", slot),
+            line_of_sight_bias_sigma_rad=stated_rad,
+            line_of_sight_sigma_rad=SIGMA_RAD,
+        )
+        for row, slot in enumerate(SLOTS_DEG)
+    )
+    context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, light_time=False)
+    tracker, cut, numbers = imm_tracker(ImmConfig(regions_every_s=600.0), context), 0, set()
+    for tick in range(1, SECONDS + 1):
+        end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
+        numbers |= set(tracker.step(float(tick), detections.take(slice(cut, end))).track.tolist())
+        cut = end
+    return tracker, len(numbers)
+
+
+@pytest.mark.slow
+def test_biases_that_are_told_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
+    scaled, squares = [], []
+    for seed in range(0, 24, 2):
+        detections, bias, information = looks(seed)
+        health = found(detections, BIAS_RAD)[0].sensor_health()
+        off = (health.bias_rad - bias).ravel()
+        value, vector = np.linalg.eigh(information)
+        scaled.append(np.sqrt(value) * (vector.T @ off))
+        squares.append(np.mean(np.square(off / health.bias_sigma_rad.ravel())))
+    # χ² of 48 degrees of freedom over its mean has its 95 % band at 0.64 to 1.44. Of the four combinations, 12 degrees
+    # each, none exceeds 2.53 with a probability of 99 %.
+    assert 0.64 < np.mean(np.square(scaled)) < 1.44
+    assert np.sqrt(np.mean(np.square(scaled))) < 1.2
+    assert (np.mean(np.square(scaled), axis=0) < 2.53).all()
+    # Of a run some combination of angles dominates all four of them: at least 12 degrees of freedom.
+    assert 0.37 < np.mean(squares) < 1.94
+
+
+@pytest.mark.slow
+def test_biases_that_nobody_told_are_found_with_one_track_a_target() -> None:
+    detections, bias, information = looks(100)
+    tracker, tracks = found(detections, 0.0)
+    health = tracker.sensor_health()
+    assert tracks == TARGETS
+    # What the looks show best is the difference of both tilts: within 4 σ of its bound, and far from 0.
+    best = np.linalg.eigh(information)[1][:, -1]
+    sigma = 1.0 / np.sqrt(best @ information @ best)
+    assert abs(best @ (health.bias_rad - bias).ravel()) < 4.0 * sigma
+    assert abs(best @ bias.ravel()) > 20.0 * sigma
+    assert "not observable" in health.text[0]

@@ -1,0 +1,64 @@
+"""Replicates share what no seed changes, and are the runs that they would be alone."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+from attrs import evolve
+from opir_testing.bench import bench_run_of, bench_scene
+
+import opir_core as opir
+from opir_core.planning.plan import reseeded
+
+CLOUDS = {"model": "lowtran", "cloud": {"top_km": 8.0, "cover": 0.5, "cell_km": 50.0}}
+REGION = {"south_deg": 35, "north_deg": 45, "west_deg": -121, "east_deg": -110}
+BIASED = {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": -90, "line_of_sight_bias_sigma_urad": 40.0}
+FIRES = {"id": "F", "model": "fires", "field": {"region": REGION, "per_million_km2": 8}}
+SCENES: dict[str, Mapping[str, Any]] = {
+    "constant": {},
+    "signals": {"detection": "snr", "atmosphere": "lowtran"},
+    "clouds": {"detection": "snr", "atmosphere": CLOUDS},
+    "sources": {"detection": "snr", "sources": [FIRES]},
+    "biases": {
+        "sensors": [{"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": -90, "line_of_sight_bias_sigma_urad": 40.0}]
+    },
+    "tracker": {"tracker": "kepler-arc"},
+}
+
+
+def scene_of(name: str) -> opir.Scene:
+    return opir.scene_from_mapping(bench_scene(**SCENES[name]))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_replicate_has_the_bytes_of_a_run_of_its_own(name: str) -> None:
+    scene = scene_of(name)
+    plan = opir.compile_plan(scene)
+    for seed in (scene.seed + 1, 0):
+        alone = bench_run_of(opir.compile_plan(evolve(scene, seed=seed)))
+        assert bench_run_of(reseeded(plan, seed)).lines == alone.lines
+        assert reseeded(plan, seed).scene == alone.plan.scene
+
+
+def test_a_replicate_builds_no_sensor_no_trajectory_and_no_model() -> None:
+    plan = opir.compile_plan(scene_of("signals"))
+    other = reseeded(plan, 7)
+    assert other.sensors is plan.sensors
+    assert other.targets is plan.targets
+    assert (other.detection, other.classifier, other.confidence) == (plan.detection, plan.classifier, plan.confidence)
+    assert other.detection is plan.detection
+
+
+def test_clouds_are_drawn_anew() -> None:
+    plan = opir.compile_plan(scene_of("clouds"))
+    other = reseeded(plan, 7)
+    assert other.detection is not plan.detection
+    assert bench_run_of(other).lines != bench_run_of(reseeded(plan, 8)).lines
+
+
+def test_replicates_are_the_runs_of_successive_seeds() -> None:
+    scene = scene_of("constant")
+    runs = list(opir.replicates(scene, 3))
+    assert [run.plan.scene.seed for run in runs] == [scene.seed, scene.seed + 1, scene.seed + 2]
+    alone = opir.simulate(evolve(scene, seed=scene.seed + 2))
+    assert runs[2].detections.detection_id.tolist() == alone.detections.detection_id.tolist()

@@ -1,0 +1,156 @@
+"""The ledger of claims: what is called validated has a test against an oracle that shares no code with opir."""
+
+import ast
+import json
+import re
+import sys
+from functools import cache
+
+import pytest
+from repository import DATA, ROOT
+
+sys.path.insert(0, str(ROOT / "docs"))
+
+from claims import claims, claims_page
+
+AGAINST, SUPPORT = ROOT / "tests" / "against", ROOT / "tests" / "support"
+ROWS = claims()
+VALIDATED = [row for row in ROWS if row["status"] == "VALIDATED"]
+IDS = [row["claim"] for row in VALIDATED]
+
+#: Where oracles by calculation may stand, beside `tests/support`.
+BENCHMARKS = ROOT / "benchmarks"
+
+
+@cache
+def tree_of(name):
+    return ast.parse((AGAINST / name).read_text(encoding="utf-8"))
+
+
+def imported(tree):
+    """Yield the modules that a file imports, and those that it finds by `importorskip` or `import_module`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if name in ("importorskip", "import_module"):
+                yield str(node.args[0].value)
+
+
+def is_literal(node):
+    try:
+        ast.literal_eval(node)
+    except ValueError:
+        return False
+    return True
+
+
+def literal_names(tree):
+    """Yield the names that a module gives plain numbers, not what opir computes."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and is_literal(node.value):
+            for target in node.targets:
+                yield from (name.id for name in ast.walk(target) if isinstance(name, ast.Name))
+
+
+def names_in(tree):
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+
+
+def is_opirs(module):
+    return module.partition(".")[0].startswith("opir_")
+
+
+def function_of(row):
+    file, _, test = row["test"].partition("::")
+    found = [node for node in tree_of(file).body if isinstance(node, ast.FunctionDef) and node.name == test]
+    assert len(found) == 1, f"{row['claim']}: {file} has no {test}"
+    return found[0]
+
+
+def fault(row):
+    """Return what is wrong with the oracle of a claim, or ""."""
+    file = row["test"].partition("::")[0]
+    kind, _, name = row["oracle"].partition(" ")
+    tree, function = tree_of(file), function_of(row)
+    if kind == "import":
+        is_there = any(module.partition(".")[0] == name for module in imported(tree))
+        return "" if is_there and not is_opirs(name) else f"{file} does not import {name}"
+    if kind == "data":
+        text = (AGAINST / file).read_text(encoding="utf-8")
+        return "" if (DATA / name).is_file() and name in text else f"{file} does not read {name}"
+    if kind == "constants":
+        numbers = set(literal_names(tree))
+        return "" if numbers & names_in(function) or has_numbers(function) else f"{row['test']} has no figures"
+    folders = [folder for folder in (SUPPORT, BENCHMARKS) if (folder / f"{name}.py").is_file()]
+    if kind != "support" or not folders or name not in set(imported(tree)):
+        return f"{file} does not import {name}"
+    oracle = ast.parse((folders[0] / f"{name}.py").read_text(encoding="utf-8"))
+    own = sorted(module for module in imported(oracle) if is_opirs(module) and not module.endswith("arrays"))
+    return f"the oracle {name} imports {', '.join(own)}" if own else ""
+
+
+def has_numbers(function):
+    """Return whether a test compares with numbers of its own."""
+    return any(
+        isinstance(node, ast.Constant) and isinstance(node.value, int | float)
+        for compare in ast.walk(function)
+        if isinstance(compare, ast.Compare)
+        for node in ast.walk(compare)
+    )
+
+
+@pytest.mark.parametrize("row", VALIDATED, ids=IDS)
+def test_what_is_called_validated_has_an_oracle_that_shares_no_code(row):
+    assert fault(row) == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"oracle": "import opir_photons"}, "does not import opir_photons"),
+        ({"oracle": "import skyfield"}, "does not import skyfield"),
+        ({"oracle": "data nothing.csv"}, "does not read nothing.csv"),
+        ({"oracle": "support imager_pixels"}, "does not import imager_pixels"),
+        (
+            {
+                "test": "test_against_goes_sightings.py::test_nearly_all_facts_hold_at_the_middle_level",
+                "oracle": "support imager_pixels",
+            },
+            "the oracle imager_pixels imports",
+        ),
+    ],
+)
+def test_an_oracle_that_is_none_is_found(change, words):
+    row = next(row for row in VALIDATED if row["oracle"] == "import mpmath")
+    assert words in fault({**row, **change})
+
+
+def test_each_claim_has_a_status_and_says_why():
+    for row in ROWS:
+        assert row["status"] in ("VALIDATED", "MODELLED", "NOTIONAL")
+        assert row["claim"]
+        assert row["figure"]
+        assert row["area"]
+        assert ("test" in row) == (row["status"] == "VALIDATED") != ("why" in row)
+    names = [row["claim"] for row in ROWS]
+    assert len(set(names)) == len(names)
+
+
+def test_three_of_five_claims_are_validated():
+    assert len(VALIDATED) >= 0.6 * len(ROWS)
+
+
+def test_tables_of_the_page_have_at_most_20_rows():
+    for part in claims_page().split("\n## ")[1:]:
+        assert len(re.findall(r"^\| ", part, re.MULTILINE)) <= 21
+
+
+def test_the_figure_of_the_sightings_is_that_of_their_table():
+    facts = json.loads((DATA / "goes_sightings.json").read_text(encoding="utf-8"))["looks"]
+    count = sum(len(look["seen"]) + len(look["unseen"]) for look in facts)
+    row = next(row for row in ROWS if row["claim"].startswith("launches that GOES-16 saw"))
+    assert row["figure"].startswith(f"{count - 2} of {count} band facts")

@@ -1,0 +1,61 @@
+"""`opir physics` on the command line: tables, JSON, plots, frames and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from repository import ROOT
+
+from opir_core.cli.main import main
+
+SCENE = str(ROOT / "examples" / "photons.yaml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["budget", "--sensor", "SBIRS-GEO", "--set", "sensors[0].focal_plane=notional"],
+        ["budget", SCENE, "--sensor", "SBIRS-1", "--waterfall", "--band", "SWIR"],
+        ["curve", "--sensor", "DSP", "--of", "pd", "--values", "1,10"],
+        ["curve", "--sensor", "DSP", "--of", "first-report", "--against", "elevation", "--values", "20,60"],
+        ["roc", SCENE],
+        ["false-alarms", "--sensor", "NEXTGEN-GEO"],
+        ["window", "--sensor", "NEXTGEN-GEO"],
+    ],
+)
+def test_results_are_printed_as_data_and_drawn(words, tmp_path, capsys):
+    picture = tmp_path / "plot.png"
+    assert main(["physics", *words, "--json", "--plot", str(picture)]) == 0
+    text = capsys.readouterr().out
+    found, _ = json.JSONDecoder().raw_decode(text)
+    assert found["rows"]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
+    words = ["--sensor", "SBIRS-GEO", "--set", "sensors[0].focal_plane=notional", "--pixels", "32"]
+    assert main(["physics", "frame", *words, "-o", str(tmp_path / "frame")]) == 0
+    with np.load(tmp_path / "frame" / "frame.npz") as arrays:
+        assert arrays["electrons"].shape == arrays["mask"].shape == (32, 32)
+        assert arrays["mask"][16, 16]
+    assert (tmp_path / "frame" / "frame.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["budget"], "give a scene, or a sensor model"),
+        (["budget", SCENE, "--sensor", "S9"], "'S9' is not one of DSP-1"),
+        (["frame", "--sensor", "DSP"], "has no focal plane"),
+        (["curve", "--sensor", "DSP", "--of", "first-report"], "of a whole boost"),
+    ],
+)
+def test_what_is_missing_is_told(words, told, tmp_path, capsys):
+    assert main(["physics", *words]) != 0
+    assert told in capsys.readouterr().err
+
+
+def test_the_formula_of_the_paper_is_still_there(capsys):
+    assert main(["physics", "min-intensity", "--unit", "W/m2"]) == 0
+    assert capsys.readouterr().out == "NEI 5e-14 W/m2: 324 W/sr\n"

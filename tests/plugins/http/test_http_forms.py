@@ -1,0 +1,134 @@
+"""Forms of requests and answers: absolute targets, encoded bodies, one charset, and a stream that goes on."""
+
+import asyncio
+import gzip
+import json
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from http_service import LAUNCH, Stand, serving
+from opir_http.feed import Client
+from opir_http.gate import in_origin_form
+from opir_http.history import History
+
+from opir_core.plugin import Detections
+
+
+def lines_of(count, start=0):
+    return [b"%d" % number for number in range(start, start + count)]
+
+
+def detections(count):
+    columns = {name: getattr(Detections.empty(), name) for name in ("track", "confidence", "reported_type", "sensor")}
+    return type("Rows", (), {name: np.zeros(count, column.dtype) for name, column in columns.items()})()
+
+
+def history(counts, size=8):
+    found = History(size)
+    for count in counts:
+        found.add(detections(count), np.zeros(count, np.int64), lines_of(count, found.total))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("number", "lines", "lost"),
+    [(0, lines_of(8, 12), 12), (12, lines_of(8, 12), 0), (18, lines_of(2, 18), 0), (20, [], 0), (99, [], 0)],
+)
+def test_what_came_after_a_number_is_in_the_history(number, lines, lost):
+    assert history([5, 5, 10]).since(number) == (lines, lost, 20)
+
+
+def raw(stand, target, host="localhost", more=""):
+    with socket.create_connection(("127.0.0.1", stand.port), timeout=60) as connection:
+        connection.sendall(f"GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n".encode())
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
+    head, _, body = answer.partition(b"\r\n\r\n")
+    return int(head.split()[1]), head.decode("latin-1").lower(), body
+
+
+def test_an_absolute_target_is_that_of_its_path(stand: Stand) -> None:
+    status, _, body = raw(stand, f"http://localhost:{stand.port}/health/live")
+    assert (status, json.loads(body)["state"]) == (200, "running")
+    assert raw(stand, f"http://localhost:{stand.port}")[0] == 200
+    assert raw(stand, f"HTTP://localhost:{stand.port}/detections?limit=1")[0] == 200
+    # Its authority counts, not the header: another host is refused as ever.
+    assert raw(stand, "http://elsewhere.example/status")[0] == 421
+    assert raw(stand, f"http://localhost:{stand.port}/status", host="elsewhere.example")[0] == 200
+
+
+def test_other_targets_stay_as_they_are():
+    scope = {"path": "/a://b", "headers": [(b"host", b"x")]}
+    assert in_origin_form(scope) is scope
+    assert in_origin_form({**scope, "path": "ftp://b/c"})["path"] == "ftp://b/c"
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "br", "identity, gzip"])
+def test_an_encoded_body_is_refused(stand: Stand, encoding: str) -> None:
+    body = gzip.compress(json.dumps(LAUNCH).encode())
+    headers = {"Content-Type": "application/json", "Content-Encoding": encoding}
+    answer = stand.ask("POST", "/trigger", body, headers)
+    assert (answer.status, answer.headers["accept-encoding"]) == (415, "identity")
+    plain = json.dumps(LAUNCH).encode()
+    assert stand.ask("POST", "/trigger", plain, headers | {"Content-Encoding": "Identity"}).status == 202
+
+
+@pytest.mark.parametrize("target", ["/", "/metrics", "/page/table.js", "/health/live", "/openapi.json"])
+def test_every_answer_has_one_charset(stand: Stand, target: str) -> None:
+    status, head, _ = raw(stand, target)
+    (kind,) = [line for line in head.split("\r\n") if line.startswith("content-type:")]
+    assert status == 200
+    assert kind.count("charset") == (0 if "json" in kind else 1)
+
+
+def frames_of(stand, count, last=None):
+    """Return the id and the ids of detections of the first frames of detections of a stream."""
+    with socket.create_connection(("127.0.0.1", stand.port), timeout=60) as connection:
+        more = "" if last is None else f"Last-Event-ID: {last}\r\n"
+        connection.sendall(f"GET /stream HTTP/1.1\r\nHost: localhost\r\n{more}\r\n".encode())
+        text, found = b"", []
+        while len(found) < count:
+            text += connection.recv(65536)
+            # Chunks are one frame each, with their length in hexadecimal before them.
+            found = [part for part in text.split(b"\r\n") if b"event: detections" in part and part.endswith(b"\n\n")]
+    rows = []
+    for frame in found:
+        values = dict(line.split(b": ", 1) for line in frame.strip().split(b"\n"))
+        data = json.loads(values[b"data"])
+        rows.append((int(values[b"id"]), [row["detection_id"] for row in data["detections"]], data["cycle"]))
+    return rows
+
+
+def test_a_stream_goes_on_after_the_last_event_that_arrived(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        first = frames_of(running, 3)
+        known = [name for _, names, _ in first for name in names]
+        last = first[1][0]
+        again = frames_of(running, 2, last)
+        assert again[0][2] is None
+        assert again[0][1][: len(first[2][1])] == first[2][1]
+        assert not set(again[0][1]) & set(known[: -len(first[2][1])])
+        assert again[1][0] > again[0][0]
+        assert not set(again[1][1]) & set(again[0][1])
+        # An id of another run, or what is none, begins a stream as without it.
+        assert frames_of(running, 1, 10**9)[0][2] is not None
+        assert frames_of(running, 1, "x")[0][2] is not None
+
+
+def test_frames_on_their_way_are_not_sent_twice(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        feed = running.service.feed
+
+        async def seen():
+            client = Client(brief=False)
+            feed.resume(client, 0)
+            total = client.seen
+            feed._fan_out([(total, b"old", b"old"), (total + 1, b"new", b"new"), (0, b"status", b"status")])
+            client.close()
+            return [frame async for frame in client.frames() if frame in (b"old", b"new", b"status")]
+
+        frames_of(running, 1)
+        assert asyncio.run(seen()) == [b"new", b"status"]

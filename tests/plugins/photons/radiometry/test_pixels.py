@@ -1,0 +1,71 @@
+"""Brightness temperatures of pixels, and where an imager puts what is above the ground."""
+
+import numpy as np
+import pytest
+from opir_photons.imagers.plugin import ABI_NEI_W_M2, AHI_NEI_W_M2, BANDS, PIXEL_URAD
+from opir_photons.radiometry import (
+    band_radiance,
+    band_radiance_slope,
+    brightness_temperature_k,
+    parallax,
+    pixel_temperature_k,
+)
+
+from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.host import Host
+from opir_core.plugin import Band, SensorModel
+
+ABI_7 = Band("B07", 3.8, 4.0)
+
+
+@pytest.mark.parametrize("band", [Band(name, *edges) for name, edges in BANDS.items()], ids=str)
+def test_a_black_body_has_its_own_brightness_temperature(band):
+    temperature = np.geomspace(60.0, 19_000.0, 400)
+    found = brightness_temperature_k(band_radiance(temperature, band.lower_um, band.upper_um), band)
+    np.testing.assert_allclose(found, temperature, rtol=1e-9)
+
+
+def test_what_no_black_body_radiates_has_none():
+    assert np.isnan(brightness_temperature_k(np.array([0.0, -1.0, np.nan, 1e30]), ABI_7)).all()
+
+
+def test_a_pixel_half_filled_by_fire_is_between_ground_and_fire():
+    """A grey body that fills half of a pixel adds half of its radiance; the other half stays ground."""
+    ground, fire = (float(band_radiance(kelvin, 3.8, 4.0)) for kelvin in (290.0, 900.0))
+    pixel = 56e-6
+    found = pixel_temperature_k(0.5 * (fire - ground) * pixel**2, ground, pixel, ABI_7)
+    assert float(band_radiance(found, 3.8, 4.0)) == pytest.approx(0.5 * (fire + ground), rel=1e-9)
+    assert 290.0 < float(found) < 900.0
+
+
+def test_noise_is_the_published_nedt():
+    """0.1 K at 300 K (0.16 K in band 7 of AHI), by a difference of Planck's integrals, over a pixel of 56 µrad."""
+    for given, nedt in ((ABI_NEI_W_M2, {}), (AHI_NEI_W_M2, {"B07": 0.16})):
+        for name, edges in BANDS.items():
+            step = float(band_radiance(300.05, *edges) - band_radiance(299.95, *edges)) / 0.1
+            assert given[name] == pytest.approx(nedt.get(name, 0.1) * step * (PIXEL_URAD * 1e-6) ** 2, rel=1e-3)
+            assert step == pytest.approx(float(band_radiance_slope(300.0, *edges)), rel=1e-6)
+
+
+def test_a_plume_at_height_is_shifted_away_from_the_satellite():
+    """On a flat Earth the shift is height times the tangent of the zenith angle; the curve adds a few per cent."""
+    sensor = geodetic_to_ecef(np.zeros(2), np.zeros(2), np.full(2, 35_786e3))
+    latitude = np.full(2, np.radians(30.0))
+    target = geodetic_to_ecef(latitude, np.zeros(2), np.array([0.0, 50e3]))
+    foot = geodetic_to_ecef(latitude, np.zeros(2), np.zeros(2))
+    up, away = np.array([np.cos(latitude[0]), 0.0, np.sin(latitude[0])]), sensor[1] - foot[1]
+    zenith = np.arccos(np.dot(up, away) / np.linalg.norm(away))
+    found = parallax(sensor, target)
+    assert found.shift_m[0] == pytest.approx(0.0, abs=1e-3)
+    assert found.shift_m[1] == pytest.approx(50e3 * np.tan(zenith), rel=0.03)
+    assert found.latitude_rad[1] > latitude[1]
+    assert np.isnan(parallax(sensor[:1], geodetic_to_ecef(np.radians([89.0]), np.zeros(1), np.full(1, 5e6))).shift_m[0])
+
+
+@pytest.mark.parametrize(("name", "scans"), [("GOES-ABI", 4), ("AHI", 3)])
+def test_the_imagers_are_sensor_models_with_presets_by_scan(name, scans):
+    model = Host.discover().component(SensorModel, name)
+    assert len(model.presets) == scans
+    periods = [preset["scan_period_ms"] for preset in model.presets.values()]
+    assert max(periods) == 600_000.0
+    assert min(periods) == 30_000.0

@@ -1,0 +1,255 @@
+"""Sensors in orbits from files: elements of any form, ephemerides, opir's own exports, and whole fleets."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from opir_readers.formats import READERS
+from opir_readers.orbits.element_files import number_of, omm_elements, tle_elements
+from opir_readers.orbits.fleet import FleetFilter, range_of
+from opir_readers.orbits.orbit_of_files import orbit_of_file
+from opir_readers.reading import reader_of
+
+from opir_core import compile_plan, scene_from_mapping, simulate
+from opir_core.cli.main import main
+from opir_core.errors import PluginError, SceneError
+from opir_core.host import core_sources
+from opir_core.host.discovery import Selection
+from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
+from opir_core.plugin import BadFileError, Host
+
+EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
+LINES = (
+    "1 25544U 98067A   26091.50000000  .00000000  00000-0  11606-4 0  9991",
+    "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+)
+SECOND = (
+    "1 25545U 98067B   26071.50000000  .00000000  00000-0  11606-4 0  9991",
+    "2 25545  97.6416 247.4627 0006703 130.5360 325.0288 15.72125391563530",
+)
+
+
+def with_checksum(line):
+    total = sum(int(c) if c.isdigit() else c == "-" for c in line[:68]) % 10
+    return f"{line[:68]}{total}"
+
+
+SECOND = tuple(map(with_checksum, SECOND))
+OMM = {
+    "OBJECT_NAME": "ISS (ZARYA)",
+    "OBJECT_ID": "1998-067A",
+    "NORAD_CAT_ID": 25544,
+    "EPOCH": "2026-04-01T12:00:00",
+    "MEAN_MOTION": 15.72125391,
+    "ECCENTRICITY": 0.0006703,
+    "INCLINATION": 51.6416,
+    "RA_OF_ASC_NODE": 247.4627,
+    "ARG_OF_PERICENTER": 130.5360,
+    "MEAN_ANOMALY": 325.0288,
+    "BSTAR": 0.11606e-4,
+    "EPHEMERIS_TYPE": 0,
+}
+OTHER = {**OMM, "OBJECT_NAME": "TWO", "NORAD_CAT_ID": 5, "INCLINATION": 97.0, "EPOCH": "2026-03-12T12:00:00"}
+
+
+def omm_texts(rows):
+    """Return the same messages in each form."""
+    csv = "\n".join([",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)])
+    kvn = "\n".join("\n".join(["CCSDS_OMM_VERS = 2.0", *(f"{k} = {v}" for k, v in row.items())]) for row in rows)
+    blocks = []
+    for row in rows:
+        cells = {name: f"<{name}>{value}</{name}>" for name, value in row.items()}
+        meta = "".join(cells[name] for name in ("OBJECT_NAME", "OBJECT_ID"))
+        mean = "".join(cells[name] for name in ("EPOCH", "MEAN_MOTION", "ECCENTRICITY", "INCLINATION"))
+        mean += "".join(cells[name] for name in ("RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY"))
+        tle = "".join(cells[name] for name in ("EPHEMERIS_TYPE", "NORAD_CAT_ID", "BSTAR"))
+        body = (
+            f"<metadata>{meta}</metadata><data><meanElements>{mean}</meanElements><tleParameters>{tle}</tleParameters>"
+        )
+        blocks.append(f'<omm id="CCSDS_OMM_VERS" version="2.0"><body><segment>{body}</data></segment></body></omm>')
+    return {"json": json.dumps(rows), "csv": csv, "kvn": kvn, "xml": f"<ndm>{''.join(blocks)}</ndm>"}
+
+
+TLE = "\n".join(["ISS (ZARYA)", *LINES, "0 TWO", *SECOND, ""])
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "kvn", "xml"])
+@pytest.mark.parametrize("satellite", ["ISS (ZARYA)", "iss (zarya)", "25544", "1998-067A"])
+def test_elements_of_each_form_are_the_same_orbit(tmp_path, form, satellite):
+    rows = [OMM, {**OTHER, "OBJECT_ID": "1958-002B"}]
+    text = omm_texts(rows)[form]
+    assert reader_of(text, READERS).name == "omm"
+    assert [each["NORAD_CAT_ID"] for each in omm_elements(text)] == [25544, 5]
+    (tmp_path / "f").write_text(text)
+    time_s = np.linspace(0.0, 3000.0, 7)
+    ours = orbit_of_file(str(tmp_path / "f"), satellite, EPOCH_US, READERS).position_ecef_m(time_s)
+    expected = orbit_of(OrbitConfig(omm=OMM), EPOCH_US).position_ecef_m(time_s)
+    np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-6)
+
+
+def test_two_line_elements_are_the_orbit_of_their_lines(tmp_path):
+    (tmp_path / "f.tle").write_text(TLE)
+    orbit = orbit_of_file(str(tmp_path / "f.tle"), "25544", EPOCH_US, READERS)
+    time_s = np.linspace(0.0, 3000.0, 7)
+    expected = orbit_of(OrbitConfig(tle=LINES), EPOCH_US).position_ecef_m(time_s)
+    np.testing.assert_allclose(orbit.position_ecef_m(time_s), expected, rtol=0.0, atol=1e-9)
+    with pytest.raises(BadFileError, match="has 2 satellites; say which with satellite: ISS"):
+        orbit_of_file(str(tmp_path / "f.tle"), None, EPOCH_US, READERS)
+    with pytest.raises(BadFileError, match="has no satellite 'ISS' among 2; did you mean ISS"):
+        orbit_of_file(str(tmp_path / "f.tle"), "ISS", EPOCH_US, READERS)
+
+
+def test_lines_of_68_columns_and_with_a_tail_are_told_not_refused():
+    text = f"{LINES[0][:68]}\n{LINES[1]} EXTRA\n"
+    (row,) = tle_elements(text)
+    assert (row["TLE_LINE1"], row["TLE_LINE2"]) == LINES
+    assert row["NOTES"] == [
+        "line 1 has 68 columns: its checksum was added",
+        "line 2: 'EXTRA' after column 69 is left out",
+    ]
+    assert row["EPOCH"] == "2026-04-01T12:00:00"
+    assert "NOTES" not in tle_elements(TLE)[0]
+
+
+def test_a_broken_set_does_not_cost_the_others():
+    broken = TLE.replace("97.6416", "97.6417")
+    assert [("PROBLEM" in row) for row in tle_elements(broken)] == [False, True]
+    with pytest.raises(BadFileError, match=r"lines 1 and 2: line 2 has the checksum 7, and its digits come to"):
+        tle_elements("\n".join(LINES).replace("51.6416", "51.6417"))
+    with pytest.raises(BadFileError, match="line 1: the first line of elements has no second one"):
+        tle_elements(LINES[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("A0001", 100_001), ("Z9999", 339_999), ("00005", 5), (5, 5), ("I0000", None)]
+)
+def test_numbers_are_numbers(text, number):
+    assert number_of({"NORAD_CAT_ID": text}) == number
+
+
+@pytest.fixture
+def fleet(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("fleet.tle").write_text(TLE)
+
+    def imported(*words, code=0):
+        assert main(["import", "fleet.tle", *words]) == code
+        answer = capsys.readouterr()
+        return answer.err if code else answer.out
+
+    return imported
+
+
+@pytest.mark.parametrize(
+    ("words", "names", "told"),
+    [
+        ([], ["ISS-ZARYA", "TWO"], "2 sets of elements\n"),
+        (["--name", "iss*"], ["ISS-ZARYA"], "left out 1 by name"),
+        (["--inclination", "90:100"], ["TWO"], "left out 1 by inclination"),
+        (["--numbers", "1,25545:25600"], ["TWO"], "left out 1 by number"),
+        (["--max-age-days", "14", "--epoch", "2026-04-01T12:00:00Z"], ["ISS-ZARYA"], "left out 1 by age"),
+    ],
+)
+def test_a_fleet_is_filtered_and_flies(fleet, words, names, told):
+    out = fleet("--sensors", "LEO-WIDE", "--out", "fleet.yaml", *words)
+    assert told in out
+    scene = "scene: fleet\nepoch: '2026-04-01T12:00:00Z'\nduration_s: 10\n" + Path("fleet.yaml").read_text()
+    Path("scene.yaml").write_text(scene)
+    assert main(["validate", "scene.yaml"]) == 0
+    assert [line.split('"id": "')[1].split('"')[0] for line in scene.splitlines() if '"id"' in line] == names
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--inclination", "x"], "--inclination"),
+        (["--max-age-days", "3"], "needs the scene's epoch"),
+        (["--epoch", "x"], "--epoch"),
+    ],
+)
+def test_what_is_no_filter_is_told(fleet, words, told):
+    assert told in fleet(*words, code=2)
+
+
+def test_ranges_and_ages():
+    assert range_of("5", int) == (5, 5)
+    kept = FleetFilter(most_age_days=10.0, epoch_s=EPOCH_US * 1e-6)
+    assert [kept.left_out(row) for row in (OMM, OTHER)] == ["", "by age"]
+    assert FleetFilter(inclination_deg=(0.0, 60.0)).left_out(OTHER) == "by inclination"
+
+
+SCENE = {
+    "scene": "own",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 300,
+    "seed": 3,
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 10},
+            "aim": {"lat_deg": 9, "lon_deg": 167.7},
+        }
+    ],
+}
+ORBIT = {
+    "circular": {"altitude_km": 1200.0, "inclination_deg": 60.0, "lon_asc_node_deg": 260.0, "arg_latitude_deg": 40.0}
+}
+
+
+def test_an_export_of_sensors_flies_as_sensors(tmp_path):
+    block = {"model": "LEO-WIDE", "id": "L1", "scan_period_ms": 1000}
+    scene = {
+        **SCENE,
+        "sensors": [{**block, "orbit": ORBIT}],
+        "outputs": [{"jsonl": {"path": str(tmp_path / "e.jsonl")}}],
+    }
+    (tmp_path / "s.yaml").write_text(json.dumps(scene))
+    assert main(["run", str(tmp_path / "s.yaml"), "-q"]) == 0
+    words = ["--to", "oem", "--set", "objects=sensors", "--set", "step_s=30", "--out", str(tmp_path / "oem")]
+    assert main(["export", str(tmp_path / "e.jsonl"), *words]) == 0
+    file = {"file": {"path": str(tmp_path / "oem" / "sensor-L1.oem")}}
+    ours = simulate(scene_from_mapping({**SCENE, "sensors": [{**block, "orbit": file}]})).detections
+    theirs = simulate(scene_from_mapping({**SCENE, "sensors": [{**block, "orbit": ORBIT}]})).detections
+    assert len(ours) > 50
+    np.testing.assert_array_equal(ours.time_ns, theirs.time_ns)
+    # States of 30 s with velocities: the interpolation is a hundredth of a metre at most.
+    np.testing.assert_allclose(ours.sensor_ecef_m, theirs.sensor_ecef_m, rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(ours.line_of_sight_ecef, theirs.line_of_sight_ecef, rtol=0.0, atol=1e-7)
+
+
+def test_an_ephemeris_that_does_not_cover_the_scene_is_told(tmp_path):
+    oem = reader_of(next(r.example for r in READERS if r.name == "oem"), READERS)
+    (tmp_path / "o.oem").write_text(oem.example)
+    sensor = {"model": "LEO-WIDE", "id": "L1", "orbit": {"file": {"path": str(tmp_path / "o.oem")}}}
+    late = {**SCENE, "epoch": "2026-04-02T12:00:00Z", "sensors": [sensor]}
+    with pytest.raises(
+        SceneError, match="has no state at 2026-04-02T12:00:00Z: its states go from 2026-04-01"
+    ) as refused:
+        compile_plan(scene_from_mapping(late))
+    assert "sensors[0].orbit.file.path" in str(refused.value)
+    missing = {**sensor, "orbit": {"file": {"path": str(tmp_path / "none.oem")}}}
+    with pytest.raises(SceneError, match="cannot be read: No such file"):
+        compile_plan(scene_from_mapping({**SCENE, "sensors": [missing]}))
+
+
+def test_without_a_reader_of_orbits_the_remedy_is_told(tmp_path):
+    with pytest.raises(PluginError, match="install opir-readers"):
+        orbit_of(OrbitConfig(file=OmmFileConfig(path="x")), EPOCH_US)
+    assert Host(Selection(core_sources())).readers() == []
+
+
+def test_the_default_field_of_regard_follows_the_orbit():
+    def half_deg(**settings):
+        sensor = {"model": "SBIRS-GEO", "id": "S", **settings}
+        plan = compile_plan(scene_from_mapping({**SCENE, "targets": [], "sensors": [sensor]}))
+        return math.degrees(plan.sensors[0].field_of_regard_half_angle_rad), plan.sensors[0].settings
+
+    assert half_deg(orbital_slot_deg=-100.0)[0] == pytest.approx(10.0)
+    assert half_deg(orbit={"slot": {"lon_deg": -100.0, "inclination_deg": 5.0}})[0] == pytest.approx(10.0)
+    low, settings = half_deg(orbit=ORBIT)
+    assert low == pytest.approx(math.degrees(math.asin(6378.137 / 7578.137)) + 1.3, abs=0.01)
+    assert settings["field_of_regard_half_angle_deg"] == pytest.approx(low)
+    assert half_deg(orbit=ORBIT, field_of_regard_half_angle_deg=20.0)[0] == pytest.approx(20.0)

@@ -1,0 +1,105 @@
+"""What the law of boosts says of the range that one sensor does not see, on boosts that share no code with it."""
+
+import numpy as np
+import pytest
+from opir_trackers.forecast.along_sight import Sighting, along_sight
+from opir_trackers.forecast.ascents import HEIGHT, LAUNCHERS, NUMBERS, ascents_of
+from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.vehicles import vehicle_model
+
+from opir_core.scene import core_hypotheses
+
+MU, RADIUS_M, SPIN = 3.986004418e14, 6378137.0, np.array([0.0, 0.0, 7.292115e-5])
+ASCENTS = ascents_of(Outcomes(vehicle_model(), core_hypotheses()))
+SENSOR = 4.2164e7 * np.array([np.cos(0.5), np.sin(0.5), 0.0])
+AT_ONCE = np.zeros((1, len(ASCENTS.log_weight)))
+
+
+def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
+    """Return start (3,) and ECEF place, velocity and specific force (9,) of a gravity turn on a sphere."""
+    up = np.array([np.cos(latitude), 0.0, np.sin(latitude)])
+    ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(azimuth) * np.array(
+        [0.0, 1.0, 0.0]
+    )
+    place, velocity, step = RADIUS_M * up, 1e-3 * up, 0.05
+    for now in np.arange(0.0, until_s, step):
+        unit = up if now < 6.0 else velocity / np.linalg.norm(velocity)
+        if 6.0 <= now < 16.0:
+            lead = kick * np.sin(np.pi * (now - 6.0) / 10.0) ** 2
+            unit = np.cos(lead) * unit + np.sin(lead) * ahead
+        push = force / (1.0 - growth * now) * unit
+        pull = -MU * place / np.linalg.norm(place) ** 3 - 2.0 * np.cross(SPIN, velocity)
+        velocity = velocity + step * (push + pull)
+        place = place + step * velocity
+    return RADIUS_M * up, np.concatenate([place, velocity, push])
+
+
+def sighting(start, state, since_s):
+    """Return what the sensor sees of a state, with an error of 200 m, 40 m/s and 5 m/s²."""
+    line = state[:3] - SENSOR
+    line /= np.linalg.norm(line)
+    across = np.cross(line, state[:3])
+    across /= np.linalg.norm(across)
+    axes = np.stack([across, np.cross(across, line)])
+    noise = np.diag(np.square(np.repeat([200.0, 40.0, 5.0, 40.0], 2)))
+    return line, Sighting(
+        SENSOR, start, 200.0, RADIUS_M, since_s, SENSOR, np.zeros(3), state, axes, axes, np.zeros(2), noise
+    )
+
+
+def hidden(line, state):
+    return state.reshape(3, 3) @ line
+
+
+def test_boosts_of_many_kinds_are_where_the_law_says():
+    rng, squared = np.random.default_rng(4), []
+    for _ in range(24):
+        since_s = float(rng.uniform(30.0, 90.0))
+        boost = rng.uniform(0.0, 6.28), np.radians(rng.uniform(6.0, 20.0)), rng.uniform(15.0, 25.0)
+        start, state = flown(*boost, rng.uniform(0.004, 0.008), since_s)
+        line, seen = sighting(start, state, since_s)
+        found = along_sight(ASCENTS, seen, AT_ONCE)
+        error = hidden(line, state) - found.mean
+        squared.append(error @ np.linalg.solve(found.covariance, error) / 3.0)
+    assert np.mean(np.array(squared) < 7.81 / 3.0) >= 0.8
+    assert 0.3 < np.mean(squared) < 2.0
+
+
+def test_the_longer_a_boost_lasts_the_less_is_known():
+    widths = []
+    for since_s in (30.0, 60.0, 90.0):
+        start, state = flown(1.0, np.radians(12.0), 20.0, 0.006, since_s)
+        widths.append(np.sqrt(along_sight(ASCENTS, sighting(start, state, since_s)[1], AT_ONCE).covariance[0, 0]))
+    assert 300.0 < widths[0] < 4e3 < widths[2] < 60e3
+    assert widths == sorted(widths)
+
+
+def test_the_filters_own_range_is_not_used():
+    start, state = flown(2.0, np.radians(12.0), 20.0, 0.006, 60.0)
+    line, seen = sighting(start, state, 60.0)
+    off = state + np.concatenate([60e3 * line, -900.0 * line, 15.0 * line])
+    first, other = (along_sight(ASCENTS, each, AT_ONCE) for each in (seen, seen._replace(state=off)))
+    assert np.abs(first.mean - other.mean)[:2] == pytest.approx([0.0, 0.0], abs=0.2 * np.sqrt(first.covariance[0, 0]))
+
+
+def test_an_uncertain_first_line_makes_the_range_uncertain():
+    start, state = flown(2.0, np.radians(12.0), 20.0, 0.006, 40.0)
+    _, seen = sighting(start, state, 40.0)
+    sure, unsure = (
+        along_sight(ASCENTS, seen._replace(first_sigma_m=sigma_m), AT_ONCE).covariance[0, 0] for sigma_m in (0.0, 5e3)
+    )
+    assert unsure > sure + 5e3**2
+
+
+def test_after_every_burn_of_the_law_nothing_is_said():
+    start, state = flown(1.0, np.radians(12.0), 20.0, 0.006, 60.0)
+    assert along_sight(ASCENTS, sighting(start, state, 710.0)[1], AT_ONCE) is None
+
+
+def test_launchers_are_steered_to_heights_of_orbits():
+    first = sum(NUMBERS[:LAUNCHERS])
+    own = slice(first, first + NUMBERS[LAUNCHERS])
+    last = np.array([np.flatnonzero(lit)[-1] for lit in ASCENTS.burns[:, own].T])
+    height = ASCENTS.path[last, HEIGHT, np.arange(own.start, own.stop)]
+    assert np.median(height) > 150e3
+    assert np.mean(height < 450e3) > 0.9

@@ -1,0 +1,102 @@
+"""Misfits of rays: what they say of shared errors depends on no motion."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from opir_testing.doubles import stub_sensor
+from opir_trackers.gating import GatedPairs
+from opir_trackers.registration.misfits import mean_residuals, misfits
+from opir_trackers.registration.shared_errors import Vantages
+
+from opir_core.estimation import tangent_axes
+
+SENSORS = (stub_sensor("A", -40.0), stub_sensor("B", 20.0), stub_sensor("C", 60.0))
+VANTAGES = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(3, 1e9))
+PLACE, SIGMA_RAD = np.array([5.9e6, 1.2e6, 2.4e6]), 2e-5
+ERROR = np.array([3e-5, -5e-5, 0.0, 1e-5, 2e-5, 0.0, -4e-5, 1e-5, 0.0])
+
+
+def pairs(
+    predicted: np.ndarray, error: np.ndarray, noise: np.ndarray, sensors: int = 3
+) -> tuple[GatedPairs, np.ndarray]:
+    """Return pairs of a track predicted at a place with ten looks of each sensor at `PLACE`."""
+    sensor = np.repeat(np.arange(sensors), 10)
+    apart = predicted - VANTAGES.origin_m[sensor]
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
+    moved = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][sensor]
+    seen = PLACE + np.einsum("nij,nj->ni", moved, error.reshape(-1, 3)[sensor]) - VANTAGES.origin_m[sensor]
+    local = np.einsum("nij,nj->ni", axes, seen)
+    measured = local[:, :2] / local[:, 2:] + noise
+    count, time_s = len(sensor), np.tile(np.arange(10) * 0.1 - 1.0, sensors)
+    whole = np.zeros(count, dtype=np.int64)
+    rest = np.zeros(count), np.zeros(count), np.full(count, SIGMA_RAD)
+    return GatedPairs(whole, np.arange(count), time_s, VANTAGES.origin_m[sensor], axes, measured, *rest), sensor
+
+
+def found(made: tuple[GatedPairs, np.ndarray], place: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    means = mean_residuals(*made, 3)
+    one = misfits(means, place[None], np.zeros((1, 3)), np.zeros(1), VANTAGES)
+    return one.matrix[0], one.vector[0], float(one.square[0])
+
+
+@pytest.mark.parametrize("off_m", [(0.0, 0.0, 0.0), (3e3, -2e3, 5e3)])
+def test_errors_are_found_wherever_the_track_is(off_m: tuple[float, float, float]) -> None:
+    place = PLACE + off_m
+    matrix, vector, square = found(pairs(place, ERROR, np.zeros((30, 2))), place)
+    # Three sensors have three misfits: of six angles three combinations are seen, and these to within a nanoradian.
+    assert np.linalg.matrix_rank(matrix[np.ix_([0, 1, 3, 4, 6, 7], [0, 1, 3, 4, 6, 7])], tol=1e6) == 3
+    sharp = np.sqrt(np.diagonal(matrix)).max()
+    assert np.abs(vector - matrix @ ERROR).max() < 2e-3 * sharp * np.sqrt(square)
+    assert square == pytest.approx(ERROR @ matrix @ ERROR, rel=5e-3)
+
+
+def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
+    made = pairs(PLACE, ERROR, np.zeros((20, 2)), sensors=2)
+    matrix, vector, square = found(made, PLACE)
+    base = VANTAGES.origin_m[1] - VANTAGES.origin_m[0]
+    seen = [
+        PLACE + VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][row] @ ERROR.reshape(3, 3)[row]
+        for row in range(2)
+    ]
+    rays = [place - VANTAGES.origin_m[row] for row, place in enumerate(seen)]
+    units = [ray / np.linalg.norm(ray) for ray in rays]
+    misfit = base @ np.cross(*units)
+    assert np.linalg.matrix_rank(matrix[:6, :6], tol=1e6) == 1
+    # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple products.
+    spread = (
+        SIGMA_RAD
+        / np.sqrt(10.0)
+        * np.hypot(
+            np.linalg.norm(base @ _across(units[0], units[1])), np.linalg.norm(base @ _across(units[1], units[0]))
+        )
+    )
+    assert np.sqrt(square) == pytest.approx(abs(misfit) / spread, rel=5e-3)
+    assert vector.any()
+
+
+def _across(moved: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the derivatives (3, 2) of the cross product of two directions by angles across the first."""
+    axes = tangent_axes(moved[None])[0]
+    return np.stack([np.cross(axes[0], other), np.cross(axes[1], other)], axis=1)
+
+
+def test_an_outlier_moves_no_mean_and_no_scatter() -> None:
+    rng = np.random.default_rng(2)
+    noise = SIGMA_RAD * rng.standard_normal((30, 2))
+    clean = mean_residuals(*pairs(PLACE, ERROR, noise), 3)
+    noise[3] += 4e-4
+    wrong = mean_residuals(*pairs(PLACE, ERROR, noise), 3)
+    assert np.abs(wrong.residual - clean.residual).max() < SIGMA_RAD
+    assert wrong.degrees.tolist() == [clean.degrees[0] - 2.0, *clean.degrees[1:]]
+    assert wrong.scatter_rad2[0] < clean.scatter_rad2[0]
+
+
+def test_scatter_is_that_of_the_noise_whatever_the_velocity() -> None:
+    rng, ratio = np.random.default_rng(3), []
+    for _ in range(200):
+        noise = SIGMA_RAD * rng.standard_normal((30, 2))
+        made, sensor = pairs(PLACE, ERROR, noise)
+        drifting = evolve(made, measured=made.measured + 5e-4 * made.time_s[:, None] * [1.0, -2.0])
+        means = mean_residuals(evolve(drifting, sigma_rad=np.full(30, 1e-2)), sensor, 3)
+        ratio.append(means.scatter_rad2.sum() / means.degrees.sum() / SIGMA_RAD**2)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=4.0 / np.sqrt(100.0 * 200 * 0.5))

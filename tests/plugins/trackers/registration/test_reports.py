@@ -1,0 +1,102 @@
+"""What `imm` finds of its sensors: summary, manifest, saved run, `explain`, `score`, status and metrics."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from http_service import serving
+from opir_trackers.registration.error_filter import Moments
+from opir_trackers.registration.health import unobservable
+from waiting import until
+
+import opir_core as opir
+from opir_core.cli.main import main
+from opir_core.plugin import SensorHealth
+
+SCENE: dict[str, Any] = {
+    "scene": "reports",
+    "epoch": "2026-04-01T18:00:00Z",
+    "duration_s": 12.0,
+    "seed": 4,
+    "sensors": [
+        {
+            "model": "SBIRS-GEO",
+            "id": name,
+            "orbital_slot_deg": slot,
+            "line_of_sight_bias_sigma_urad": 60.0,
+        }
+        for name, slot in (("WEST", -150.0), ("EAST", -95.0))
+    ],
+    "targets": [
+        {
+            "id": "T",
+            "type": "IRBM",
+            "launch": {"lat_deg": 10.0, "lon_deg": -130.0, "time_s": 1.0},
+            "aim": {"lat_deg": 20.0, "lon_deg": -115.0},
+        }
+    ],
+    "tracker": {"model": "imm"},
+}
+
+
+def test_unknown_is_none_and_known_is_plain() -> None:
+    known = {"noise_scale": np.array([1.5, np.nan]), "bias_rad": np.array([[1e-6, np.nan], [0.0, 2e-6]])}
+    first, second = SensorHealth.of(known, ("one", "other")).documents()
+    assert first["noise_scale"] == 1.5
+    assert first["bias_rad"] == [1e-6, None]
+    assert first["clock_s"] is None
+    assert second["noise_scale"] is None
+    assert second["text"] == "other"
+    json.dumps([first, second], allow_nan=False)
+
+
+def test_a_combination_that_is_not_seen_is_found_as_a_difference() -> None:
+    """Two sensors, whose north angles are seen as a sum alone, and whose east angles are known."""
+    covariance = np.zeros((6, 6))
+    for pair, known in (((0, 3), 1e-3), ((1, 4), 1.0)):
+        covariance[np.ix_(pair, pair)] = known * np.array([[0.5, -0.5], [-0.5, 0.5]]) + 1e-4 * np.eye(2)
+    prior = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 0.0])
+    parts = unobservable(Moments(np.zeros(6), covariance), prior)
+    assert parts == pytest.approx(np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]), abs=1e-9) or parts == pytest.approx(
+        np.array([[0.0, -1.0, 0.0, 0.0, 1.0, 0.0]]), abs=1e-9
+    )
+
+
+@pytest.mark.slow
+def test_summary_manifest_saved_run_explain_and_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, events = tmp_path / "scene.yaml", tmp_path / "run.jsonl"
+    path.write_text(yaml.safe_dump(SCENE), encoding="utf-8")
+    assert main(["explain", str(path)]) == 0
+    assert "WEST: 0 ± 60 µrad east, 0 ± 60 µrad north (as stated" in capsys.readouterr().out
+    assert main(["run", str(path), "--out", str(events)]) == 0
+    printed = capsys.readouterr().out
+    manifest = json.loads((tmp_path / "run.manifest.json").read_text(encoding="utf-8"))
+    texts = [row["text"] for row in manifest["sensor_health"]]
+    assert f"WEST: {texts[0]}" in printed
+    assert "not observable" in texts[0]
+    saved = opir.load_run(events)
+    assert [row["health"]["text"] for row in saved.summary["sensors"]] == texts
+    assert opir.load_run(events).summary["sensors"][1]["health"] == manifest["sensor_health"][1]
+    assert main(["score", str(events)]) == 0
+    scored = capsys.readouterr().out
+    assert f"EAST: {texts[1]}" in scored
+    assert "true bias" in scored
+
+
+@pytest.mark.slow
+def test_status_and_metrics_of_a_service(tmp_path: Path) -> None:
+    with serving(tmp_path, "--speed", "6", scene=yaml.safe_dump(SCENE)) as stand:
+        until(lambda: (stand.ask("GET", "/status").json["sensors"][0]["health"] or {}).get("noise_scale"))
+        row = stand.ask("GET", "/status").json["sensors"][0]
+        page = stand.ask("GET", "/metrics").body.decode()
+    assert len(row["health"]["bias_rad"]) == 2
+    assert 'opir_sensor_bias_radians{sensor_id="WEST",axis="east"}' in page
+    assert 'opir_sensor_noise_ratio{sensor_id="EAST"}' in page
+
+
+def test_a_run_without_a_tracker_says_nothing_of_its_sensors() -> None:
+    run = opir.simulate(opir.scene_from_mapping({**SCENE, "duration_s": 3.0, "tracker": "none"}))
+    assert [row["health"] for row in run.summary["sensors"]] == [None, None]
