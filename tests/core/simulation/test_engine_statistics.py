@@ -189,8 +189,7 @@ def noise_chance(sensor: Any, nei_w_m2: np.ndarray) -> float:
     return float(quad(density, light.threshold, light.threshold + 8.0, epsabs=0.0, epsrel=1e-9, limit=500)[0])
 
 
-#: Rules over bands, each with a threshold that noise passes some hundred times: weighed bands add no false alarms, gates
-#: take most away.
+#: Rules over bands, each with a threshold that noise passes some hundred times: gates take most of it away.
 RULES = {
     "likelihood": {
         "DSP": {"threshold_sigma": 5.4},

@@ -95,7 +95,7 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
 
 
 def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = planned("paper", AIR)
+    plan = planned("none", {})
     refiner = GridRefiner(plan.look_geometry(), plan.detection, 1e-4)
     rooms, keep = [], GridRefiner._keep
 
@@ -106,7 +106,7 @@ def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypa
     monkeypatch.setattr(GridRefiner, "_keep", keeping)
     grid = refiner.refined()
     assert len(rooms) >= 5
-    assert len(set(rooms)) <= 3
+    assert 2 <= len(set(rooms)) <= 3
     assert grid.values.shape[1] == refiner._count <= rooms[-1]
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::53], looks.scan[::53])
