@@ -18,6 +18,13 @@ KINDS = ("fire", "flare", "glint")
 SHINING_S = {"fire": 21_600.0, "flare": 86_400.0, "glint": 1200.0}
 #: Looks are judged one by one.
 SINGLE = {"confirmation_detections": 1}
+#: Noise is given and frames are not subtracted: bands are compared. By default the difference of frames takes away what
+#: does not move, before any classifier, and the Earth's own photons hide plumes from DSP.
+NOISE = {
+    "DSP": {"focal_plane": None, "nei_w_m2": 5e-13},
+    "SBIRS-GEO": {"focal_plane": None, "nei_w_m2": 1e-12},
+    "NEXTGEN-GEO": {"focal_plane": None, "nei_w_m2": 1e-13, "collection_m2_s": 0.02},
+}
 PERIOD_S, DURATION_S = 2.0, 256.0
 #: All sensors look at the same whole periods, at which the moments lie.
 ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
@@ -48,7 +55,7 @@ def population(launches: int, sources: int, seed: int) -> Population:
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     blocks = [sourced(rng, kind, sources) for kind in KINDS]
     sensors = [
-        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **SINGLE, **ALIGNED, **rule}
+        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **SINGLE, **ALIGNED, **NOISE[model], **rule}
         for model in SENSORS
         for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
     ]

@@ -87,7 +87,7 @@ def knobs(plain: Mapping[str, Any]) -> list[Knob]:
         *knobs_of(opir.scene_from_mapping(plain)),
         Knob("leave out the air", ((), ("atmosphere=clear",))),
         Knob("leave out the background", ((), ("background=none",))),
-        Knob("leave out the focal plane", ((), ("sensors[*].focal_plane=null",))),
+        Knob("leave out the focal plane", ((), ("sensors[*].focal_plane=null", "sensors[*].nei_w_m2=1e-12"))),
         Knob("tracker", ((), ("tracker=kepler-arc",), ("tracker=none",))),
     ]
 

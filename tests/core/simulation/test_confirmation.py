@@ -62,8 +62,8 @@ def of_target(run: opir.Run) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize(("needed", "scans"), [(2, 3), (3, 3), (3, 5)])
 def test_a_run_reports_the_confirmed_of_all_detections(needed: int, scans: int) -> None:
-    # Faint enough that looks miss often.
-    faint = {"threshold_sigma": 7.0}
+    # Faint enough that looks miss often; by default an IRBM is below DSP's noise in long waves.
+    faint = {"threshold_sigma": 7.0, "nei_w_m2": 3e-12}
     every = of_target(opir.simulate(scene(confirmation_detections=1, confirmation_scans=1, **faint)))
     run = opir.simulate(scene(confirmation_detections=needed, confirmation_scans=scans, **faint))
     none = np.zeros(len(every), dtype=np.int64)

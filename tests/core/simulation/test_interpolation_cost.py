@@ -19,7 +19,11 @@ from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
 AIR = {"atmosphere": "lowtran", "background": "earth"}
 
 
-def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4) -> Any:
+#: A plume is not subtracted from itself.
+STILL = {"focal_plane": {"temporal_filter": "none"}}
+
+
+def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4, **every_sensor: Any) -> Any:
     targets = [
         {
             "id": name,
@@ -30,9 +34,9 @@ def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4) -> Any
         for number, (name, kind, aim) in enumerate([("I", "ICBM", (-50.0, -110.0)), ("R", "IRBM", (-28.0, -170.0))])
     ]
     sensors = [
-        {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0},
-        {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0},
-        {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0},
+        {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **every_sensor},
+        {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, **every_sensor},
+        {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, **every_sensor},
     ]
     detection = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
     scene = {"scene": "budget", "epoch": "2026-04-01T12:00:00Z", "duration_s": 300, "seed": 1, "outputs": [], **sky}
@@ -58,12 +62,21 @@ class Counting:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("calibrate", "sky", "most"),
-    [("none", {}, 120), ("none", AIR, 165), ("paper", {}, 150), ("paper", AIR, 150)],
-    ids=["empty space", "air", "calibrated", "calibrated in air"],
+    ("calibrate", "sky", "frames", "most"),
+    # A difference of frames bends signals, while a plume moves away from where it was, at a lag that is 10 s.
+    [
+        ("none", {}, STILL, 120),
+        ("none", {}, {}, 150),
+        ("none", AIR, {}, 165),
+        ("paper", {}, {}, 150),
+        ("paper", AIR, {}, 150),
+    ],
+    ids=["empty space, frames as they are", "empty space", "air", "calibrated", "calibrated in air"],
 )
-def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[str, Any], most: int) -> None:
-    plan = planned(calibrate, sky)
+def test_a_pair_is_asked_for_few_looks_in_few_calls(
+    calibrate: str, sky: dict[str, Any], frames: dict[str, Any], most: int
+) -> None:
+    plan = planned(calibrate, sky, **frames)
     counting = Counting(plan.detection)
     ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
     pairs = int((plan.pairs.looks > 0).sum())
@@ -95,7 +108,7 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
 
 
 def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = planned("paper", AIR)
+    plan = planned("none", {})
     refiner = GridRefiner(plan.look_geometry(), plan.detection, 1e-4)
     rooms, keep = [], GridRefiner._keep
 
@@ -106,7 +119,7 @@ def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypa
     monkeypatch.setattr(GridRefiner, "_keep", keeping)
     grid = refiner.refined()
     assert len(rooms) >= 5
-    assert len(set(rooms)) <= 3
+    assert 2 <= len(set(rooms)) <= 3
     assert grid.values.shape[1] == refiner._count <= rooms[-1]
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::53], looks.scan[::53])

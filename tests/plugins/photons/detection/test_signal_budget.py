@@ -8,11 +8,19 @@ import opir_core as opir
 from opir_core.planning.looks import Looks
 from opir_core.reading.canonical import scene_mapping
 
-SENSORS = [
-    {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0},
-    {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": -120.0, "band_nei_w_m2": {"MWIR": 3e-12}},
+#: Noise is given: that of focal planes has tests of its own.
+GIVEN = [
+    {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "nei_w_m2": 5e-13},
+    {
+        "model": "SBIRS-GEO",
+        "id": "S",
+        "orbital_slot_deg": -120.0,
+        "nei_w_m2": 1e-12,
+        "band_nei_w_m2": {"MWIR": 3e-12},
+    },
     {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -105.0, "collection_m2_s": 1e-6, "nei_w_cm2": 2e-17},
 ]
+SENSORS = [{**one, "focal_plane": None} for one in GIVEN]
 SKIES = {
     "space": {},
     "air": {"atmosphere": {"model": "lowtran", "climate": "tropical"}},

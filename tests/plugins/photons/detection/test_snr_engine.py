@@ -10,7 +10,7 @@ from opir_photons.detection import snr
 from opir_photons.detection.gate_density import GateDensity
 from opir_photons.environment import REFERENCE_ALTITUDE_M
 from scipy.stats import chi2, norm, poisson, spearmanr
-from snr_scene import DSP, NEXTGEN, SBIRS, joined, scene, windows_of
+from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
 from opir_core.interfaces.protocols import Response
@@ -28,7 +28,7 @@ def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = (
 
 @pytest.fixture(scope="module")
 def plan() -> Any:
-    return opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}))
+    return opir.compile_plan(scene(NEAR_THRESHOLD))
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
 def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
+    plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
     reads, made, philox, words = [], [], np.random.Philox, Reader.words
     monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
     monkeypatch.setattr(Reader, "words", lambda *place: reads.append(place) or words(*place))
@@ -114,7 +114,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
 
 @pytest.mark.slow
 def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}))
+    plan = opir.compile_plan(scene(NEAR_THRESHOLD))
     asked, inner = [], type(plan.detection).measure_noise
     monkeypatch.setattr(type(plan.detection), "measure_noise", lambda *given: asked.append(given[1]) or inner(*given))
     window = Engine(plan).advance(plan.end_ns)
@@ -125,14 +125,14 @@ def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeyp
     assert np.all(np.diff(window.detections.time_ns) >= 0)
     assert np.array_equal(np.sort(noise.sensor), asked[0])
     # Without a target they are what they were, in the same order.
-    alone = Engine(opir.compile_plan(scene(names="I", duration_s=60, detection={"model": "snr", "calibrate": "paper"})))
+    alone = Engine(opir.compile_plan(scene(NEAR_THRESHOLD, names="I", duration_s=60)))
     assert_same(alone.advance(round(3e9)).detections, noise.take(noise.time_ns < 3e9))
 
 
 def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geometry_of_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
+    plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
     whole = Engine(plan).advance(plan.end_ns)
     measured, again, placed = [], [], []
     inner, to_pass, directions = (
@@ -204,9 +204,9 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
             assert abs(ranks) < norm.isf(0.0005 / 24) / np.sqrt(failed.sum())
 
 
-def test_calibrated_sensors_see_the_reference_as_the_paper_says(plan: Any) -> None:
+def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
     assert REFERENCE_ALTITUDE_M > 0.0
-    model = plan.detection
+    model = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"})).detection
     for number, wanted in enumerate((0.6, 0.8, 0.95)):
         receiver = model.receivers[number]
         signal = model.environment.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
