@@ -34,7 +34,7 @@ def columns_setting() -> Any:
 
 
 @frozen(kw_only=True)
-class CsvConfig:
+class ReadCsvConfig:
     """The settings of the reader `csv`."""
 
     columns: Mapping[str, str] = columns_setting()
@@ -43,13 +43,13 @@ class CsvConfig:
 
 
 @frozen(kw_only=True)
-class OemConfig:
+class ReadOemConfig:
     """The settings of the reader `oem`."""
 
     object: str | None = text(default=None, help=OBJECT_HELP)
 
 
-def _csv(config: CsvConfig, context: ReaderContext) -> StateTable:
+def _csv(config: ReadCsvConfig, context: ReaderContext) -> StateTable:
     from opir_readers.csv_table import csv_table
 
     return csv_table(context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us)
@@ -62,7 +62,7 @@ def _is_csv(text: str) -> bool:
     return not (_OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others))
 
 
-def _oem(config: OemConfig, context: ReaderContext) -> StateTable:
+def _oem(config: ReadOemConfig, context: ReaderContext) -> StateTable:
     from opir_readers.oem_table import oem_table
 
     return oem_table(context.text, context.epoch_us, config.object)
@@ -78,7 +78,7 @@ TRAJECTORIES = (
     FileReader(
         name="csv",
         summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks",
-        config=CsvConfig,
+        config=ReadCsvConfig,
         build=_csv,
         recognises=_is_csv,
         example="time_s,x_ecef_km,y_ecef_km,z_ecef_km\n0,-2643.878,-4579.332,3566.637\n10,-2644.469,-4580.355,3567.568\n",
@@ -86,7 +86,7 @@ TRAJECTORIES = (
     FileReader(
         name="oem",
         summary="CCSDS Orbit Ephemeris Message, keyword form",
-        config=OemConfig,
+        config=ReadOemConfig,
         build=_oem,
         recognises=lambda text: _OEM_HEAD.match(text) is not None,
         example="""CCSDS_OEM_VERS = 2.0
