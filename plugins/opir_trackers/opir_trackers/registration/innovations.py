@@ -107,9 +107,9 @@ class SensorInnovations:
 class TrackInnovations(Columns):
     """Sums over the looks of tracks, by number: normalised `square` and `looks`, with those `explained` as outliers.
 
-    `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. `owned` are its
-    own looks in slices with unassigned ones, also those that were not compared: looks of crowds. The last two count the
-    unassigned looks of the last scans near the track, in scans without and with a look of its own.
+    `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. `owned` are
+    its own looks in slices with unassigned ones, also those that were not compared: looks of crowds. The last two count
+    the unassigned looks of the last scans near the track, in scans without and with a look of its own.
     """
 
     number: IntArray
