@@ -51,6 +51,8 @@ class Part:
 
 
 SNR = "detection=snr"
+#: A stated noise in place of a focal plane: before the sunlit ground the default sensor sees nothing.
+STATED = ("sensors[0].focal_plane=null", "sensors[0].nei_w_m2=5e-13")
 AIR = "atmosphere=lowtran"
 FOCAL_PLANE = "sensors[0].focal_plane=notional"
 PLAIN_SENSOR = "model: DSP, id: DSP-1, orbital_slot_deg: -135.0"
@@ -60,16 +62,27 @@ PARTS = (
     Part("noise-only false alarms", (SNR,), ("opir_core.simulation.false_alarms",)),
     Part("interpolated P_d", (SNR,), ("opir_core.simulation.interpolation", "opir_core.simulation.refinement")),
     Part(
-        "atmosphere", (AIR,), ("opir_photons.radiometry.lowtran", "opir_photons.radiometry.long_paths"), CHANGED, (SNR,)
+        "atmosphere",
+        (AIR,),
+        ("opir_photons.radiometry.lowtran", "opir_photons.radiometry.long_paths"),
+        CHANGED,
+        (SNR, *STATED),
     ),
-    Part("cloud", ("atmosphere.cloud={top_km: 5}",), ("opir_photons.radiometry.clouds",), CHANGED, (SNR, AIR), True),
-    Part("background", ("background=earth",), ("opir_photons.radiometry.earth",), CHANGED, (SNR,)),
+    Part(
+        "cloud",
+        ("atmosphere.cloud={top_km: 5}",),
+        ("opir_photons.radiometry.clouds",),
+        CHANGED,
+        (SNR, *STATED, AIR),
+        True,
+    ),
+    Part("background", ("background=earth",), ("opir_photons.radiometry.earth",), CHANGED, (SNR, *STATED)),
     Part(
         "false sources",
         ("sources=[{id: fires, model: flares, at: [{lat_deg: 32.0, lon_deg: -102.0}]}]",),
         ("opir_photons.radiometry.sources", "opir_photons.radiometry.emitters"),
         ADDED,
-        (SNR,),
+        (SNR, *STATED),
     ),
     Part("Sun", ("sensors[0].solar_exclusion_deg=10",), ("opir_core.geometry.sun",), SAME, (), True),
     Part(
@@ -77,7 +90,7 @@ PARTS = (
         (FOCAL_PLANE,),
         ("opir_photons.radiometry.focal_plane",),
         CHANGED,
-        (SNR,),
+        (SNR, *STATED),
         True,
     ),
     Part(
