@@ -173,7 +173,9 @@ class AssociateAndUpdate:
     ) -> AssociationResult:
         """Return the result with outliers weighted down, but for tracks `shared`, which share lines."""
         share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
-        suspects = np.setdiff1d(suspect_tracks(result.assigned, share), shared, assume_unique=True)
+        suspects = suspect_tracks(result.assigned, share)
+        if len(suspects) and len(shared):
+            suspects = np.setdiff1d(suspects, shared, assume_unique=True)
         if len(suspects):
             return self._with_outlier_weights(result, estimates, span, fractions, suspects)
         if not np.count_nonzero(share > FEW):

@@ -25,6 +25,9 @@ from opir_trackers.triangulation import are_low_orbits
 #: the state along the line of sight changes little in it, and a comparison takes milliseconds.
 EVERY_S = 5.0
 
+#: Sine of the least elevation of the sensor, 10°: there a height that is off moves the place by six times as much.
+_LEAST_SINE = 0.17
+
 #: A free burn more probable than this is no ascent of the law.
 _FREE = 0.5
 
@@ -54,7 +57,7 @@ class SingleSensor:
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
         rows = self._due(estimates, table, motion, seen_before_s).nonzero()[0]
-        rows = rows[self._far(table, rows, time_s)] if rows.size else rows
+        rows = rows[self._far(table, motion, rows, time_s)] if rows.size else rows
         if not rows.size:
             return estimates
         found, axes = [], []
@@ -92,11 +95,18 @@ class SingleSensor:
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < _FREE)
         return np.asarray((interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5))
 
-    def _far(self, table: TrackTable, rows: IntArray, time_s: float) -> BoolArray:
-        """Return which tracks (m,) no low sensor sees: one that moves past a target sees how far away it is."""
+    def _far(self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float) -> BoolArray:
+        """Return which tracks (m,) a sensor sees that is neither low nor near their horizon.
+
+        One that moves past a target sees how far away it is. Near the horizon the first line of sight does not say
+        where the launch was.
+        """
         when = np.full(1, time_s)
         origin = np.concatenate([sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors])
-        return np.asarray(~np.any((table.reports[rows] >= 0) & are_low_orbits(origin), axis=1))
+        number, place = np.argmax(table.reports[rows] >= 0, axis=1), motion.reference_m[rows]
+        line = origin[number] - place
+        sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
+        return np.asarray(~are_low_orbits(origin)[number] & (sine > _LEAST_SINE))
 
     def _sighting(
         self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, row: int, time_s: float
