@@ -29,9 +29,11 @@ PERIOD_S, DURATION_S = 2.0, 256.0
 EDGES = np.linspace(0.0, 1.0, 11)
 #: Events of a bin, and how far from the diagonal its share may be.
 ENOUGH, WITHIN = 200, 0.05
+#: Before the sunlit ground the light of the Earth hides plumes from DSP's long waves: its noise is stated.
+STATED = {"focal_plane": None, "nei_w_m2": 5e-13}
 SENSORS: dict[str, dict[str, Any]] = {
-    "DSP": {"model": "DSP"},
-    "DSP-unconfirmed": {"model": "DSP", "confirmation_detections": 1},
+    "DSP": {"model": "DSP", **STATED},
+    "DSP-unconfirmed": {"model": "DSP", "confirmation_detections": 1, **STATED},
     "SBIRS-GEO": {"model": "SBIRS-GEO"},
     "NEXTGEN-GEO": {"model": "NEXTGEN-GEO"},
 }
