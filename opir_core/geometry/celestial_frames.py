@@ -78,6 +78,7 @@ def _precession(t: FloatArray) -> tuple[Any, ...]:
 @np.errstate(over="ignore", invalid="ignore")
 def nutation_rad(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad."""
+    t = np.asarray(t, dtype=np.float64)
     arguments = [(start + (rate + bend * t) * t) * _DEGREE for start, rate, bend in _ARGUMENTS]
     longitude, shift = np.zeros_like(t), np.zeros_like(t)
     for multiples, sine, sine_rate, cosine, cosine_rate in _NUTATION:

@@ -34,7 +34,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import plan_windows, run_of_plan
 
 SCENE = "examples/first_light.yaml"
-SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500}]"  # noqa: E501
+SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000, scan_phase: aligned}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500, scan_phase: aligned}]"  # noqa: E501
 ALONE = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0}]"
 LAUNCHES = "targets=[{id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 5.0}, aim: {lat_deg: 9.0, lon_deg: 167.7}}, {id: T2, type: IRBM, launch: {lat_deg: 35.6, lon_deg: -121.2, time_s: 8.0}, aim: {lat_deg: 20.0, lon_deg: -150.0}}]"  # noqa: E501
 

@@ -22,7 +22,10 @@ from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.run import Run
 
-LIT = {**SCENE, "duration_s": 60.0, "detection": "snr", "classification": "none", "atmosphere": "lowtran"}
+#: With a stated noise: by default the light of the Earth hides plumes from DSP's long waves.
+DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "focal_plane": None, "nei_w_m2": 5e-13}
+AIR = {"detection": "snr", "classification": "none", "atmosphere": "lowtran"}
+LIT = {**SCENE, "duration_s": 60.0, "sensors": [DSP], **AIR}
 #: Another launch, seen by another sensor, at another time of day.
 ELSEWHERE = {
     **LIT,
