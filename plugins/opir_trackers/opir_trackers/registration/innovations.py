@@ -186,17 +186,17 @@ def explained_looks(
     track, line = pairs.track[near], pairs.line[near]
     mine, sensor = scan[len(owner) :][line], free.sensor[line].astype(np.int64)
     beside, instead, explained = tracks.beside.copy(), tracks.instead.copy(), tracks.explained.copy()
-    owned = tracks.owned.copy()
-    np.add.at(owned, (owner, lines.sensor), 1.0)
+    own_looks = tracks.owned.copy()
+    np.add.at(own_looks, (owner, lines.sensor), 1.0)
     own = has_own[track, mine]
     np.add.at(beside, (track[own], sensor[own]), 1.0)
     np.add.at(instead, (track[~own], sensor[~own]), 1.0)
     of_target = ~own & (beside < instead)[track, sensor]
     np.add.at(explained, (track[of_target], sensor[of_target]), 1.0)
-    of_target &= (explained <= np.maximum(tracks.looks, owned) + _FIRST)[track, sensor]
+    of_target &= (explained <= np.maximum(tracks.looks, own_looks) + _FIRST)[track, sensor]
     which = np.zeros(len(free.time_s), dtype=np.bool_)
     which[line[of_target]] = True
-    return which, evolve(tracks, explained=explained, owned=owned, instead=instead, beside=beside)
+    return which, evolve(tracks, explained=explained, owned=own_looks, instead=instead, beside=beside)
 
 
 def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
