@@ -407,6 +407,10 @@ CASES = (
 LEFT_OUT = {
     "detection": {
         "FusedBands": "a dot product and a normal distribution (tests/plugins/photons/detection/test_fused_bands.py)",
+        **dict.fromkeys(
+            ("blur_rad", "unlit_electrons_per_s"),
+            "through budgets and frames (tests/against/test_against_bench_scripts.py)",
+        ),
         "RatioGates": "an integral to a stated tolerance (tests/plugins/photons/detection/test_band_rules.py)",
     },
     "scoring": {

@@ -382,6 +382,21 @@ LEFT_OUT = {
         "GeostationaryOrbit": "a fixed point; through geodetic_to_ecef",
         "CRITICAL_INCLINATION_RAD": "a constant",
         **dict.fromkeys(
+            ("MovingOrbit", "Sgp4Motion"), "through orbits of elements (tests/against/test_against_sgp4.py)"
+        ),
+        **dict.fromkeys(
+            (
+                "age_warning",
+                "omm_complaint",
+                "omm_epoch",
+                "omm_name",
+                "satellite_of_omm",
+                "satellite_of_tle",
+                "tle_complaint",
+            ),
+            "reading and words",
+        ),
+        **dict.fromkeys(
             [
                 "CircularConfig",
                 "KeplerConfig",

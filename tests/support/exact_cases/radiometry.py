@@ -473,7 +473,12 @@ LEFT_OUT = {
     "FilteredSpot": "a quadrature of images to 1e-3 (tests/against/test_against_displaced_spots.py)",
     "FrameDifference": "through SpatialTransfer",
     "OwnPast": "a table of FilteredSpot",
+    "Parallax": "a record",
     "Paths": "a record",
+    **dict.fromkeys(
+        ("brightness_temperature_k", "parallax", "pixel_temperature_k"),
+        "pixels of civil imagers (tests/plugins/photons/radiometry/test_pixels.py)",
+    ),
     "PointSpread": "through FilteredSpot",
     "SpatialTransfer": "a quadrature of images to 1e-4 (tests/against/test_against_focal_plane_images.py)",
     "Temperature": "a record",
