@@ -111,7 +111,7 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
-    plan = photons("duration_s=40")
+    plan = photons("duration_s=70")
     events, found = events_of(plan, "forge-bands"), opir.simulate(plan.scene).detections
     assert len(events) == len(found) > 100
     for event, measured, sensor in zip(events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True):

@@ -29,7 +29,7 @@ def is_tdm(text: str) -> bool:
 
 
 @define
-class Segment:
+class TdmSegment:
     """The metadata of a segment, and its angles by time: (first, second), with their lines."""
 
     line: int
@@ -61,15 +61,15 @@ def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
     return rows
 
 
-def _segments(text: str) -> tuple[list[Segment], Counter[str]]:
-    segments, block, others = list[Segment](), "", Counter[str]()
+def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
+    segments, block, others = list[TdmSegment](), "", Counter[str]()
     for number, line in enumerate(text.split("\n"), 1):
         words = line.split()
         if not words or words[0] == "COMMENT" or (not segments and words[0] != "META_START"):
             continue
         if words[0] in ("META_START", "DATA_START"):
             block = words[0]
-            segments += [Segment(number)] if block == "META_START" else []
+            segments += [TdmSegment(number)] if block == "META_START" else []
         elif words[0] in ("META_STOP", "DATA_STOP"):
             block = ""
         else:
@@ -87,7 +87,7 @@ def _segments(text: str) -> tuple[list[Segment], Counter[str]]:
     return segments, others
 
 
-def _take_angle(segment: Segment, key: str, value: str, number: int) -> None:
+def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
     words = value.split()
     if len(words) != 2:
         raise BadFileError(f"line {number}: {key} has {len(words)} values; a time and an angle are needed")
@@ -97,7 +97,7 @@ def _take_angle(segment: Segment, key: str, value: str, number: int) -> None:
     pair[key] = words[1], number
 
 
-def _rows(segment: Segment) -> Iterator[Mapping[str, Any]]:
+def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     if not segment.angles:
         return
     names, system = _KEYS[_kind(segment)], segment.meta.get("TIME_SYSTEM", "UTC").upper()
@@ -128,7 +128,7 @@ def _utc_text(time: str, line: int, system: str) -> str:
     return date_text(own_ns - round((seconds - utc_s(seconds, system)) * 1e3) * 1_000_000)
 
 
-def _kind(segment: Segment) -> str:
+def _kind(segment: TdmSegment) -> str:
     """Return the type of a segment's angles; raises `BadFileError` for one that is not read."""
     kind = segment.meta.get("ANGLE_TYPE", "").upper()
     if kind not in _KEYS:
@@ -141,7 +141,7 @@ def _kind(segment: Segment) -> str:
     return kind
 
 
-def _correction(segment: Segment, number: int) -> float:
+def _correction(segment: TdmSegment, number: int) -> float:
     """Return the correction of an angle, deg, that its values do not have yet."""
     key = f"CORRECTION_ANGLE_{number}"
     if key not in segment.meta or segment.meta.get("CORRECTIONS_APPLIED", "NO").upper() == "YES":

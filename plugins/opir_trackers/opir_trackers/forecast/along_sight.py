@@ -22,7 +22,7 @@ from opir_trackers.forecast.ascents import (
     LEVEL,
     LEVEL_FORCE,
     LIFT,
-    Ascents,
+    BoostAscents,
 )
 from opir_trackers.forecast.planar_boost import RADIUS_M
 from opir_trackers.triangulation import GRAZING_SINE
@@ -79,7 +79,7 @@ class AlongSight(NamedTuple):
     samples: float
 
 
-def along_sight(ascents: Ascents, sighting: Sighting, ignition_s: FloatArray) -> AlongSight | None:
+def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArray) -> AlongSight | None:
     """Return what ascents say along the line of sight; None if too few are like it.
 
     `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first detection.
@@ -166,7 +166,7 @@ class _Paths(NamedTuple):
     log_weight: FloatArray
 
     @classmethod
-    def of(cls, sighting: Sighting, ascents: Ascents, ignition_s: FloatArray) -> "_Paths":
+    def of(cls, sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> "_Paths":
         """Return the ascents that burn at the first detection, on its line of sight, and now."""
         since = sighting.since_s
         before, after = ascents.at(ignition_s), ascents.at(ignition_s + since)

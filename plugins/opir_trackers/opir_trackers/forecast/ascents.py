@@ -53,7 +53,7 @@ class Moment(NamedTuple):
 
 
 @frozen(eq=False)
-class Ascents:
+class BoostAscents:
     """Ascents (n,): `path` (times, 8, n), `burns` (times, n) and the logarithms of their weights (n,).
 
     Single precision is exact to centimetres.
@@ -73,11 +73,11 @@ class Ascents:
         return Moment((before + part[:, None] * (after - before)).T, self.burns[nearest, each] & (since_s < LONGEST_S))
 
 
-def ascents_of(outcomes: Outcomes) -> Ascents:
+def ascents_of(outcomes: Outcomes) -> BoostAscents:
     """Return the ascents of a law of vehicles, weighed by its hypotheses: the same draws at each call."""
     path, burns, ends = _drawn_flights(outcomes.model)
     parts = np.split(ends, np.cumsum(NUMBERS)[:-1], axis=1)
-    return Ascents(path, burns, np.concatenate([_log_weights(outcomes, *part) for part in enumerate(parts)]))
+    return BoostAscents(path, burns, np.concatenate([_log_weights(outcomes, *part) for part in enumerate(parts)]))
 
 
 @lru_cache(maxsize=2)

@@ -12,7 +12,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.along_sight import AlongSight, Sighting, along_sight
-from opir_trackers.forecast.ascents import Ascents, ascents_of
+from opir_trackers.forecast.ascents import BoostAscents, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.launch_points import BEFORE_S, SITE_M
@@ -82,7 +82,7 @@ class SingleSensor:
         )
 
     @cached_property
-    def ascents(self) -> Ascents:
+    def ascents(self) -> BoostAscents:
         """Return the ascents of the law; they are drawn for the first track that needs them."""
         return ascents_of(self.outcomes)
 
