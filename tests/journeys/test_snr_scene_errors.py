@@ -55,7 +55,7 @@ MISTAKES = {
         "say in background.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}",
     ),
     "ratios that leave the reference out": (
-        ["detection={model: snr, calibrate: paper}", RATIOS],
+        ["detection={model: snr, calibrate: paper}", RATIOS, "sensors[1].spectral_discrimination=dual-band-ratio"],
         4,
         (
             "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference ICBM, 1.34e+06,"
