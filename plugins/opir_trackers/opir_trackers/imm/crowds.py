@@ -96,9 +96,9 @@ class CrowdUpdate(NamedTuple):
 def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray) -> IntArray:
     """Return the sorted rows of tracks whose pairing gated pairs (m,) leave open.
 
-    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that see two
-    tracks apart fix both states, and these tell the lines of other sensors apart. So two tracks that share lines are
-    contested where fewer than two sensors see both apart.
+    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that
+    resolve two tracks fix both states, and these separate the lines of other sensors. So two tracks that share lines
+    are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
     track, line, sensor = track[order], line[order], sensor[order]
@@ -264,7 +264,7 @@ _EVERY = 1e9
 def label_pairs(crowds: Crowds, number: IntArray, lines: LinesOfSight, span: float, gate: float) -> GatedPairs:
     """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within their gates.
 
-    These pairs tell distances alone.
+    Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
     tracks = crowds.tracks
     candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)
