@@ -309,14 +309,14 @@ BENCHMARKS = (
     ),
     Benchmark(
         "registration",
-        "Can the sensors be trusted: biases, clocks, noise and outliers, told or not?",
+        "Can the sensors be trusted: biases, clocks, noise and outliers, stated or not?",
         "registration.py",
         ("--runs", "1", "--only", "as stated"),
         needs=("opir_trackers",),
     ),
     Benchmark(
         "salvos",
-        "Does `imm` tell the launches of a salvo apart?",
+        "Does `imm` separate the launches of a salvo?",
         "salvos.py",
         words("--runs 1 --halves 5"),
         needs=("opir_trackers",),

@@ -1,4 +1,4 @@
-"""Does `imm` tell the launches of a salvo apart? Twenty launches from a small field, two or three sensors.
+"""Does `imm` separate the launches of a salvo? Twenty launches from a small field, two or three sensors.
 
     python benchmarks/salvos.py [--runs 10] [--halves 0.5 1.5 5] [--sensors 2] [--parallel] [--write docs/benchmarks]
 
@@ -8,9 +8,8 @@ the last burnout, tracks are assigned to the launches that burn, one to one, wit
 off is its track, and does the 95 % ellipsoid hold its state? It is paired right if most detections of its track in
 the 20 s before are of the same launch in every sensor. Labels are the tracks of detections in the second half of a
 burn: wrong where most detections of the track are of another launch. `oracle` is the share that is wrong where each
-scan is assigned with the true directions, one to one: looks closer than their error cannot be told apart by anybody.
-Seeds are those on which
-nothing was built.
+scan is assigned with the true directions, one to one: targets closer than the error of a look cannot be resolved.
+Nothing was tuned on these seeds.
 """
 
 import argparse
@@ -200,7 +199,7 @@ def page(rows: Sequence[dict[str, str]]) -> str:
     )
     return f"""# Salvos
 
-Does `imm` tell the launches of a salvo apart, and do its covariances show when it cannot? {LAUNCHES} launches of one
+Does `imm` separate the launches of a salvo, and do its covariances show when it cannot? {LAUNCHES} launches of one
 class within ten seconds, aims that fan out by ± 8°, {rows[0]["sensors"]} SBIRS-GEO at default settings.
 
 ![Share of launches whose track holds the true state, and wrong labels, by size of the field](salvos.svg)
@@ -211,7 +210,8 @@ class within ten seconds, aims that fan out by ± 8°, {rows[0]["sensors"]} SBIR
 
 At {MARK:.0%} of the burn, {rows[0]["launches"]} launches a row. *Paired right*: most detections in the last
 {LATELY_S:.0f} s are of the same launch in every sensor. *Wrong labels*: of the second half of burns; the last column is
-what remains if each scan is assigned with the true directions, since from 37 000 km 20 µrad of noise is 0.7 km.
+what remains if each scan is assigned with the true directions: targets closer than the error of a look, 0.7 km for
+20 µrad from 37 000 km, cannot be resolved.
 [How detections become tracks](../explanation/association.md). All figures with intervals: [salvos.csv](salvos.csv).
 """
 

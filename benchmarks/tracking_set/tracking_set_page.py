@@ -30,9 +30,9 @@ def page(rows: Sequence[Row]) -> str:
 
     return f"""# Tracking set
 
-How well does a tracker follow boosts by lines of sight alone, on flights that are nobody's prior? {len(CASES)} cases of
-{len(SEEDS)} scenes each, version {VERSION}, free for any use (CC0): flights, sensors, lines of sight, bounds and
-scores. [Enter your own tracker](../how-to/enter-the-tracking-benchmark.md).
+How well does a tracker follow boosts by lines of sight alone, on flights that follow no tracker's prior?
+{len(CASES)} cases of {len(SEEDS)} scenes each, version {VERSION}, free for any use (CC0): flights, sensors, lines of
+sight, bounds and scores. [Enter your own tracker](../how-to/enter-the-tracking-benchmark.md).
 
 ```
 python benchmarks/tracking_set/tracking_set.py --generate tracking-set
@@ -120,7 +120,7 @@ def verdict(whole: dict[str, Row]) -> str:
         min(whole, key=lambda name: number(whole[name][key])) for key in ("gospa_over_cutoff", "energy_over_bound")
     )
     held = [name for name, row in whole.items() if number(row["held_95"]) >= HELD]
-    both = f"{gospa} has the least GOSPA, {energy} the least energy score" if gospa != energy else f"{gospa} is first"
+    both = f"{gospa} has the least GOSPA/c{' and' if gospa == energy else f', {energy}'} the least energy score"
     words = f"{', '.join(held)} hold" if len(held) > 1 else f"only {held[0]} holds" if held else "none holds"
     return f"{both}; {words} at least {HELD:.0%} of the states in 95 % ellipsoids.".replace("%", " %").replace(
         "  ", " "

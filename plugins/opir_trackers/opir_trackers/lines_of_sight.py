@@ -82,11 +82,6 @@ class AngleMeasurements(Columns):
         """Return the measurements with other track rows."""
         return evolve(self, track=track)
 
-    def whitened_residuals(self, position_m: FloatArray) -> FloatArray:
-        """Return whitened residuals (n, 2) at positions (n, 3)."""
-        local = matvec(self.axes, position_m - self.origin_m)
-        return matvec(self.whitener, self.measured - local[:, :2] / local[:, 2:])
-
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals (n, 2) at positions (n, 3) and the whitened Jacobian (n, 2, 3) of y, 1/m."""
         return self.whitened().projected(position_m)[:2]

@@ -129,12 +129,15 @@ class ArcTracker(Tracker):
         return np.where(np.isfinite(self._arcs.launch[:, 2]), self._arcs.launch[:, 2], self._arcs.epoch_s)
 
     def _owners(self, lines: LinesOfSight, span_s: float) -> IntArray:
-        """Return the arc row (n,) of each line of the last span, by the tracks as of this tick, -1 for none."""
+        """Return the arc row (n,) of each line of the last span, by the tracks as of this tick, -1 for none.
+
+        Tracks are those of lines without the known errors of their sensors, so lines are compared without them.
+        """
         owner = np.full(len(lines), -1, dtype=np.int64)
         rows = np.flatnonzero(np.isin(self._now.table.number, self._arcs.number))
         if not len(rows) or not len(lines):
             return owner
-        tracking = self._tracking
+        tracking, lines = self._tracking, self._now.registration.corrected(lines)
         predicted = tracking.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
         gate = tracking.config.gate_sigma
         track, line = candidates(predicted, lines, span_s, gate, self._light_time)

@@ -124,10 +124,9 @@ class AssociateAndUpdate:
         answer: _Answer = cached[2]
         return answer
 
-    @property
-    def view(self) -> SensorView:
-        """Return the sensors and whether light takes time."""
-        return SensorView(self.biases, self.light_time)
+    def view(self, registration: Registration) -> SensorView:
+        """Return the sensors, what is left of their errors, and whether light takes time."""
+        return SensorView(self.biases.sensors, registration.apart_rad, self.light_time)
 
     def updated_tracks(
         self,
@@ -142,20 +141,21 @@ class AssociateAndUpdate:
         """Return the estimates after a slice's lines, and their association, given what is known of tracks, crowds and
         sensors."""
         ahead = self.with_bias_covariance(estimates, end_s, table.reports, registration)
+        view = self.view(registration)
         if crowds.are_there:
             pairs = self.lone_pairs(ahead, lines, span, table, crowds)
         else:
             pairs = self.gated_pairs(ahead, lines, span)
         if len(table) > 1:
             rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
-            crowds = self._with_tracks(crowds, rows, ahead, table)
+            crowds = self._with_tracks(crowds, rows, ahead, table, view)
         update = None
         if crowds.are_there:
-            update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table)
+            update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table, view)
         association = self.nearest_association(pairs, lines)
         measurements, owner = association.measurements, association.owner
         if update is not None:
-            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table)
+            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table, view)
             measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
         after = self.filter.updated(estimates, end_s, measurements, span)
         result = AssociationResult(after, owner, association.assigned, crowds, pairs)
@@ -191,29 +191,38 @@ class AssociateAndUpdate:
         span: float,
         ahead: PredictedMeasurements,
         table: TrackTable,
+        view: SensorView,
     ) -> tuple[CrowdUpdate, GatedPairs]:
         """Return the crowds after a slice, with the tracks that share lines with them, and the pairs of lone tracks."""
-        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, self.view)
+        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, view)
         sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
         pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
         # Those that join now are alone for this slice.
-        return update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table)), pairs
+        return update._replace(crowds=self._with_tracks(update.crowds, sharing, ahead, table, view)), pairs
 
     def _with_new_sensors(
-        self, crowds: Crowds, assigned: GatedPairs, sensor: IndexArray, ahead: PredictedMeasurements, table: TrackTable
+        self,
+        crowds: Crowds,
+        assigned: GatedPairs,
+        sensor: IndexArray,
+        ahead: PredictedMeasurements,
+        table: TrackTable,
+        view: SensorView,
     ) -> Crowds:
         """Return the crowds with focal-plane tracks in the sensors that gave their tracks lines of their own."""
         fresh = np.zeros(table.reports.shape, dtype=bool)
         fresh[assigned.track, sensor[assigned.line]] = True
         fresh &= crowds.holds(table.number)[:, None] & ~crowds.follows(table.number, table.reports.shape[-1])
         rows = np.flatnonzero(fresh.any(axis=1))
-        return crowd.joined(crowds, table.number, rows, ahead, fresh, self.view) if len(rows) else crowds
+        return crowd.joined(crowds, table.number, rows, ahead, fresh, view) if len(rows) else crowds
 
-    def _with_tracks(self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable) -> Crowds:
+    def _with_tracks(
+        self, crowds: Crowds, rows: IntArray, ahead: PredictedMeasurements, table: TrackTable, view: SensorView
+    ) -> Crowds:
         """Return the crowds with tracks `rows`, of which some may be in."""
         rows = rows[~crowds.holds(table.number[rows])]
         seen = table.reports >= 0
-        return crowd.joined(crowds, table.number, rows, ahead, seen, self.view) if len(rows) else crowds
+        return crowd.joined(crowds, table.number, rows, ahead, seen, view) if len(rows) else crowds
 
     def _with_crowds(
         self,

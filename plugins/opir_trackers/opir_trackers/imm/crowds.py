@@ -13,6 +13,7 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import BOOST, matvec
+from opir_core.plugin import Sensor
 from opir_trackers.association import AssociationModel, connected_tracks
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import GatedPairs, gated
@@ -21,7 +22,7 @@ from opir_trackers.imm.focal_plane import FocalPlanePairs, FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.pairing import KEPT_S, Directions
-from opir_trackers.sensors import Biases
+from opir_trackers.registration.shared_errors import turned_back
 from opir_trackers.triangulation import FAR_M
 
 #: New tracks within this distance of another one, m, may have one another's lines: their crossings may be ghosts.
@@ -32,9 +33,10 @@ _SILENT_S, _SILENT_SCANS = 10.0, 4.0
 
 
 class SensorView(NamedTuple):
-    """The sensors of a scene, and whether light takes time to them."""
+    """The sensors of a scene, the deviation (s,), rad, that is left of their errors, and whether light takes time."""
 
-    sensors: Biases
+    sensors: tuple[Sensor, ...]
+    shared_rad: FloatArray
     light_time: bool
 
     def received_s(self, time_s: float, range_m: FloatArray) -> FloatArray:
@@ -47,7 +49,7 @@ class SensorView(NamedTuple):
         place = np.empty((len(sensor), 3))
         for one in np.unique(sensor).tolist():
             rows = np.flatnonzero(sensor == one)
-            place[rows] = self.sensors.sensors[one].orbit.position_ecef_m(time_s[rows])
+            place[rows] = self.sensors[one].orbit.position_ecef_m(time_s[rows])
         return place
 
 
@@ -96,9 +98,9 @@ class CrowdUpdate(NamedTuple):
 def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray) -> IntArray:
     """Return the sorted rows of tracks whose pairing gated pairs (m,) leave open.
 
-    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that see two
-    tracks apart fix both states, and these tell the lines of other sensors apart. So two tracks that share lines are
-    contested where fewer than two sensors see both apart.
+    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that
+    resolve two tracks fix both states, and these separate the lines of other sensors. So two tracks that share lines
+    are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
     track, line, sensor = track[order], line[order], sensor[order]
@@ -142,6 +144,19 @@ def updated_crowds(
     )
 
 
+def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Crowds:
+    """Return the crowds after a change (s, 3) of the errors that are taken off the lines that they were made of.
+
+    Kept directions share their instants: clocks move focal-plane tracks alone.
+    """
+    tracks, kept = crowds.tracks, crowds.kept
+    mine, origin = change[tracks.sensor], view.positions(tracks.sensor, tracks.time_s)
+    axes = np.stack([turned_back(tracks.axes[:, row], origin, mine) for row in range(3)], axis=1)
+    right = turned_back(kept.direction_ecef, kept.origin_ecef_m, change[kept.sensor])
+    tracks = evolve(tracks, axes=axes, time_s=tracks.time_s - mine[:, 2])
+    return evolve(crowds, tracks=tracks, kept=evolve(kept, direction_ecef=right))
+
+
 def _with_contested(
     tracks: FocalPlaneTracks, pairs: FocalPlanePairs, sensor: IndexArray, time_s: float
 ) -> FocalPlaneTracks:
@@ -174,7 +189,7 @@ def _mean_directions(
     total = np.bincount(row, weight, len(tracks))
     have = np.flatnonzero(total)
     mean = np.stack([np.bincount(row, weight * off[:, axis], len(tracks))[have] for axis in (0, 1)], axis=1)
-    sigma = np.hypot(1.0 / np.sqrt(total[have]), view.sensors.sigma_rad[tracks.sensor[have]])
+    sigma = np.hypot(1.0 / np.sqrt(total[have]), view.shared_rad[tracks.sensor[have]])
     return directions_at(tracks, have, end_s, view, mean / total[have, None], sigma)
 
 
@@ -218,7 +233,7 @@ def joined(
     motion = apart[1], 0.5 * (apart[2] - apart[0]), apart[2] - 2.0 * apart[1] + apart[0]
     turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
     roots = turn @ predicted.root[row].reshape(len(row), 4, 3, BOOST)[:, :3]
-    noise = np.array([each.line_of_sight_sigma_rad for each in view.sensors.sensors])[sensor]
+    noise = np.array([each.line_of_sight_sigma_rad for each in view.sensors])[sensor]
     fresh = focal_plane.begun(number[row], sensor, time_s, motion, roots, _OFF * noise)
     if crowds.are_there:
         # A sensor more does not contest a track anew.
@@ -264,7 +279,7 @@ _EVERY = 1e9
 def label_pairs(crowds: Crowds, number: IntArray, lines: LinesOfSight, span: float, gate: float) -> GatedPairs:
     """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within their gates.
 
-    These pairs tell distances alone.
+    Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
     tracks = crowds.tracks
     candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)

@@ -8,11 +8,13 @@ from opir_core.estimation import matvec
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate
+from opir_trackers.imm.crowds import corrected_crowds
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.innovations import OUTLIER_SIGMAS, explained_looks
 from opir_trackers.registration.registration import Followed, Registration, registered, shifted
+from opir_trackers.registration.shared_errors import ERRORS
 
 
 def corrected(association: AssociateAndUpdate, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
@@ -33,9 +35,9 @@ def registered_state(
     lines: LinesOfSight,
     pairs: GatedPairs | None = None,
 ) -> TrackerState:
-    """Return the state with the registration after a slice's pairs, and its tracks shifted by what is new in it.
+    """Return the state with the registration after a slice's pairs, and its tracks and crowds shifted by the change.
 
-    Tracks that share a line with others in `pairs` do not count.
+    Tracks that share a line with others in `pairs` do not count, nor those of crowds, which are not in `assigned`.
     """
     if not now.registration.is_due(now.time_s, len(now.table)):
         return now
@@ -49,7 +51,11 @@ def registered_state(
     left = _with_residuals(assigned, association.predicted_measurements(now.estimates, now.time_s))
     after = registered(before, left, lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
     change = after.known.mean - before.known.mean
-    return evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
+    now = evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
+    if not now.crowds.are_there or not change.any():
+        return now
+    view = association.view(after)
+    return evolve(now, crowds=corrected_crowds(now.crowds, change.reshape(-1, ERRORS), view))
 
 
 def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedPairs:

@@ -182,7 +182,7 @@ def _places(some: IntArray, number: IntArray) -> IntArray:
 
 
 def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
-    """Return the state in which tracks `number` (k,) no longer know what other sensors told: the range above all."""
+    """Return the state with the information from other sensors removed from tracks `number` (k,): range above all."""
     if not len(number):
         return now
     rows = np.searchsorted(now.table.number, number)

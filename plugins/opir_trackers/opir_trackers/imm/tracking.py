@@ -173,7 +173,7 @@ class ImmTracking:
         if not then.crowds.are_there:
             return then
         then = evolve(then, crowds=crowd.pruned(then.crowds, end_s, self.period_s))
-        return renewed(then, self.association.view, self.filter, self.config)
+        return renewed(then, self.association.view(then.registration), self.filter, self.config)
 
     def _with_unclaimed(
         self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
@@ -283,7 +283,8 @@ class ImmTracking:
         if not len(rows):
             return now
         path = self.filter.predicted_measurements(now.estimates, now.time_s)
-        return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, self.association.view))
+        view = self.association.view(now.registration)
+        return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, view))
 
     def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms."""

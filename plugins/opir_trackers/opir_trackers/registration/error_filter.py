@@ -1,9 +1,9 @@
-"""One Kalman filter of all sensors' shared errors, for each of several scales of what nobody states.
+"""One Kalman filter of all sensors' shared errors, for each of several scales of unstated biases.
 
 Each angle of a sensor is a Gauss–Markov process about 0 with the variance b² + s²: b is its stated bias, s a scale that
-all sensors share and nobody states. It is 0 with a prior probability of 0.96, or one of a few values, evenly
+all sensors share and no sensor states. It is 0 with a prior probability of 0.96, or one of a few values, evenly
 spaced in the logarithm; the misfits decide between them by their marginal likelihood (type II: Good, 1965; MacKay,
-1992). So sensors that are as stated pay nothing, and a bias of which nobody told is found. The offset of a clock is
+1992). So sensors that are as stated pay nothing, and a bias that is not stated is found. The offset of a clock is
 constant, with a stated standard deviation; 0 if it is assumed to be right.
 """
 
@@ -17,7 +17,7 @@ from opir_core.estimation import matvec
 from opir_trackers.registration.misfits import Misfits
 from opir_trackers.registration.shared_errors import ERRORS
 
-#: Scales of biases that nobody states, rad: from half of a look's error of the finest sensors to what moves a target by
+#: Scales of unstated biases, rad: from half of a look's error of the finest sensors to what moves a target by
 #: 10 km from geostationary height; and the prior probability of all but the first together: one constellation in
 #: twenty-five is not as stated. Notional.
 SCALES_RAD = np.append(0.0, np.geomspace(10e-6, 320e-6, 6))
@@ -42,7 +42,8 @@ class ErrorFilter:
     """Means (g, q) and covariances (g, q, q) of the errors for each scale, and the scales' log weights (g,).
 
     `prior` (g, q) are the variances of the errors where nothing is known, `correlation_s` is that of the angles.
-    `information` counts the targets and slices that were taken in, `refused` what was not believed of the last ones.
+    `used` is the number of targets and slices whose misfits were used, `refused` the running mean of the share that
+    was rejected as outliers.
     """
 
     prior: FloatArray
@@ -149,5 +150,5 @@ def distances(misfits: Misfits, known: Moments) -> FloatArray:
     vector = misfits.vector - misfits.matrix @ known.mean
     square = misfits.square - (misfits.vector + vector) @ known.mean
     inner = np.eye(len(known.mean)) + misfits.matrix @ known.covariance
-    told = known.covariance @ np.linalg.solve(inner, vector[:, :, None])
-    return np.asarray(square - np.sum(vector * told[:, :, 0], axis=1))
+    expected = known.covariance @ np.linalg.solve(inner, vector[:, :, None])
+    return np.asarray(square - np.sum(vector * expected[:, :, 0], axis=1))

@@ -79,7 +79,9 @@ def _sentence(
     """Yield what is known of a sensor, part by part."""
     is_compared = now.errors.used > 0
     is_small = found["bias_sigma_rad"][row].max() < _SMALL_RAD
-    if is_small:
+    if is_small and is_compared and now.innovations.looks[row] == 0.0:
+        yield "not judged: no look of it was compared with a track"
+    elif is_small:
         yield "no sign of a bias" if is_compared else "bias assumed to be 0: no target is seen by two sensors"
     else:
         yield _bias(found, row) + _unseen(hidden, row, names, is_compared, _NAMES[:2])

@@ -1,7 +1,7 @@
-"""Normalised innovations by sensor and track, the scale of each sensor's noise, and looks that a track explains.
+"""Normalised innovations by sensor, the scale of each sensor's noise, and looks that a track explains.
 
 **Innovations.** Of each assigned look the squared distance from its prediction, in units of its *stated* variance, is 1
-in the mean for each of its two angles. Where the mean is far above 1, a sensor or a track is not what it is said to be.
+in the mean for each of its two angles. Where the mean is far above 1, the sensor is not as stated.
 
 **Noise.** The looks of one sensor on one track within a slice scatter about a straight line by its noise alone,
 whatever track and bias are. Their mean square, over some time, gives the scale of the noise; once it is significantly
@@ -43,24 +43,23 @@ class SensorInnovations:
     """Sums over looks of each sensor (s,), with exponential forgetting.
 
     `square` of the normalised innovations and `looks`; `scatter` of looks about their line, in stated variances, and
-    its `degrees` of freedom; `outliers` that tracks explain.
+    its `degrees` of freedom.
     """
 
     square: FloatArray
     looks: FloatArray
     scatter: FloatArray
     degrees: FloatArray
-    outliers: FloatArray
 
     @classmethod
     def of(cls, sensors: int) -> "SensorInnovations":
         """Return the sums before the first look."""
-        return cls(*(np.zeros(sensors) for _ in range(5)))
+        return cls(*(np.zeros(sensors) for _ in range(4)))
 
     def faded(self, step_s: float) -> "SensorInnovations":
         """Return the sums a step later."""
         kept = np.exp(-step_s / MEMORY_S)
-        sums = self.square, self.looks, self.scatter, self.degrees, self.outliers
+        sums = self.square, self.looks, self.scatter, self.degrees
         return SensorInnovations(*(kept * each for each in sums))
 
     @property
@@ -105,7 +104,7 @@ class SensorInnovations:
 
 @frozen(eq=False, repr=False)
 class TrackInnovations(Columns):
-    """Sums over the looks of tracks, by number: normalised `square` and `looks`, with those `explained` as outliers.
+    """Sums over the looks of tracks, by number: `looks`, with those `explained` as outliers.
 
     `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. `owned` are
     its own looks in slices with unassigned ones, also those that were not compared: looks of crowds. The last two count
@@ -113,7 +112,6 @@ class TrackInnovations(Columns):
     """
 
     number: IntArray
-    square: FloatArray
     looks: FloatArray
     explained: FloatArray
     owned: FloatArray
@@ -124,7 +122,7 @@ class TrackInnovations(Columns):
     def fresh(cls, number: IntArray, sensors: int) -> "TrackInnovations":
         """Return the sums of tracks without looks."""
         count = len(number)
-        return cls(number, np.zeros(count), *(np.zeros((count, sensors)) for _ in range(5)))
+        return cls(number, *(np.zeros((count, sensors)) for _ in range(5)))
 
     def of(self, number: IntArray) -> "TrackInnovations":
         """Return those of tracks (n,) in ascending order: of what is known, or without looks."""
@@ -137,29 +135,23 @@ class TrackInnovations(Columns):
             getattr(fresh, name)[place[here]] = getattr(self, name)[here]
         return fresh
 
-    @property
-    def mean_square(self) -> FloatArray:
-        """The mean square (n,) of normalised innovations, an angle each; nan without looks."""
-        looks = self.looks.sum(axis=1)
-        return np.divide(self.square, 2.0 * looks, out=np.full_like(self.square, np.nan), where=looks > 0.0)
-
     def faded(self, step_s: float, period_s: FloatArray) -> "TrackInnovations":
         """Return the sums a step later, of sensors with scan periods (s,)."""
         kept = np.exp(-step_s / np.maximum(MEMORY_S, _SCANS * period_s))
-        square = self.square * kept.max(initial=0.0)
         soon = np.exp(-step_s / (_RECENT_SCANS * period_s))
         recent = self.instead * soon, self.beside * soon
         lasting = self.looks * kept, self.explained * kept, self.owned * kept
-        return TrackInnovations(self.number, square, *lasting, *recent)
+        return TrackInnovations(self.number, *lasting, *recent)
 
-    def after(self, square: FloatArray, track: IntArray, sensor: IntArray) -> "TrackInnovations":
-        """Return the sums after looks (m,) with normalised squares, by rows and sensors."""
+    def after(self, track: IntArray, sensor: IntArray) -> "TrackInnovations":
+        """Return the sums after looks (m,), by rows and sensors."""
         looks = self.looks.copy()
         np.add.at(looks, (track, sensor), 1.0)
-        return evolve(self, square=self.square + np.bincount(track, square, len(self)), looks=looks)
+        return evolve(self, looks=looks)
 
 
-#: Scans of slow sensors over which a track's looks are counted, and those over which outliers are told from a target.
+#: Scans of slow sensors over which a track's looks are counted, and those over which outliers and a second target
+#: are discriminated.
 _SCANS, _RECENT_SCANS = 10.0, 20.0
 
 

@@ -219,7 +219,7 @@ def _with_innovations(
     square = stated_squares(assigned, before.stated_rad(assigned.sigma_rad, sensor))
     stated_rad = before.stated_rad(means.look_rad, means.sensor)
     innovations = before.innovations.after(square, sensor, means, stated_rad)
-    mine = before.tracks.of(tracks.number).after(square, assigned.track, sensor)
+    mine = before.tracks.of(tracks.number).after(assigned.track, sensor)
     return evolve(before, innovations=innovations, tracks=mine, noise=innovations.believed_scale)
 
 

@@ -76,8 +76,13 @@ class Vantages(NamedTuple):
 def corrected(lines: LinesOfSight, error: FloatArray) -> LinesOfSight:
     """Return lines of sight less the errors (s, 3) of their sensors."""
     mine = error[lines.sensor]
-    axes = local_axes(lines.origin_ecef_m)
-    turn = mine[:, 1:2] * axes[:, 0] - mine[:, :1] * axes[:, 1]
-    moved = lines.direction_ecef - np.cross(turn, lines.direction_ecef)
-    moved /= np.sqrt(dot(moved, moved))[:, None]
+    moved = turned_back(lines.direction_ecef, lines.origin_ecef_m, mine)
     return evolve(lines, direction_ecef=moved, time_s=lines.time_s - mine[:, 2])
+
+
+def turned_back(direction: FloatArray, origin_m: FloatArray, error: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 3) from sensors at positions (n, 3), all in ECEF, less angles of errors (n, 3)."""
+    axes = local_axes(origin_m)
+    turn = error[:, 1:2] * axes[:, 0] - error[:, :1] * axes[:, 1]
+    moved = direction - np.cross(turn, direction)
+    return np.asarray(moved / np.sqrt(dot(moved, moved))[:, None])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 from opir_trackers.arc.ends import expected_looks
 from opir_trackers.sensors import SensorSchedule
 
@@ -145,3 +146,32 @@ def test_a_track_is_reported_after_eight_detections():
     run = simulate(scene(sensors=[{**slow, "id": "A"}, {**slow, "id": "B", "orbital_slot_deg": -90.0}]))
     counts = [np.count_nonzero(run.detections.time_s < run.tracks.tick_s[0] - early_s) for early_s in (0.0, 1.0)]
     assert counts[0] >= 8 > counts[1]
+
+
+@pytest.mark.slow
+def test_an_unstated_bias_takes_no_detections_from_the_arcs() -> None:
+    """Three launches before two sensors, one of which is turned by 200 µrad, ten times a look's error."""
+    three = [
+        {
+            "id": f"T{row}",
+            "type": "IRBM",
+            "launch": {**LAUNCH, "lat_deg": lat},
+            "aim": {"lat_deg": lat - 10.0, "lon_deg": -140.0},
+        }
+        for row, lat in enumerate((36.73, 10.0, -15.0))
+    ]
+    plan = compile_plan(scene(targets=three))
+    right = run_of_plan(plan).detections
+    moved = right.line_of_sight_ecef + 2e-4 * np.cross([0.6, 0.0, 0.8], right.line_of_sight_ecef)
+    moved /= np.linalg.norm(moved, axis=1)[:, None]
+    biased = evolve(right, line_of_sight_ecef=np.where((right.sensor == 1)[:, None], moved, right.line_of_sight_ecef))
+    sigma_m = []
+    for detections in (right, biased):
+        tracker, cut = plan.make_tracker(), 0
+        for tick in range(1, 51):
+            end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
+            tracks, cut = tracker.step(float(tick), detections.take(slice(cut, end))), end
+        # Tracks may begin in another order.
+        sigma_m.append(np.sort(np.sqrt(tracks.impact_covariance[:, 0, 0])))
+    assert len(sigma_m[0]) == 3
+    assert sigma_m[1] == pytest.approx(sigma_m[0], rel=0.05)

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from attrs import evolve
 from http_service import serving
-from opir_trackers.registration.error_filter import Moments
-from opir_trackers.registration.health import unobservable
+from opir_trackers.registration.error_filter import ErrorFilter, Moments
+from opir_trackers.registration.health import sensor_health, unobservable
+from opir_trackers.registration.registration import Registration
 from waiting import until
 
 import opir_core as opir
@@ -63,6 +65,18 @@ def test_a_combination_that_is_not_seen_is_found_as_a_difference() -> None:
     assert parts == pytest.approx(np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]), abs=1e-9) or parts == pytest.approx(
         np.array([[0.0, -1.0, 0.0, 0.0, 1.0, 0.0]]), abs=1e-9
     )
+
+
+def test_a_sensor_without_compared_looks_is_not_judged() -> None:
+    """Two of three sensors without biases compared 400 targets; the third has no look."""
+    before = Registration.of(ErrorFilter.of(np.zeros(3), 0.0, 600.0), np.full(3, 0.1))
+    weight = np.append(1.0, np.zeros(len(before.errors.log_weight) - 1))
+    errors = evolve(before.errors, used=400, log_weight=np.log(np.maximum(weight, 1e-300)))
+    innovations = evolve(before.innovations, looks=np.array([400.0, 400.0, 0.0]), square=np.array([800.0, 800.0, 0.0]))
+    after = evolve(before, errors=errors, known=errors.reported(), wide=errors.moments(), innovations=innovations)
+    texts = sensor_health(after, ["WEST", "EAST", "IDLE"]).text
+    assert ["no sign of a bias" in text for text in texts] == [True, True, False]
+    assert texts[2].startswith("not judged: no look of it was compared with a track")
 
 
 @pytest.mark.slow
