@@ -53,16 +53,15 @@ IGNITION_S = 2.0
 #: Confidence of all comparisons together.
 CONFIDENCE = 0.999
 
-#: Ratio gates that let every ratio of bands pass.
-OPEN_GATES = {
-    "SBIRS-GEO": {"plausible_ratios": {"SWIR": [1e-9, 1e9]}},
-    "NEXTGEN-GEO": {"plausible_ratios": {"SWIR": [1e-9, 1e9], "LWIR": [1e-9, 1e9]}},
-}
+#: DSP with the bands and the scan of the public record; the paper's is among the causes.
+HERITAGE = {"DSP": {"preset": "heritage"}}
+#: The paper's DSP, with its long-wave band, and its rules over bands, each of which is a veto.
+PAPER = {"DSP": {"preset": "paper"}, "SBIRS-GEO": {"preset": "paper"}, "NEXTGEN-GEO": {"preset": "paper"}}
 #: Causes of delays: what is changed in the scene, and in the sensors, to be rid of each.
 CAUSES: dict[str, tuple[dict[str, Any], dict[str, dict[str, Any]]]] = {
     "no air": ({"atmosphere": "clear"}, {}),
     "no background": ({"background": "none"}, {}),
-    "open gates": ({}, OPEN_GATES),
+    "presets paper": ({}, PAPER),
     "no confirmation": ({}, {sensor: {"confirmation_detections": 1} for sensor in SENSORS}),
 }
 
@@ -155,7 +154,13 @@ def scene(
         "duration_s": DURATION_S,
         "seed": 11,
         "sensors": [
-            {"model": model, "id": model, "orbital_slot_deg": slot, **(settings or {}).get(model, {})}
+            {
+                "model": model,
+                "id": model,
+                "orbital_slot_deg": slot,
+                **HERITAGE.get(model, {}),
+                **(settings or {}).get(model, {}),
+            }
             for model, slot in SENSORS.items()
         ],
         "targets": rows,

@@ -143,8 +143,8 @@ def focal_plane_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str
     known -= {"lag_s", "registration_urad", "drift_urad_s"}
     changes: Any = config.band_focal_plane
     for settings in changes.values():
-        if strange := sorted(set(settings) - known):
-            return f"band_focal_plane: {strange[0]} is not a number of focal_plane: {', '.join(sorted(known))}"
+        if unknown := sorted(set(settings) - known):
+            return f"band_focal_plane: {unknown[0]} is no setting of focal_plane; known: {', '.join(sorted(known))}"
         # A value out of range is a `ValueError` with its name.
         evolve(FocalPlaneConfig(), **settings)
     if config.focal_plane is not None or config.nei_w_m2 is not None or config.nei_w_cm2 is not None:
@@ -163,7 +163,7 @@ def confirmation_complaint(config: RadiometerConfig) -> str | None:
     return None
 
 
-def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
+def unknown_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
     """Return the error in settings that name a band which the sensor does not have, or None.
 
     Default ratios of a model may name bands that a scene has replaced; these are ignored.
@@ -172,9 +172,9 @@ def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
         return f"reference_band: {config.reference_band} is not one of the sensor's bands, {', '.join(bands)}"
     for name in ("band_nei_w_m2", "band_focal_plane", "plausible_ratios"):
         given = getattr(config, name)
-        strange = [band for band in given if band not in bands]
-        if strange and given != _default(config, name):
-            return f"{name}: {strange[0]} is not one of the sensor's bands, {', '.join(bands)}"
+        unknown = [band for band in given if band not in bands]
+        if unknown and given != _default(config, name):
+            return f"{name}: {unknown[0]} is not one of the sensor's bands, {', '.join(bands)}"
     return None
 
 

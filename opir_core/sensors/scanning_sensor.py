@@ -14,7 +14,7 @@ from opir_core.sensors.radiometer import (
     RadiometerConfig,
     confirmation_complaint,
     focal_plane_complaint,
-    strange_band_complaint,
+    unknown_band_complaint,
 )
 from opir_core.sensors.reporting import PRESETS, ReportingConfig
 
@@ -187,7 +187,7 @@ class ScanningSensorConfig(RadiometerConfig):
             self._period_complaint(),
             self._raster_complaint(),
             self._discrimination_complaint(),
-            strange_band_complaint(self, list(self.bands)),
+            unknown_band_complaint(self, list(self.bands)),
             focal_plane_complaint(self, list(self.bands)),
             confirmation_complaint(self),
         ]

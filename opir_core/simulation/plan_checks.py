@@ -90,8 +90,8 @@ def _implausible(plan: Plan | CheckedScene) -> list[str]:
 
 
 def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
-    """Return what targets and orbits say of their own settings and files."""
-    found = [problem for part in plan.targets.trajectories for problem in part.warnings]
+    """Return what targets, the detection model and orbits say of their own settings and files."""
+    found = [each for part in (*plan.targets.trajectories, plan.detection) for each in getattr(part, "warnings", ())]
     for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
         words = getattr(sensor.orbit, "warnings", ())
         found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]

@@ -133,6 +133,19 @@ def test_the_least_intensity_is_that_of_the_closed_form():
     assert least_intensities_w_sr(bench, found)[0, 0] == pytest.approx(expected, rel=3e-3)
 
 
+def test_the_least_intensity_in_a_band_is_what_that_band_alone_needs():
+    """Of summed bands that of a sensor with this band alone; of compared ones that of coincidence in all but one."""
+    both, poses = Bench.of_model("SBIRS-GEO"), Poses.of(height_m=30e3)
+    found = least_intensities_w_sr(both, both.signals(poses))[0]
+    for place, band in enumerate(both.sensor.bands):
+        edges = {band.name: [band.lower_um, band.upper_um]}
+        alone = both.changed(sensor__bands=edges, sensor__reference_band=band.name)
+        assert least_intensities_w_sr(alone, alone.signals(poses))[0, 0] == pytest.approx(found[place], rel=1e-9)
+    gates = both.changed(sensor__spectral_discrimination="dual-band-ratio")
+    needed = least_intensities_w_sr(gates, gates.signals(poses))[0]
+    assert (needed / found) == pytest.approx([2.0 / 5.5, 1.0], rel=1e-9)
+
+
 def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
     """Q(T - SNR); two of three looks of 4π sin²(θ/2)/ω cells pass at about the rate that the detection page gives."""
     bench = bare().changed(sensor__nei_w_m2=4e-12)

@@ -107,6 +107,7 @@ def test_a_geostationary_satellite_sees_the_cap_of_the_closed_form():
 def test_rosettes_cover_the_globe_just_from_the_published_height(pattern, inclination_deg, reach_deg):
     """A. H. Ballard, Rosette Constellations of Earth Satellites, IEEE Trans. AES-16 (1980) 656, table of best rosettes.
 
+    Its figures are as recalled, for the paper was not at hand; what holds them is that they are met between two bounds.
     With the central angle that is needed between satellites and the farthest place every place is always in view; with
     a degree and a half less some are not, at times.
     """

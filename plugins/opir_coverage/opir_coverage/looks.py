@@ -14,13 +14,15 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.flight import height_m as height_m_of
 from opir_core.geometry import length
 from opir_core.planning import Targets
-from opir_core.plugin import Band, DetectionProbability, Exposures, Response
+from opir_core.plugin import Band, DetectionProbability, Exposures, Response, Sensor
 from opir_coverage.grid import SeenPoints
 from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
 from opir_coverage.visibility import Fleet
 
 #: Largest error of P_d of a look: the default `probability_tolerance` of runs.
 _SLACK = 1e-4
+#: Rules over bands with one threshold for all.
+_ONE_THRESHOLD = ("likelihood", "none")
 
 
 @frozen(eq=False)
@@ -115,13 +117,25 @@ class Salvo:
         sensor = self.plan.sensors[number]
         if sensor.radiometer is None:
             return {}
-        least = {}
+        least, thresholds = {}, band_thresholds(sensor)
         for place, band in enumerate(sensor.bands):
             passed = self.detection.transmittance(exposures, band)
             if passed is None:
                 continue
-            own = sensor.radiometer.threshold if place == sensor.radiometer.reference else sensor.radiometer.coincidence
             with np.errstate(divide="ignore"):
-                needed = own * response.noise_w_m2[:, place] * np.square(exposures.range_m) / passed
+                needed = thresholds[place] * response.noise_w_m2[:, place] * np.square(exposures.range_m) / passed
             least[band] = needed
         return least
+
+
+def band_thresholds(sensor: Sensor) -> FloatArray:
+    """Return the signals over noise (B,) at which bands are at the threshold of a look, of a sensor with a radiometer.
+
+    That of the sum or of any band is one for all; where bands are compared, others than the reference need coincidence.
+    """
+    radiometer = sensor.radiometer
+    assert radiometer is not None
+    needed = np.full(len(sensor.bands), radiometer.threshold)
+    if sensor.spectral_discrimination not in _ONE_THRESHOLD:
+        needed[np.arange(len(needed)) != radiometer.reference] = radiometer.coincidence
+    return needed

@@ -10,17 +10,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from opir_report import coast_rings, style_sheet
+from opir_report import coast_rings, html_page
 
 from opir_core.arrays import FloatArray
 from opir_coverage.layers import DIMENSIONS, CoverageMap, Layer
 from opir_coverage.summary import words_of
 
-#: The script is the page's own; nothing is fetched.
-_POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none';"
-    " form-action 'none'"
-)
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
 #: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
@@ -29,34 +24,21 @@ _LIMITS, _BULK = (0.01, 0.99), 0.6
 
 def page_of(found: CoverageMap, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the page of a coverage as HTML; `rows` are those of its table."""
-    title, part = escape(found.attributes["title"]), files("opir_coverage") / "page"
+    part = files("opir_coverage") / "page"
     text = json.dumps(_data(found), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<style>{style_sheet()}{(part / "coverage.css").read_text(encoding="utf-8")}</style>
-</head>
-<body>
-<header><h1>{title}</h1><p>{escape(_subtitle(found))}</p></header>
-<main>
+    body = f"""<main>
 {(part / "controls.html").read_text(encoding="utf-8")}
 <section id="table"><h2>All layers</h2>
 <p>Least, area-weighted mean and largest value over the grid, and the share of its area that has one.</p>
 <div class="scroll" role="region" aria-label="All layers" tabindex="0"><table>
 <thead><tr>{"".join(f'<th scope="col">{head}</th>' for head in _HEAD)}</tr></thead>
 <tbody>{"".join(_row(row) for row in rows)}</tbody></table></div></section>
-</main>
-<footer><p>{_FOOTER}</p></footer>
-<script type="application/json" id="data">{text}</script>
+</main>"""
+    scripts = f"""<script type="application/json" id="data">{text}</script>
 <script>{(part / "coverage.js").read_text(encoding="utf-8")}</script>
-</body>
-</html>
 """
+    style = (part / "coverage.css").read_text(encoding="utf-8")
+    return html_page(found.attributes["title"], _subtitle(found), body, _FOOTER, style=style, scripts=scripts)
 
 
 def _data(found: CoverageMap) -> dict[str, Any]:

@@ -5,14 +5,14 @@ from opir_report.canvas import (
 from opir_report.maps.base_map import (
     coast_rings as coast_rings,
 )
+from opir_report.pages.html_page import (
+    html_page as html_page,
+)
 from opir_report.pages.run_report import (
     write_run_report as write_run_report,
 )
 from opir_report.pages.study_report import (
     write_study_report as write_study_report,
-)
-from opir_report.pages.style import (
-    style_sheet as style_sheet,
 )
 from opir_report.palette import (
     DASHES as DASHES,

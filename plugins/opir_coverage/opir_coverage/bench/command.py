@@ -19,6 +19,7 @@ from opir_coverage.bench.curves import curve, operating_characteristic
 from opir_coverage.bench.frames import frame, write_frame
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult, write_plot
 from opir_coverage.bench.stand import Bench, Poses
+from opir_coverage.looks import band_thresholds
 
 
 def physics(arguments: argparse.Namespace) -> int:
@@ -104,8 +105,7 @@ def _waterfall(bench: Bench, found: NoiseBudget, name: str) -> BenchResult:
     if name and name not in found.bands:
         raise ModelError(f"--band: {name!r} is not one of {', '.join(found.bands)}")
     band = found.bands.index(name) if name else radiometer.reference
-    threshold = radiometer.threshold if band == radiometer.reference else radiometer.coincidence
-    steps = waterfall(found, band, threshold)
+    steps = waterfall(found, band, float(band_thresholds(bench.sensor)[band]))
     rows = [[each.name, each.gain_db, each.level_db, each.value] for each in steps]
     line = BenchLine(
         found.bands[band],

@@ -13,7 +13,7 @@ from opir_coverage.bench.stand import Bench, Poses, Signals
 from opir_coverage.grid import SeenPoints
 from opir_coverage.launch_layers import add_reports
 from opir_coverage.launches import LaunchPlaces, target_class_of
-from opir_coverage.looks import Salvo
+from opir_coverage.looks import Salvo, band_thresholds
 from opir_coverage.reports import Reports
 from opir_coverage.visibility import Fleet
 
@@ -124,10 +124,7 @@ def _by_band(quantity: str, label: str, bench: Bench, x: FloatArray, found: Sign
 
 def least_intensities_w_sr(bench: Bench, found: Signals) -> FloatArray:
     """Return the in-band intensities (n, B) at the thresholds of one look: T noise R²/τ, inf where no light passes."""
-    radiometer = bench.sensor.radiometer
-    assert radiometer is not None
-    needed = np.full(len(bench.sensor.bands), radiometer.coincidence)
-    needed[radiometer.reference] = radiometer.threshold
+    needed = band_thresholds(bench.sensor)
     with np.errstate(divide="ignore"):
         return needed * found.noise_w_m2 * np.square(found.range_m)[:, None] / found.transmittance
 

@@ -23,8 +23,8 @@ SOURCE_KINDS = ("fire", "flare", "glint")
 
 
 def _sources_complaint(sources: Mapping[str, Any]) -> str | None:
-    strange = [name for name in sources if name not in SOURCE_KINDS]
-    return f"{strange[0]!r} is not a kind of source; these are {', '.join(SOURCE_KINDS)}" if strange else None
+    unknown = [name for name in sources if name not in SOURCE_KINDS]
+    return f"{unknown[0]!r} is not a kind of source; these are {', '.join(SOURCE_KINDS)}" if unknown else None
 
 
 @frozen(kw_only=True)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.errors import Problem
 from opir_core.geometry import components, length
 from opir_core.planning import blocks
 from opir_core.plugin import (
@@ -86,6 +87,9 @@ class MeasuredColumns:
 #: Numbers of receivers that measure alike, each with the rows of its looks.
 RowsOfKind = Sequence[tuple[int, slice | IntArray]]
 
+#: Wavelength, µm, from which the Earth's own emission, not reflected sunlight, is what plumes are seen before.
+_LONG_WAVE_UM = 5.0
+
 #: Largest SNR: its square is still a double.
 _MOST_SNR = 1e100
 
@@ -116,6 +120,7 @@ class SnrDetection(DetectionProbability):
     false_again: FloatArray
     probability_tolerance: float | None
     needs_geometry: bool = True
+    warnings: tuple[Problem, ...] = ()
 
     @property
     def uses_seed(self) -> bool:
@@ -307,7 +312,29 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         rate_per_scan=chances * resolution_cells(half_angle, ifov_rad) * confirmed,
         false_again=again,
         probability_tolerance=None if config.exact else config.probability_tolerance,
+        warnings=_blind_sensors(context.sensors, environment),
     )
+
+
+def _blind_sensors(sensors: Sequence[Sensor], environment: RadiometricEnvironment) -> tuple[Problem, ...]:
+    """Return a warning of sensors DSP with the paper's long-wave band, whose clutter and warm optics hide launches."""
+    blind = [sensor for sensor in sensors if sensor.type == "DSP" and _is_long_wave(sensor)]
+    if not blind or not environment.has_background:
+        return ()
+    ids, first = [sensor.id for sensor in blind], blind[0]
+    listed = ids[0] if len(ids) == 1 else f"{ids[0]} and {len(ids) - 1} more"
+    words = (
+        f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
+        f" {first.scan.period_ns * 1e-9:g} s), which by day sees no launch before the Earth; that of the public record"
+        " (2.7 and 4.3 um, 10 s) is preset: heritage"
+    )
+    return (Problem("detection", words),)
+
+
+def _is_long_wave(sensor: Sensor) -> bool:
+    """Return whether a sensor has a focal plane and long-wave bands alone."""
+    has_plane = sensor.radiometer is not None and bool(sensor.radiometer.focal_planes)
+    return has_plane and min(band.lower_um for band in sensor.bands) >= _LONG_WAVE_UM
 
 
 def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:

@@ -12,15 +12,13 @@ displacements this is the structure's gradient times the displacement, in genera
 Angles, lengths on the sky and displacements are in pixels; variances are of a field of unit variance.
 """
 
-import math
-
 import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 from scipy.special import gamma, j0, kv
 
 from opir_core.arrays import FloatArray
-from opir_photons.radiometry.point_spread import EVEN, PointSpread, radial_nodes
+from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
 
 #: Distances, in outer scales, below which two terms of the series of a correlation are exact to rounding.
 _VERY_NEAR = 1e-20
@@ -101,13 +99,8 @@ class SpatialTransfer:
         """
         most = max(spread.most, 2.0 * EVEN)
         wavenumber, step = radial_nodes(most, len(weights) + farthest)
-        count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
-        angle = np.pi * np.arange(count) / count
-        x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
-        place = np.arange(len(weights)) - 0.5 * (len(weights) - 1)
-        along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
-        passed = np.abs(((along @ weights) * across).sum(axis=-1))
-        passed *= np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
+        transfer, x, y = filter_transfer(weights, wavenumber, most)
+        passed = np.abs(transfer) * (np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi))
         window = np.square(passed).mean(axis=1) * np.square(spread.transfer(wavenumber))
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi))
 

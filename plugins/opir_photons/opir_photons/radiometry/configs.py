@@ -15,8 +15,8 @@ _TABLE_BANDS = ("SWIR", "MWIR", "LWIR")
 
 
 def _peaks_complaint(peaks: Mapping[str, Any]) -> str | None:
-    strange = [name for name in peaks if name not in _TABLE_BANDS]
-    return f"{strange[0]!r} is not one of the bands {', '.join(_TABLE_BANDS)}" if strange else None
+    unknown = [name for name in peaks if name not in _TABLE_BANDS]
+    return f"{unknown[0]!r} is not one of the bands {', '.join(_TABLE_BANDS)}" if unknown else None
 
 
 @frozen(kw_only=True)
@@ -147,8 +147,8 @@ IMAGER_BANDS = ("ABI_07", "ABI_08", "ABI_09", "ABI_10")
 
 def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:
     known = (*TABLE_BANDS, *IMAGER_BANDS)
-    strange = [name for name in bands.values() if name not in known]
-    return f"{strange[0]!r} is not one of {', '.join(known)}" if strange else None
+    unknown = [name for name in bands.values() if name not in known]
+    return f"{unknown[0]!r} is not one of {', '.join(known)}" if unknown else None
 
 
 @frozen(kw_only=True)

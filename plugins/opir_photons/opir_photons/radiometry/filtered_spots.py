@@ -20,7 +20,7 @@ from scipy.special import j0
 
 from opir_core.arrays import FloatArray
 from opir_photons.radiometry.clutter import FrameDifference
-from opir_photons.radiometry.point_spread import EVEN, PointSpread, radial_nodes
+from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
 
 #: Steps of a table of responses to displaced spots, and pixels beyond the filter at which it ends.
 _STEPS, _BEYOND = 2000, 3.0
@@ -37,15 +37,11 @@ class FilteredSpot:
     @classmethod
     def of(cls, weights: FloatArray, spread: PointSpread, phase: str = "mean") -> "FilteredSpot":
         """Return the output of a filter (m, m) over all places of a spot on its pixel (`mean`), or on a corner."""
-        wavenumber, step = radial_nodes(max(spread.most, 2.0 * EVEN), 2.0 * len(weights) + _BEYOND)
-        count = math.ceil(0.75 * spread.most * (len(weights) + 1)) + 16
-        angle = np.pi * np.arange(count) / count
-        x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
-        place = np.arange(len(weights)) - 0.5 * (len(weights) - 1)
-        along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
-        passed = ((along @ weights) * across).sum(axis=-1).real
+        most = max(spread.most, 2.0 * EVEN)
+        wavenumber, step = radial_nodes(most, 2.0 * len(weights) + _BEYOND)
+        transfer, x, y = filter_transfer(weights, wavenumber, most)
         pixel = np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
-        passed *= pixel * (pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y))
+        passed = transfer.real * (pixel * (pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y)))
         window = passed.mean(axis=1) * spread.transfer(wavenumber)
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi), len(weights))
 

@@ -40,7 +40,8 @@ GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (
 WATER_UM = (5.0, 7.7)
 
 #: Centres, 1/cm, and strengths, m²/(g cm), of the bands near 6.3 and 2.7 µm: H₂O 41.2; H₂O 25.9 with CO₂ 4.0 at 2.44 g
-#: for each of H₂O, as hydrocarbons burn (D. K. Edwards, Advances in Heat Transfer 12 (1976) 115). Of thin gas.
+#: for each of H₂O, as hydrocarbons burn. Of thin gas. As recalled from D. K. Edwards, Advances in Heat Transfer 12
+#: (1976) 115, which was not at hand: to be taken as notional.
 _WATER, _NEAR_2_7 = (1600.0, 41.2), (3760.0, 25.9 + 2.44 * 4.0)
 
 #: Temperature of the gases over that in afterburning, by altitude, km: without it, and expanding into ever thinner air,

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 
@@ -46,6 +47,21 @@ class PointSpread:
         share = np.minimum(wavenumber / self.cutoff, 1.0)
         airy = (2.0 / np.pi) * (np.arccos(share) - share * np.sqrt(1.0 - share * share))
         return np.asarray(airy * np.exp(-0.5 * np.square(wavenumber * self.blur)))
+
+
+def filter_transfer(
+    weights: FloatArray, wavenumber: FloatArray, most: float
+) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
+    """Return the transfer (q, a) of a filter of pixels (m, m), and the wavenumbers (q, a) along both axes.
+
+    Over half a turn of directions, enough of them for wavenumbers (q,) of at most `most`; the other half mirrors it.
+    """
+    count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
+    angle = np.pi * np.arange(count) / count
+    x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
+    place = np.arange(len(weights)) - 0.5 * (len(weights) - 1)
+    along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
+    return np.asarray(((along @ weights) * across).sum(axis=-1)), x, y
 
 
 def radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:

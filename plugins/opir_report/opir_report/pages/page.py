@@ -7,11 +7,9 @@ from html import escape
 from attrs import frozen
 
 from opir_report.figure_data import FigureData
-from opir_report.pages.style import style_sheet
+from opir_report.pages.html_page import html_page
 from opir_report.palette import ROLES
 
-#: Nothing is fetched: styles are in the page, and pictures are data.
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 _NUMBER = re.compile(r"-|[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 _COLOUR = re.compile("|".join(ROLES))
 
@@ -61,35 +59,15 @@ class ReportPage:
 
     def html(self, data_folder: str | None) -> str:
         """Return the page as HTML; the figures' data are linked in `data_folder`, if there is one."""
-        title = escape(self.title)
         contents = "".join(f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in self.sections)
         summary = "".join(f"<li>{escape(line)}</li>" for line in self.summary)
         sections = "\n".join(_section(each, data_folder) for each in self.sections)
-        return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="color-scheme" content="light dark">
-<meta name="referrer" content="no-referrer">
-<title>{title}</title>
-<style>{style_sheet()}</style>
-</head>
-<body>
-<header>
-<h1>{title}</h1>
-<p>{escape(self.subtitle)}</p>
-</header>
-<nav aria-label="Contents"><ol>{contents}</ol></nav>
+        body = f"""<nav aria-label="Contents"><ol>{contents}</ol></nav>
 <main>
 <section id="summary" aria-label="Summary"><ul class="summary">{summary}</ul></section>
 {sections}
-</main>
-<footer><p>{escape(self.footer)}</p></footer>
-</body>
-</html>
-"""
+</main>"""
+        return html_page(self.title, self.subtitle, body, self.footer)
 
 
 def _section(section: ReportSection, data_folder: str | None) -> str:

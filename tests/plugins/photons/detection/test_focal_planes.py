@@ -299,7 +299,7 @@ def test_times_fit_the_scan_period_and_bands_may_differ() -> None:
     ("settings", "message"),
     [
         ({"band_focal_plane": {"LWIR": {"bits": 8}}}, "band_focal_plane: LWIR is not one of the sensor's bands"),
-        ({"band_focal_plane": {"MWIR": {"lag_s": 8.0}}}, "band_focal_plane: lag_s is not a number of focal_plane"),
+        ({"band_focal_plane": {"MWIR": {"lag_s": 8.0}}}, "lag_s is no setting of focal_plane; known: aperture_m, "),
         ({"focal_plane": None}, "focal_plane: without one set the noise, nei_w_m2"),
     ],
 )

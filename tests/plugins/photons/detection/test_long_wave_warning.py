@@ -1,0 +1,51 @@
+"""A DSP of the paper, which by day sees no launch before the Earth, is warned of; that of the record is not."""
+
+from typing import Any
+
+import pytest
+from snr_scene import joined, scene, windows_of
+
+import opir_core as opir
+from opir_core.simulation.explanation import explained
+from opir_core.simulation.plan_checks import plan_warnings
+
+SKY = {"atmosphere": "lowtran", "background": "earth", "epoch": "2026-04-01T22:00:00Z"}
+DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0}
+
+
+def warned(plan: opir.Plan) -> list[str]:
+    return [words for words in plan_warnings(plan) if "preset: heritage" in words]
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_warned", "sees"),
+    [({}, True, False), ({"preset": "heritage"}, False, True), ({"bands": {"MWIR": [4.2, 4.45]}}, False, True)],
+    ids=["paper", "heritage", "own band"],
+)
+def test_the_sensor_that_is_warned_of_sees_no_launch_of_three_and_the_others_do(
+    changes: Any, is_warned: bool, sees: bool
+) -> None:
+    plan = opir.compile_plan(scene([{**DSP, **changes}], duration_s=100, **SKY))
+    assert len(warned(plan)) == is_warned
+    truth = joined(windows_of(plan, [100.0]))[1]
+    assert (truth.target >= 0).any() == sees
+
+
+def test_one_line_names_the_sensors_and_the_remedy_and_explain_has_it() -> None:
+    plan = opir.compile_plan(scene([{"constellation": "DSP"}], "I", **SKY))
+    (line,) = warned(plan)
+    assert line.startswith("detection: DSP-1 and 3 more: this DSP is the paper's (LWIR, 0.2 s)")
+    assert "\n" not in line
+    assert line in explained(plan)["warnings"]
+
+
+@pytest.mark.parametrize(
+    "changes", [{"background": "none"}, {"detection": "constant", "background": "none", "atmosphere": "clear"}], ids=str
+)
+def test_without_a_background_nothing_hides_a_launch(changes: Any) -> None:
+    assert not warned(opir.compile_plan(scene([DSP], "I", **{**SKY, **changes})))
+
+
+def test_nobody_is_warned_of_noise_that_is_given() -> None:
+    given = {**DSP, "focal_plane": None, "nei_w_m2": 1e-14}
+    assert not warned(opir.compile_plan(scene([given], **SKY)))
