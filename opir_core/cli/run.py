@@ -191,9 +191,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         head,
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
-        "\n".join(
-            f"{row['sensor_id']}: {row['health']['text']}" for row in outcome.summary["sensors"] if row["health"]
-        ),
+        _health(outcome.summary),
         _target_table(targets, is_delayed=is_delayed),
         *reported_tables(outcome.summary),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
@@ -215,6 +213,12 @@ def _sensor_table(summary: Mapping[str, Any]) -> str:
         (row["sensor_id"], row["sensor_type"], *(grouped(row[name]) for name in names)) for row in summary["sensors"]
     ]
     return table(_SENSOR_HEAD[: 2 + len(names)], cells, numbers=range(2, 2 + len(names)))
+
+
+def _health(summary: Mapping[str, Any]) -> str:
+    """Return a line for each sensor with detections: its biases, clock and noise, as far as the tracker knows them."""
+    rows = [row for row in summary["sensors"] if row["health"] and row["detections"]]
+    return "\n".join(f"{row['sensor_id']}: {row['health']['text']}" for row in rows)
 
 
 def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -106,6 +106,8 @@ def words(error: BaseException, servers: str) -> str:
         code: int = getattr(error, "errno", -1)
         remedy = f"; {_REMEDIES[code]}" if code in _REMEDIES else ""
         return f"{servers} answers {type(error).__name__} (code {code}){remedy}"
+    if isinstance(error, SmallerBatchesError):
+        return f"{servers} refuses a batch as too large; sending smaller ones"
     if isinstance(error, ssl.SSLError):
         return f"no encrypted connection to {servers}: {error.reason or 'TLS fails'}; see security.ca_file"
     if isinstance(error, errors.AuthenticationFailedError):

@@ -181,7 +181,8 @@ class KafkaTransport(Transport):
                 count = sum(len(rows) for _, rows in sent)
                 if count == 1:
                     raise
-                self._most_messages = count // 2
+                # Lanes fail at once: a smaller maximum of another one stands.
+                self._most_messages = min(self._most_messages, count // 2)
                 raise SmallerBatchesError from None
             self._pauses_s = self._pauses()
             for shipment, rows in sent:

@@ -101,12 +101,12 @@ def _sensors(rows: Sequence[Row], sensors: Sequence[Sensor], names: Mapping[str,
         own = names.get(str(own), str(own))
         if own not in number:
             near = nearest_names(own, number)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(list(number)[:12])}"
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(list(number)[:12])}."
             unknown = Counter(str(each.get("sensor_id")) for each in rows)
             count = unknown[str(row.get("sensor_id"))]
             raise BadFileError(
                 f"{place_of(row)}its sensor {shown(own)}, of {count} of {len(rows)} detections, is none of --sensors;"
-                f" {hint} Or --rename THEIRS=OURS"
+                f" {hint} Use --rename THEIRS=OURS if the names differ"
             )
         found.append(number[own])
     return np.array(found, dtype=np.int32)

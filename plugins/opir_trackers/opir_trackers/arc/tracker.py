@@ -59,7 +59,7 @@ class ArcTracker(Tracker):
 
     def sensor_health(self) -> SensorHealth:
         """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
-        return sensor_health(self._now.registration, [sensor.id for sensor in self._context.sensors])
+        return sensor_health(self._now.registration, tuple(sensor.id for sensor in self._context.sensors))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings."""

@@ -1,6 +1,7 @@
 """What is reported of the sensors: estimates with standard deviations, a sentence each, and what is not observable."""
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,8 +23,12 @@ _WRONG, _ENOUGH = 2.0, 50.0
 _NAMES = ("east", "north", "clock")
 
 
-def sensor_health(now: Registration, names: Sequence[str]) -> SensorHealth:
-    """Return what is known of sensors with names (s,)."""
+@lru_cache(maxsize=1)
+def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
+    """Return what is known of sensors with names (s,).
+
+    The last result is kept: a live run asks every cycle, and the registration changes with a tick only.
+    """
     sums, known = now.innovations, now.reported
     mean = known.mean.reshape(-1, ERRORS)
     sigma = np.sqrt(np.maximum(np.diagonal(known.covariance), 0.0)).reshape(-1, ERRORS)
