@@ -149,7 +149,23 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
         rings.append(next((shifted for shifted in shifts if _is_inside(_middle(shifted), outer)), hole))
-    return rings
+    return _closed_around(rings)
+
+
+def _closed_around(rings: Rings) -> Rings:
+    """Return rings in which the outer one, closed along a meridian and a pole, is closed around holes that cross it."""
+    outer, *holes = rings
+    west, east = float(outer[:, 0].min()), float(outer[:, 0].max())
+    across = [hole for hole in holes if hole[:, 0].min() < west or hole[:, 0].max() > east]
+    if not across:
+        return rings
+    chains = [outer[:-2], outer[-2:]]
+    for hole in across:
+        edge, turns = (west, 1) if hole[:, 0].min() < west else (east, -1)
+        is_east = hole[:, 0] >= edge
+        chains += [_moved(chain, turns if edge == west else 0) for chain in _chains(hole, ~is_east, edge)]
+        chains += [_moved(chain, turns if edge == east else 0) for chain in _chains(hole, is_east, edge)]
+    return _joined(chains) + [hole for hole in holes if not any(hole is other for other in across)]
 
 
 def _moved(ring: FloatArray, turns: int) -> FloatArray:
@@ -275,10 +291,10 @@ def _crossing(one: FloatArray, other: FloatArray, edge_deg: float) -> FloatArray
 
 
 def _joined(chains: Rings) -> Rings:
-    ends = [(chain[place, 1], number, place) for number, chain in enumerate(chains) for place in (0, -1)]
-    ends.sort(key=lambda end: end[0])
+    ends = [(*chain[place].tolist(), number, place) for number, chain in enumerate(chains) for place in (0, -1)]
+    ends.sort(key=lambda end: end[:2])
     across: dict[tuple[int, int], tuple[int, int]] = {}
-    for (_, *one), (_, *other) in zip(ends[::2], ends[1::2], strict=True):
+    for (_, _, *one), (_, _, *other) in zip(ends[::2], ends[1::2], strict=True):
         across[one[0], one[1]], across[other[0], other[1]] = (other[0], other[1]), (one[0], one[1])
     rings, left = [], set(range(len(chains)))
     while left:
