@@ -100,7 +100,8 @@ def permit(admin: Any, topic: str) -> None:
         done.result(30.0)
 
 
-def forbid(admin: Any, topic: str) -> None:
+def forbid(admin: Any, topic: str | None) -> None:
+    """Take the login's permission to write to a topic, or to any."""
     parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
     every = AclBindingFilter(*parts, AclOperation.ANY, AclPermissionType.ANY)
     for done in admin.delete_acls([every]).values():
@@ -159,8 +160,9 @@ def test_a_login_is_refused_until_it_exists(one: Cluster, spool: Path, login: Se
 
 
 def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool: Path, login: SecurityConfig) -> None:
-    topic, admin = one.topic(), one.admin()
+    topic, other, admin = one.topic(), one.topic(), one.admin()
     let_in(admin)
+    permit(admin, other)  # who may write to no topic at all gets no producer's number
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
@@ -176,6 +178,21 @@ def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool:
     until(lambda: sink.delivery_so_far().delivered == 300)
     assert closed(sink) == Delivery(delivered=300)
     examine(one, topic, 300)
+
+
+def test_a_login_may_write_to_no_topic(one: Cluster, spool: Path, login: SecurityConfig) -> None:
+    topic, admin = one.topic(), one.admin()
+    let_in(admin)
+    forbid(admin, None)
+    policy = evolve(brief(stall_s=30.0), retry_s=0.5)
+    sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
+    fill(sink, 5, 20, 0, 0.0)
+    until(lambda: sink.parked is not None)
+    assert "(code 31); let this login write to the topic" in (sink.parked or "")
+    permit(admin, topic)
+    until(lambda: sink.delivery_so_far().delivered == 100)
+    assert closed(sink) == Delivery(delivered=100)
+    examine(one, topic, 100)
 
 
 def test_the_topic_is_made_late(one: Cluster, spool: Path) -> None:

@@ -74,7 +74,7 @@ _REMEDIES = {
     10: "raise the topic's max.message.bytes, or lower batch_bytes",
     18: "raise the broker's segment size, or lower batch_bytes",
     29: "let this login write to the topic, or give another topic",
-    31: "let this login write idempotently (IdempotentWrite on the cluster)",
+    31: "let this login write to the topic (brokers before 2.8 ask for IdempotentWrite on the cluster too)",
     58: "see security.username and the variable of its password",
     76: "give another compression",
     35: "the broker is too old for idempotent producers; Kafka has them from 0.11 on",
