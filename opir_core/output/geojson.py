@@ -125,13 +125,27 @@ def _poles_in(ring: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...
 
 def _parts(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> list[Any]:
     """Return a polygon as polygons of coordinates: one, unless the 180th meridian cuts it."""
-    if len(polygon) == 1 and not is_wide:
-        degrees: FloatArray = np.degrees(polygon[0][:, ::-1])
-        longitude = degrees[:, 0]
-        if np.abs(longitude[1:] - longitude[:-1]).max(initial=0.0) <= _STEP_DEG and np.abs(longitude).max() <= 180.0:
-            points = _distinct(degrees)
-            return [[_closed(points, is_outer=True)]] if len(points) >= _FEWEST else []
+    if _is_flat(polygon, is_wide=is_wide):
+        rings = [points for ring in polygon if len(points := _distinct(np.degrees(ring[:-1, ::-1]))) >= _FEWEST]
+        return [[_closed(points, is_outer=not place) for place, points in enumerate(rings)]] if rings else []
     return _cut(_planar(polygon, chart, is_wide=is_wide))
+
+
+def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
+    """Return whether a polygon may be written as it is: edges short in longitude, or cut already and read back.
+
+    An edge along the 180th meridian or along a pole tells a cut.
+    """
+    widest_deg, is_cut = 0.0, False
+    for ring in polygon:
+        latitude, longitude = np.degrees(ring).T
+        on_cut = (np.abs(longitude) == 180.0) | (np.abs(latitude) == _POLE_DEG)
+        along = on_cut[1:] & on_cut[:-1]
+        step = np.abs(np.diff(longitude)).max(initial=0.0, where=~along)
+        if np.abs(longitude).max() > 180.0:
+            return False
+        widest_deg, is_cut = max(widest_deg, float(step)), is_cut or bool(along.any())
+    return widest_deg <= (180.0 if is_cut else _STEP_DEG) and (is_cut or not (is_wide or polygon[1:]))
 
 
 def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> Rings:
@@ -143,8 +157,7 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     poles = [_poles_in(ring, chart) if is_wide else () for ring in polygon]
     outer, *holes = [_unrolled(ring, chart, inside) for ring, inside in zip(polygon, poles, strict=True)]
     if len(poles[0]) == 2:
-        middle_deg = 0.5 * (outer[:, 0].min() + outer[:, 0].max())
-        outer, holes = _WORLD + np.array([middle_deg, 0.0]), [outer, *holes]
+        outer, holes = _WORLD, [outer, *holes]
     rings = [outer]
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
@@ -173,7 +186,7 @@ def _moved(ring: FloatArray, turns: int) -> FloatArray:
     return ring + np.array([360.0 * turns, 0.0])
 
 
-#: The whole Earth as a ring, by longitude from that of its middle.
+#: The whole Earth as a ring.
 _WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0]])
 
 

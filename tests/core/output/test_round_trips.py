@@ -77,9 +77,7 @@ def points_about(region: ImpactRegion, seed: int, count: int) -> FloatArray:
 def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
     """Return whether places round this one, in eight directions, get more than one answer."""
     longitude = place[1]
-    up = np.array(
-        [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
-    )
+    up = unit_vectors(place[np.newaxis])[0]
     east = np.array([-math.sin(longitude), math.cos(longitude), 0.0])
     turn = np.linspace(0.0, 2.0 * np.pi, 9)[:, np.newaxis]
     x, y, z = (up + _NEAR_M / 6_371_008.8 * (np.cos(turn) * east + np.sin(turn) * np.cross(up, east))).T
