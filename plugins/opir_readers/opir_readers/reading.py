@@ -14,6 +14,22 @@ from opir_readers.likeness import likeness
 _LARGEST_FILE_BYTES = 64_000_000
 _GZIP = b"\x1f\x8b"
 
+#: How files of other kinds than text begin, and what they are.
+_BINARY = (
+    (b"\x1f\x9d", "is compressed by compress (.Z): unpack it with uncompress or gzip -d"),
+    (b"BZh", "is compressed by bzip2: unpack it with bunzip2"),
+    (b"\xfd7zXZ", "is compressed by xz: unpack it with unxz"),
+    (b"\x28\xb5\x2f\xfd", "is compressed by zstd: unpack it with unzstd"),
+    (b"PK\x03\x04", "is a ZIP file, a KMZ or a spreadsheet: unpack it, or export CSV"),
+    (b"\x89HDF", "is HDF5 or netCDF 4, which is not read: export CSV"),
+    (b"CDF\x01", "is netCDF, which is not read: export CSV"),
+    (b"CDF\x02", "is netCDF, which is not read: export CSV"),
+    (b"PAR1", "is Parquet, which is read as detections alone, by opir track"),
+    (b"DAF/SPK", "is a SPICE kernel, which is not read: export its states as OEM"),
+    (b"%PDF", "is PDF, which is not read"),
+    (b"\x89PNG", "is a picture"),
+)
+
 
 @frozen
 class FileText:
@@ -36,6 +52,9 @@ def file_text(path: str) -> FileText:
         content = _unpacked(content)
     if len(content) > _LARGEST_FILE_BYTES:
         raise BadFileError(f"is larger than {_LARGEST_FILE_BYTES} bytes; keep only the burn")
+    kind = next((words for head, words in _BINARY if content.startswith(head)), "")
+    if kind:
+        raise BadFileError(kind)
     try:
         return FileText(text_of(content), digest)
     except ValueError as error:
