@@ -109,10 +109,10 @@ def omm_number(value: Any) -> float:
 
 def omm_epoch(value: Any) -> datetime:
     """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in UTC."""
-    day, at, clock = str(value).strip().removesuffix("Z").partition("T")
-    if len(day) == 8 and day[4] == "-":  # the day of the year, as in 2026-091
-        day = datetime.strptime(day, "%Y-%j").date().isoformat()
-    moment = datetime.fromisoformat(day + at + clock)
+    text = str(value).strip().removesuffix("Z")
+    if text[4:5] == "-" and text[7:8].isdigit():  # a day of the year, 2026-091T12:00:00
+        text = f"{datetime.strptime(text[:8], '%Y-%j'):%Y-%m-%d}{text[8:]}"
+    moment = datetime.fromisoformat(text)
     if moment.tzinfo is not None:
         raise ValueError(f"{value!r} is not in UTC")
     return moment

@@ -94,14 +94,12 @@ def _coarse_steps(table: StateTable) -> list[str]:
     row = int(swept_rad.argmax())
     if swept_rad[row] <= widest_rad:
         return []
-    step_s = float(table.time_s[row + 1] - table.time_s[row])
-    return [
-        (
-            f"line {table.line_of(row + 1)}: {np.degrees(swept_rad[row]):.3g}° around the Earth from the state before it,"
-            f" in a step of {step_s:g} s; what is between cannot be interpolated: take states at most"
-            f" {np.degrees(widest_rad):.0f}° apart"
-        )
-    ]
+    step_s, swept_deg = float(table.time_s[row + 1] - table.time_s[row]), float(np.degrees(swept_rad[row]))
+    words = (
+        f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before it, in a step of"
+        f" {step_s:g} s; that cannot be interpolated: take states at most {np.degrees(widest_rad):.0f}° apart"
+    )
+    return [words]
 
 
 def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
