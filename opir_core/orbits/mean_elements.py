@@ -57,7 +57,7 @@ _TLE_LENGTH = 69
 _MOST_TURNS_A_DAY = 18.0
 
 #: A larger drag term, by the Earth's radius, than that of any satellite: 0.14 days before it decays.
-_MOST_BSTAR = 1.0
+_MOST_BSTAR = 10.0
 
 #: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day, km.
 _OLD_DAYS, _ERROR_KM_DAY = 14.0, (1.0, 3.0)
@@ -109,7 +109,10 @@ def omm_number(value: Any) -> float:
 
 def omm_epoch(value: Any) -> datetime:
     """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in UTC."""
-    moment = datetime.fromisoformat(str(value).removesuffix("Z"))
+    text = str(value).strip().removesuffix("Z")
+    if text[4:5] == "-" and text[7:8].isdigit():  # a day of the year, 2026-091T12:00:00
+        text = f"{datetime.strptime(text[:8], '%Y-%j'):%Y-%m-%d}{text[8:]}"
+    moment = datetime.fromisoformat(text)
     if moment.tzinfo is not None:
         raise ValueError(f"{value!r} is not in UTC")
     return moment

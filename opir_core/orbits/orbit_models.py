@@ -6,7 +6,6 @@ Orbits that move over the ground are evaluated from polynomials, fitted once for
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from json import JSONDecodeError
 from typing import Any, Protocol
 
 import numpy as np
@@ -295,20 +294,16 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
         data = json.loads(text)
     except OSError as error:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
-    except JSONDecodeError as error:
-        raise _refused(config, f"is not JSON: {error}") from error
     except ValueError as error:
-        raise _refused(config, str(error)) from error
+        raise _refused(config, f"is not JSON: {error}") from error
     messages = [message for message in (data if isinstance(data, list) else [data]) if isinstance(message, dict)]
     if config.satellite is not None:
         messages = [m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)]
     if len(messages) != 1:
         which = "" if config.satellite is None else f" of {config.satellite}"
-        count = len(messages) or "no"
         hint = "; say which with satellite" if messages and not which else ""
-        raise _refused(config, f"holds {count} OMM{which}; exactly one is needed{hint}")
-    complaint = omm_complaint(messages[0])
-    if complaint:
+        raise _refused(config, f"holds {len(messages) or 'no'} OMM{which}; exactly one is needed{hint}")
+    if complaint := omm_complaint(messages[0]):
         raise _refused(config, complaint)
     return messages[0]
 

@@ -11,6 +11,7 @@ from opir_core.host.boundary import is_interruption
 from opir_core.host.components import CATALOGUE
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
+from opir_core.interfaces.file_contents import BadFileError
 from opir_core.reading.nodes import (
     Complaint,
     ErrorCollector,
@@ -36,7 +37,7 @@ from opir_core.scene.fields import Alternatives, alternatives, error_of_both, fi
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
-_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members"), "opir_sinks": ("spool",)}
+_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members", "fleet"), "opir_sinks": ("spool",)}
 
 
 @frozen
@@ -81,6 +82,17 @@ class ComponentReader:
         if hook not in self._names:
             self._names[hook] = self._host.names(hook)
         return self._names[hook]
+
+    def satellites(self, node: Node, epoch_us: int | None) -> list[Node]:
+        """Return the settings of each satellite of the file that a `fleet` block names; None is a refused epoch."""
+        readers = self._host.readers()
+        for kind in filter(None, (reader.fleet for reader in readers)):
+            fleet: Any = class_reader(kind)(node)
+            try:
+                return [node_of_data(satellite) for satellite in fleet.satellites(epoch_us, readers)]
+            except BadFileError as error:
+                raise node.refused(str(error)) from error
+        raise node.refused("no installed plugin reads fleets from files; install opir-readers", at_key=True)
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
         """Return the choice of a node: a component's name, or a block of `model` and settings."""

@@ -3,7 +3,7 @@
 Sensors stand alone, in constellations by name, or in constellations with their members.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from attrs import evolve
@@ -27,9 +27,10 @@ _FLEET_KEYS = ("constellation", "preset")
 class SensorReader:
     """Reads the list of sensors."""
 
-    def __init__(self, components: ComponentReader) -> None:
+    def __init__(self, components: ComponentReader, epoch: str | None) -> None:
         self._components = components
         self._identifier = Identifier(components, _MODELS)
+        self._epoch_us = None if epoch is None else epoch_us_of_text(epoch)
 
     def sensors(self, node: Node) -> tuple[SceneSensor, ...]:
         """Return all sensors, constellations member by member."""
@@ -49,6 +50,8 @@ class SensorReader:
         if not isinstance(node.value, dict):
             raise refusal(node, "a block of constellation, or of model and id, is needed")
         block = dict(block_of(node))
+        if "fleet" in block and "constellation" not in block:
+            return self._of_file(node, block, path)
         if "constellation" not in block:
             if "model" not in block:
                 for key, value in block.items():
@@ -63,13 +66,24 @@ class SensorReader:
             return self._members(block, name, path)
         return self._fleet(node, block, name, path)
 
+    def _of_file(self, node: Node, block: dict[str, Node], path: str) -> list[SceneSensor]:
+        """Return a sensor for each satellite of a file."""
+        collector, sensors = ErrorCollector(), list[SceneSensor]()
+        with under(".fleet"):
+            satellites = self._components.satellites(block.pop("fleet"), self._epoch_us)
+        _refuse(block, ("id", "orbit"), "a fleet brings the {} of its sensors", collector)
+        for satellite in satellites:
+            with collector.at():
+                own = evolve(node, value={**block, **block_of(satellite)})
+                sensors.append(SceneSensor(*self._identifier.identified(own, path, _SENSOR_KEYS, path)))
+        collector.require_whole()
+        return sensors
+
     def _members(self, block: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation with explicit members, as `scene_mapping` writes it."""
         collector, sensors = ErrorCollector(), list[SceneSensor]()
-        for key, node in block.items():
-            if key != "members":
-                with collector.at(key_step(key)):
-                    raise node.refused("is not allowed beside members; write it in each member", at_key=True)
+        others = [key for key in block if key != "members"]
+        _refuse(block, others, "is not allowed beside members; write it in each member", collector)
         with collector.at(".members"):
             if not items_of(block["members"]):
                 raise block["members"].refused("a constellation has at least one member")
@@ -83,9 +97,7 @@ class SensorReader:
     def _fleet(self, node: Node, written: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation's own members, with the scene's settings applied to each."""
         collector, sensors = ErrorCollector(), list[SceneSensor]()
-        for key in [key for key in ("id", "model") if key in written]:
-            with collector.at(key_step(key)):
-                raise written.pop(key).refused(f"a constellation brings the {key} of its sensors", at_key=True)
+        _refuse(written, ("id", "model"), "a constellation brings the {} of its sensors", collector)
         with collector.at():
             constellation = self._components.component(_CONSTELLATIONS, name, path)
             for satellite in constellation.satellites:
@@ -105,6 +117,12 @@ class SensorReader:
         settings = evolve(settings, given=given, giver=constellation, other_keys=_FLEET_KEYS)
         choice = self._components.choice(_MODELS, constellation.model, path, settings)
         return SceneSensor(own_id, choice, constellation.name)
+
+
+def _refuse(block: dict[str, Node], keys: Sequence[str], message: str, collector: ErrorCollector) -> None:
+    for key in [key for key in keys if key in block]:
+        with collector.at(key_step(key)):
+            raise block.pop(key).refused(message.format(key), at_key=True)
 
 
 _SINKS = "opir_sinks"
@@ -150,7 +168,7 @@ class SceneBuilder:
             with self.collector.at(key_step("forces")):
                 parts["forces"] = read_forces(values["forces"])
         lists = {
-            "sensors": SensorReader(self.components).sensors,
+            "sensors": SensorReader(self.components, values.get("epoch")).sensors,
             "targets": TargetReader(self.components, values.get("duration_s")).targets,
             "sources": lambda node: SourceReader(self.components, parts["targets"]).sources(node),
             "outputs": self._outputs,

@@ -55,7 +55,7 @@ _SLIP = 0.85
 
 #: Names that tables of other programs give their columns, for the map that a message proposes.
 _WORDS = (
-    (r"^t(ime)?\b|elapsed", "time"),
+    (r"^ts?(ime)?\b|elapsed", "time"),
     (r"\blat", "lat"),
     (r"\blon|\blng", "lon"),
     (r"\balt|height|\bh\b", "height"),
@@ -137,19 +137,32 @@ def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dic
     """
     found: dict[str, Column] = {}
     mapped = {own: wanted for wanted, own in given.items()}
-    lost = [own for own in mapped if own not in names]
+    numbered = _numbered(names, mapped)
+    lost = [own for own in mapped if own not in numbered]
     if lost:
         listed = ", ".join(map(repr, names))
         raise BadFileError(f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}")
-    for place, name in enumerate(names):
+    for place, name in enumerate(numbered):
         known = quantity_of(mapped.get(name, name))
         if known is None:
             continue
         if known[0] in found and (name in mapped) == (found[known[0]].name in mapped):
-            raise BadFileError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}")
+            way = f"; say which with columns, like {known[0]}: '{name}#2'" if name in names[:place] else ""
+            raise BadFileError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}{way}")
         if known[0] not in found or name in mapped:
             found[known[0]] = Column(place, name, *known)
     _require_states(found, names, line)
+    return found
+
+
+def _numbered(names: Sequence[str], mapped: Iterable[str]) -> list[str]:
+    """Return the names of columns, `name#2` for the second of a name, where the map names one of these."""
+    chosen = {own.rpartition("#")[0] for own in mapped if own not in names} | {own for own in mapped if own in names}
+    count: dict[str, int] = {}
+    found = []
+    for name in names:
+        count[name] = count.get(name, 0) + 1
+        found.append(f"{name}#{count[name]}" if name in chosen and count[name] > 1 else name)
     return found
 
 
@@ -202,6 +215,8 @@ def _proposal(names: Sequence[str]) -> str:
         units = UNITS[quantity]
         taken[f"{quantity}_{suffix if suffix in units else next(iter(units))}"] = name
     kinds = {quantity_of(key)[0] for key in taken}  # type: ignore[index]
+    if {"lat", "lon"} <= kinds and "height" not in kinds:
+        return "; it seems to have latitude and longitude, and no height: export that too"
     if not any(set(group) <= kinds for group in PLACES[:2]) or TIME not in kinds:
         return "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon: Longitude, height_m: H}"
     listed = ", ".join(f'{key}: "{name}"' for key, name in taken.items())

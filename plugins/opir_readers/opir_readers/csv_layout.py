@@ -3,10 +3,10 @@
 import csv
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import islice
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.plugin import BadFileError
 
@@ -16,6 +16,10 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 
 #: Rows in which decimal commas are looked for.
 _LOOKED_AT = 1000
+
+#: A column of a name like these may hold seconds, or dates.
+_TIMES = ("t", "time")
+_DATE = re.compile(r"\s*(\d{4}-\d|\d{1,2} [A-Za-z]{3} \d{4}).*:\d\d.*")
 
 _EXCEL = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 
@@ -60,6 +64,16 @@ def layout_of(text: str) -> Layout:
     cells += [row for _, row in islice(rows, _LOOKED_AT)]
     has_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row)
     return Layout(delimiter, has_comma, line, tuple(name.strip().strip('"') for name in names))
+
+
+def with_dates_named(layout: Layout, text: str, mapped: Collection[str]) -> Layout:
+    """Return a layout whose column of times is called `timestamp` where it holds dates, unless it is `mapped`."""
+    _, cells = next(layout.rows(text), (0, []))
+    names = [
+        "timestamp" if name.lower() in _TIMES and name not in mapped and _DATE.fullmatch(cell) else name
+        for name, cell in zip(layout.names, cells, strict=False)
+    ]
+    return evolve(layout, names=(*names, *layout.names[len(names) :]))
 
 
 def decimal(cell: str, layout: Layout) -> float:

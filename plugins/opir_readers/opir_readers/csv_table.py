@@ -23,7 +23,7 @@ from opir_readers.columns import (
     unread,
 )
 from opir_readers.configs_of_sites import SiteConfig
-from opir_readers.csv_layout import Layout, decimal, layout_of
+from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
 from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
 from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
@@ -50,8 +50,9 @@ def csv_table(
     `columns` maps quantities to names. Lines that begin with #, % or // are comments. A time that occurs twice in a row
     marks a point where the motion is not smooth, as a change of stages. Raises `BadFileError`.
     """
-    layout = layout_of(text)
-    known = columns_of(layout.names, layout.line, columns or {})
+    mapped = columns or {}
+    layout = with_dates_named(layout_of(text), text, mapped.values())
+    known = columns_of(layout.names, layout.line, mapped)
     values = _values(text, layout, known)
     has_dates = TIME not in known
     values[TIME] = values[DATE] - epoch_us * 1e-6 if has_dates else values[TIME] + start_s

@@ -58,7 +58,7 @@ def _csv(config: ReadCsvConfig, context: ReaderContext) -> StateTable:
 def _is_csv(text: str) -> bool:
     from opir_readers.likeness import likeness
 
-    others = (*DETECTIONS, *FLIGHTS, *ORBITS)
+    others = (*TRAJECTORIES[1:], *DETECTIONS, *FLIGHTS, *ORBITS)
     return not (_OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others))
 
 

@@ -9,7 +9,11 @@ _SHOWN = 8
 
 #: Beginnings, as patterns, and what a text that begins so looks like.
 _HEADS = (
-    (r"CCSDS_(OPM|OCM|AEM|APM|CDM|RDM)_VERS", "a CCSDS {}, in which there is no flight"),
+    (r"CCSDS_OCM_VERS", "a CCSDS OCM: export the trajectory as OEM"),
+    (r"CCSDS_OPM_VERS", "a CCSDS OPM, which has one state: propagate it, and export an OEM"),
+    (r"CCSDS_([A-Z]{3})_VERS", "a CCSDS {}, which has no trajectory"),
+    (r"(?i)h1\s+cpf\b", "ILRS predictions (CPF): export them as SP3"),
+    (r"(?i)h1\s+crd\b", "ILRS laser ranges (CRD), which have no trajectory"),
     (r"\s{0,5}[\d.]+\s+\S.*RINEX VERSION", "RINEX"),
     (r"(?i)<!doctype html|<html", "a web page"),
     (r"%PDF", "PDF"),

@@ -10,9 +10,25 @@ from attrs import fields_dict, frozen
 from opir_core.plugin import BadFileError, FileReader, ReaderContext
 from opir_core.scene import file_bytes, text_of
 from opir_readers.likeness import likeness
+from opir_readers.parquet_text import MAGIC, text_of_parquet
 
 _LARGEST_FILE_BYTES = 64_000_000
 _GZIP = b"\x1f\x8b"
+
+#: How files of other kinds than text begin, and what they are.
+_BINARY = (
+    (b"\x1f\x9d", "is compressed by compress (.Z): unpack it with uncompress or gzip -d"),
+    (b"BZh", "is compressed by bzip2: unpack it with bunzip2"),
+    (b"\xfd7zXZ", "is compressed by xz: unpack it with unxz"),
+    (b"\x28\xb5\x2f\xfd", "is compressed by zstd: unpack it with unzstd"),
+    (b"PK\x03\x04", "is a ZIP file, a KMZ or a spreadsheet: unpack it, or export CSV"),
+    (b"\x89HDF", "is HDF5 or netCDF 4, which is not read: export CSV"),
+    (b"CDF\x01", "is netCDF, which is not read: export CSV"),
+    (b"CDF\x02", "is netCDF, which is not read: export CSV"),
+    (b"DAF/SPK", "is a SPICE kernel, which is not read: export its states as OEM"),
+    (b"%PDF", "is PDF, which is not read"),
+    (b"\x89PNG", "is a picture"),
+)
 
 
 @frozen
@@ -24,7 +40,7 @@ class FileText:
 
 
 def file_text(path: str) -> FileText:
-    """Return the text of a file, gzip or not; raises `BadFileError` where it cannot be read."""
+    """Return the text of a file, gzip or not, of Parquet that of its table; raises `BadFileError` where it cannot be read."""
     if not path:
         raise BadFileError("the path is empty; give that of a file")
     try:
@@ -36,6 +52,11 @@ def file_text(path: str) -> FileText:
         content = _unpacked(content)
     if len(content) > _LARGEST_FILE_BYTES:
         raise BadFileError(f"is larger than {_LARGEST_FILE_BYTES} bytes; keep only the burn")
+    if content.startswith(MAGIC):
+        return FileText(text_of_parquet(content), digest)
+    kind = next((words for head, words in _BINARY if content.startswith(head)), "")
+    if kind:
+        raise BadFileError(kind)
     try:
         return FileText(text_of(content), digest)
     except ValueError as error:

@@ -52,13 +52,15 @@ def sp3_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
     `wanted` is its id, like G01, where there are several. Raises `BadFileError`.
     """
     satellites = _satellites(text)
+    if not satellites:
+        raise BadFileError("has no satellite with a position")
     if wanted is None and len(satellites) > 1:
         raise BadFileError(
             f"has {len(satellites)} satellites; say which with object: {', '.join(list(satellites)[:40])}"
         )
-    name = next(iter(satellites), "") if wanted is None else wanted.strip()
+    name = next(iter(satellites)) if wanted is None else wanted.strip()
     if name not in satellites:
-        raise BadFileError(f"has no satellite {name!r}; it has {', '.join(list(satellites)[:40]) or 'none'}")
+        raise BadFileError(f"has no satellite {name!r}; it has {', '.join(list(satellites)[:40])}")
     return _table(satellites[name], epoch_us, text[46:51].strip())
 
 
@@ -83,7 +85,7 @@ def _satellites(text: str) -> dict[str, Satellite]:
     system, now, at = _system(text), math.nan, 0
     for number, line in _data_lines(text):
         if line[0] == "*":
-            now, at = _epoch_s(line, number, system), number
+            now, at = _epoch_s(line, number, system, now), number
             continue
         if math.isnan(now):
             raise BadFileError(f"line {number}: comes before the first epoch (*)")
@@ -118,24 +120,28 @@ def _system(text: str) -> str:
     return "GPS"
 
 
-def _epoch_s(line: str, number: int, system: str) -> float:
-    """Return an epoch, s of UTC since 1970."""
+def _epoch_s(line: str, number: int, system: str, before_s: float) -> float:
+    """Return an epoch, s of UTC since 1970, that follows one at `before_s` (nan for the first)."""
     words = line[1:].split()
     try:
         year, month, day, hour, minute = (int(word) for word in words[:5])
         seconds = float(words[5])
-        midnight = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "s").astype(np.int64)
+        # Some agencies count on: 24 h, or 60 min, or day 0, the last of the month before.
+        first = np.datetime64(f"{year:04d}-{month:02d}-01", "s").astype(np.int64)
     except (ValueError, IndexError, OverflowError):
         raise BadFileError(
             f"line {number}: {line.strip()[:60]!r} is no epoch: * year month day hour minute second"
         ) from None
-    if not (0 <= hour < 24 and 0 <= minute < 60 and 0.0 <= seconds < 61.0):
+    if not (0 <= day <= 31 and 0 <= hour <= 24 and 0 <= minute <= 60 and 0.0 <= seconds < 61.0):
         raise BadFileError(f"line {number}: {line.strip()[:60]!r} is no time of day")
-    own = float(midnight) + 3600.0 * hour + 60.0 * minute
+    own = float(first) + 86_400.0 * (day - 1) + 3600.0 * hour + 60.0 * minute
     shift = _BDT_S if system == "BDT" else 0.0
     known = "GPS" if system == "BDT" else system
     assert known in SYSTEMS
-    return utc_s(own + shift, known) + seconds
+    found_s = utc_s(own + shift, known) + seconds
+    # Others count the day on and leave the hour at 24, or the hour on and leave the minute at 60.
+    excess_s = 86_400.0 if hour == 24 else 3600.0 if minute == 60 else 0.0
+    return found_s - excess_s if found_s - excess_s > before_s else found_s
 
 
 def _id(line: str) -> str:

@@ -4,6 +4,7 @@ Source: the description of the format in the STK documentation, "Ephemeris file 
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import TypeVar
@@ -15,6 +16,7 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.frames import to_ecef
 from opir_readers.states import require_order, require_places, require_velocities
+from opir_readers.time_systems import tai_less_utc_s, utc_s
 
 Known = TypeVar("Known")
 
@@ -27,6 +29,7 @@ _FRAMES = {
     "icrf": "EME2000",
     "inertial": "EME2000",
     "temeofdate": "TEME",
+    "teme": "TEME",
     "trueofdate": "TOD",
     "temeofepoch": "TEME",
     "trueofepoch": "TOD",
@@ -53,7 +56,7 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     if keywords.get("centralbody", "Earth").lower() != "earth":
         raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
     values = np.array(rows)
-    time_s = values[:, 0] + _moment_s(keywords, "ScenarioEpoch") - epoch_us * 1e-6
+    time_s = _utc_s(_moment_s(keywords, "ScenarioEpoch"), values[:, 0]) - epoch_us * 1e-6
     require_order(time_s, lines.__getitem__, may_repeat=True)
     if not time_s[-1] > time_s[0]:
         raise BadFileError(f"line {lines[-1]}: all states have the same time")
@@ -106,7 +109,7 @@ def _lines_of_ephemeris(text: str) -> Iterator[tuple[int, list[str]]]:
     for number, line in enumerate(text.split("\n"), 1):
         words = line.split("#")[0].split()
         first = words[0].upper() if words else ""
-        if first == "END" and not is_boundary:
+        if (first == "END" and not is_boundary) or first.startswith("COVARIANCETIME"):
             return
         if first in ("BEGIN", "END"):
             is_boundary = first == "BEGIN" and words[-1].lower() == "segmentboundarytimes"
@@ -129,6 +132,8 @@ def _numbers(words: list[str], count: int, number: int) -> list[float]:
 def _moment_s(keywords: Mapping[str, str], keyword: str) -> float:
     """Return the time of a keyword, s of UTC since 1970."""
     text = keywords.get(keyword.lower(), "")
+    # Programs that print seconds with a width leave a blank: 23:59: 47.000.
+    text = re.sub(r":\s+", ":", text)
     whole, _, fraction = text.partition(".")
     try:
         moment = datetime.strptime(whole, "%d %b %Y %H:%M:%S")
@@ -136,6 +141,15 @@ def _moment_s(keywords: Mapping[str, str], keyword: str) -> float:
         raise BadFileError(f"{keyword} is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed") from None
     seconds = (moment - _UNIX).total_seconds()
     return seconds + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdecimal() else 0.0)
+
+
+def _utc_s(epoch_s: float, elapsed_s: FloatArray) -> FloatArray:
+    """Return seconds of UTC since 1970 (n,) of seconds after an epoch, which count leap seconds."""
+    first_s, last_s = epoch_s + min(float(elapsed_s.min()), 0.0), epoch_s + max(float(elapsed_s.max()), 0.0)
+    if tai_less_utc_s(first_s) == tai_less_utc_s(last_s):
+        return epoch_s + elapsed_s
+    tai_s = epoch_s + tai_less_utc_s(epoch_s)
+    return np.array([utc_s(tai_s + after_s, "TAI") for after_s in elapsed_s.tolist()])
 
 
 def _chosen(known: Mapping[str, Known], keyword: str, word: str) -> Known:

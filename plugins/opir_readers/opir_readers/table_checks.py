@@ -10,6 +10,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import StateTable
 from opir_readers.interpolation import interpolant, runs
@@ -21,8 +22,9 @@ _REFUSED_M_S = 5.0
 #: No launch leaves the Earth faster than it takes to leave it for good, m/s.
 _FASTEST_M_S = 11_200.0
 
-#: What never moves faster than this, m/s, was not launched.
-_SLOWEST_M_S = 5.0
+#: What never moves faster than this over the ground, m/s, and comes below this height, m, was not launched; a
+#: geosynchronous satellite stands as still.
+_SLOWEST_M_S, _STILL_ABOVE_M = 5.0, 3e7
 
 #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
 #: this, m, are the rounding of positions.
@@ -30,6 +32,10 @@ _MOST_ACCELERATION_M_S2, _LEAST_BEND_M = 250.0, 20.0
 
 #: Parts of an interval over which accelerations are averaged.
 _PARTS = 4
+
+#: A step that goes farther around the Earth than this, rad, cannot be interpolated: at these, the polynomials of states
+#: with velocities are some 60 m off a low orbit, those of positions alone some 500 m, and ten times more at 1.3 times.
+_WIDEST_STEP_RAD, _WIDEST_WITHOUT_VELOCITIES_RAD = 1.0, 0.5
 
 #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
 _LEAST_HEIGHT_M = -1000.0
@@ -70,11 +76,30 @@ def findings_of(table: StateTable, times: SceneTimes | None = None, start_s: flo
     `start_s` is the scene time of the table's time 0, None where its times are dates.
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
-    slip = velocity_slip(table)
+    coarse = _coarse_steps(table)
+    # Differences of positions that are far apart say nothing of velocities.
+    slip = None if coarse else velocity_slip(table)
     is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
     slips = [] if slip is None else [_slip_text(slip)]
     warnings = [*table.notes, *([] if is_refused else slips), *_doubts_of_motion(table), *_doubts_of_heights(table)]
-    return Findings((*refused, *(slips if is_refused else ())), tuple(warnings))
+    return Findings((*refused, *coarse, *(slips if is_refused else ())), tuple(warnings))
+
+
+def _coarse_steps(table: StateTable) -> list[str]:
+    """Return that steps are too long to interpolate, if one is."""
+    widest_rad = _WIDEST_WITHOUT_VELOCITIES_RAD if table.velocity_m_s is None else _WIDEST_STEP_RAD
+    direction = table.position_m / _length(table.position_m)[:, None]
+    swept_rad = np.arccos(np.clip((direction[:-1] * direction[1:]).sum(axis=-1), -1.0, 1.0))
+    swept_rad[np.diff(table.run) != 0] = 0.0
+    row = int(swept_rad.argmax())
+    if swept_rad[row] <= widest_rad:
+        return []
+    step_s, swept_deg = float(table.time_s[row + 1] - table.time_s[row]), float(np.degrees(swept_rad[row]))
+    words = (
+        f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before it, in a step of"
+        f" {step_s:g} s; that cannot be interpolated: take states at most {np.degrees(widest_rad):.0f}° apart"
+    )
+    return [words]
 
 
 def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
@@ -135,12 +160,12 @@ def _slip_text(slip: VelocitySlip) -> str:
 
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     row, speed = _fastest(table)
-    if speed > _FASTEST_M_S:
+    if speed > _FASTEST_M_S + EARTH_ROTATION_RAD_S * float(_length(table.position_m[row : row + 1, :2])[0]):
         yield (
             f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or"
             " lengths in other units?"
         )
-    if speed < _SLOWEST_M_S:
+    if speed < _SLOWEST_M_S and _length(table.position_m).min() < _STILL_ABOVE_M:
         yield f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times in other units?"
     row, acceleration = _hardest(table)
     if acceleration > _MOST_ACCELERATION_M_S2:

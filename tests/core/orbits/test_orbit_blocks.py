@@ -187,7 +187,7 @@ def test_drag_terms_as_they_are_published_are_read(field):
 @pytest.mark.parametrize(
     ("line", "first", "text", "told"),
     [
-        (1, 53, " 11606+4", "line 1 has the drag term B* 1160.6, more than any satellite's (1); is a sign lost?"),
+        (1, 53, " 11606+4", "line 1 has the drag term B* 1160.6, more than any satellite's (10); is a sign lost?"),
         (1, 44, " 1.2e-05", "line 1 has no number for the mean motion's second derivative in columns 45 to 52"),
         (1, 18, "082645178252  ", "line 1 has no number for the epoch in columns 19 to 32: '082645178252  '"),
         (2, 26, " .00067", "line 2 has no number for the eccentricity in columns 27 to 33: ' .00067'"),

@@ -90,7 +90,7 @@ def test_a_format_is_known_by_content_and_by_name(told):
         ("<!doctype html><html>", "it looks like a web page;"),
         ('{"a": 1, "b": 2}', "it looks like JSON with the keys a, b;"),
         ("[1, 2]", "it looks like JSON;"),
-        ("CCSDS_OPM_VERS = 2.0\n", "it looks like a CCSDS OPM, in which there is no flight;"),
+        ("CCSDS_OPM_VERS = 2.0\n", "it looks like a CCSDS OPM, which has one state: propagate it, and export an OEM;"),
         ("     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE", "it looks like RINEX;"),
         ("HDF\r\n", "it looks like HDF5;"),
     ],

@@ -123,6 +123,18 @@ def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tm
     same(own, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
 
 
+@pytest.mark.parametrize("is_export", [True, False])
+def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
+    path = tmp_path / "detections.parquet"
+    if is_export:
+        assert main(["export", str(folder / "events.jsonl"), "--to", "parquet", "--out", str(tmp_path)]) == 0
+    else:
+        assert main(["run", str(folder / "scene.yaml"), "-q", "--out", str(path)]) == 0
+    # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside it.
+    own = track(path, folder / "sensors.yaml")
+    same(own, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=0.05)
+
+
 def test_what_is_tracked_is_read_back_and_scored_as_the_run(track, folder, tmp_path, capsys):
     track(folder / "events.jsonl", folder / "scene.yaml")
     own, run = load_run(tmp_path / "tracked.jsonl"), load_run(folder / "events.jsonl")

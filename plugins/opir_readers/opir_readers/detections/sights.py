@@ -13,7 +13,7 @@ from typing import Any
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError
 from opir_readers.columns import ANGLES, LENGTHS, TIMES, Column, unit_of
-from opir_readers.csv_layout import Layout, decimal, layout_of
+from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
 
 Row = Mapping[str, Any]
 
@@ -91,7 +91,7 @@ def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Sequenc
 
     `columns` maps quantities with units to names of columns; others are known by their own names.
     """
-    layout = layout_of(text)
+    layout = with_dates_named(layout_of(text), text, columns.values())
     known = _columns(layout, columns)
     rows = [_row(known, layout, cells, line, start_s) for line, cells in layout.rows(text)]
     if not rows:

@@ -1,4 +1,4 @@
-"""Tracking Data Messages: CCSDS 503.0-B-2 in the keyword form (KVN); of each segment the angles of one sensor.
+"""Tracking Data Messages: CCSDS 503.0-B-2, KVN or XML; of each segment the angles of one sensor.
 
 Accepted are angles of the type AZEL, RADEC in EME2000, J2000, ICRF and GCRF, in the time systems that OEM may have.
 Other quantities (ranges, Doppler, magnitudes) are left out.
@@ -9,10 +9,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from attrs import Factory, define
-
 from opir_core.plugin import BadFileError
 from opir_readers.detections.numbers import finite
+from opir_readers.detections.tdm_segments import ANGLES, TdmSegment
+from opir_readers.detections.tdm_xml import is_tdm_xml, segments_of_xml
 from opir_readers.detections.times import date_text, unix_ns
 from opir_readers.time_systems import SYSTEMS, utc_s
 
@@ -24,36 +24,13 @@ _KEYS = {"AZEL": ("azimuth_deg", "elevation_deg"), "RADEC": ("right_ascension_de
 
 
 def is_tdm(text: str) -> bool:
-    """Return whether a text is a Tracking Data Message in the keyword form."""
-    return _HEAD.match(text) is not None
-
-
-@define
-class TdmSegment:
-    """The metadata of a segment, and its angles by time: (first, second), with their lines."""
-
-    line: int
-    meta: dict[str, str] = Factory(dict)
-    angles: dict[str, dict[str, tuple[str, int]]] = Factory(dict)
-
-    @property
-    def sensor(self) -> str:
-        """Return the participant that received: the last one of PATH, 1 without it."""
-        number = self.meta.get("PATH", "1").split(",")[-1].strip()
-        name = self.meta.get(f"PARTICIPANT_{number}", "")
-        if not name:
-            raise BadFileError(f"line {self.line}: the metadata lack PARTICIPANT_{number}, the sensor")
-        return name
-
-    def target(self) -> str | None:
-        """Return the first participant that is not the sensor."""
-        others = (value for key, value in self.meta.items() if key.startswith("PARTICIPANT_"))
-        return next((name for name in others if name != self.sensor), None)
+    """Return whether a text is a Tracking Data Message."""
+    return _HEAD.match(text) is not None or is_tdm_xml(text)
 
 
 def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
     """Return the detections of a message; raises `BadFileError` with the line that is none, or lacks an angle."""
-    segments, others = _segments(text)
+    segments, others = segments_of_xml(text) if is_tdm_xml(text) else _segments(text)
     rows = [row for segment in segments for row in _rows(segment)]
     if not rows:
         left = f"; it has {', '.join(others)}" if others else ""
@@ -80,7 +57,7 @@ def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
                 )
             if block == "META_START":
                 segments[-1].meta[key] = value
-            elif key in ("ANGLE_1", "ANGLE_2"):
+            elif key in ANGLES:
                 _take_angle(segments[-1], key, value, number)
             else:
                 others[key] += 1
@@ -91,10 +68,7 @@ def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
     words = value.split()
     if len(words) != 2:
         raise BadFileError(f"line {number}: {key} has {len(words)} values; a time and an angle are needed")
-    pair = segment.angles.setdefault(words[0], {})
-    if key in pair:
-        raise BadFileError(f"line {number}: {key} stands twice for {words[0]}, in line {pair[key][1]} too")
-    pair[key] = words[1], number
+    segment.take_angle(key, *words, number)
 
 
 def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
@@ -110,7 +84,7 @@ def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
         line = next(iter(pair.values()))[1]
         if len(pair) < 2:
             raise BadFileError(f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two angles")
-        angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ("ANGLE_1", "ANGLE_2")]
+        angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ANGLES]
         angles = [angle + _correction(segment, number) for number, angle in enumerate(angles, 1)]
         yield {
             "line": line,

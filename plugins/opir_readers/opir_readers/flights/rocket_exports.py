@@ -57,7 +57,8 @@ def is_rocketpy(text: str) -> bool:
     """Return whether a text is a table of RocketPy: names in a comment above all rows."""
     names = names_of_head(text, 1)[0]
     has_places = {"x", "y", "z"} <= names or {"latitude", "longitude"} <= names
-    return text.lstrip("\ufeff")[:1] == "#" and "time" in names and has_places and not is_openrocket(text)
+    is_of_time = re.match(r"\ufeff?#\s*\"?time\b", text, re.IGNORECASE) is not None
+    return is_of_time and "time" in names and has_places and not is_openrocket(text)
 
 
 def rocket_table(text: str, program: str, site: SiteConfig | None, start_s: float) -> StateTable:

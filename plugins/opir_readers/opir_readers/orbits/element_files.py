@@ -128,7 +128,7 @@ def _of_xml(text: str) -> list[Elements]:
             found.append(
                 {node.name: node.text for block in blocks for node in block.children if node.name != "COMMENT"}
             )
-    return list(found)
+    return [each for each in found if each]
 
 
 def tle_elements(text: str) -> Sequence[Elements]:

@@ -30,17 +30,21 @@ class FleetFilter:
 
     def left_out(self, row: Row) -> str:
         """Return why a satellite is left out, "" if it is not."""
-        name = omm_name(row)
-        if "PROBLEM" in row:
-            return "with errors"
-        if self.name is not None and not fnmatch.fnmatchcase(name.casefold(), self.name.casefold()):
-            return "by name"
+        reason = self.left_out_by_identity(row)
+        if reason or "PROBLEM" in row:
+            return reason or "with errors"
         if self.inclination_deg is not None and not self._has_inclination(row):
             return "by inclination"
+        return "by age" if self.most_age_days is not None and self._age_days(row) > self.most_age_days else ""
+
+    def left_out_by_identity(self, row: Row) -> str:
+        """Return whether name or number leave a satellite out, which elements with errors have too; "" if neither."""
+        if self.name is not None and not fnmatch.fnmatchcase(omm_name(row).casefold(), self.name.casefold()):
+            return "by name"
         number = number_of(row)
         if self.numbers and not any(number is not None and low <= number <= high for low, high in self.numbers):
             return "by number"
-        return "by age" if self.most_age_days is not None and self._age_days(row) > self.most_age_days else ""
+        return ""
 
     def _has_inclination(self, row: Row) -> bool:
         low, high = self.inclination_deg or (0.0, 180.0)
@@ -88,11 +92,15 @@ def latest(rows: Sequence[Row]) -> Sequence[Row]:
 def sensor_lines(rows: Sequence[Row], model: str) -> Iterator[str]:
     """Yield the lines of the `sensors:` block of a scene, one sensor a line."""
     yield "sensors:"
+    for satellite in satellites_of(rows):
+        yield f"  - {json.dumps({'model': model, **satellite}, ensure_ascii=False)}"
+
+
+def satellites_of(rows: Sequence[Row]) -> Iterator[Mapping[str, Any]]:
+    """Yield `id` and `orbit` of each satellite, as a sensor's block has them."""
     taken: set[str] = set()
     for row in rows:
-        own = _id(row, taken)
-        block = {"model": model, "id": own, "orbit": _orbit(row)}
-        yield f"  - {json.dumps(block, ensure_ascii=False)}"
+        yield {"id": _id(row, taken), "orbit": _orbit(row)}
 
 
 def _orbit(row: Row) -> Mapping[str, Any]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from opir_core.plugin import FileReader, ReaderContext
+from opir_readers.orbits.fleet_config import FleetConfig
 
 
 def _is_omm(text: str) -> bool:
@@ -44,6 +45,7 @@ ORBITS = (
         build=_omm,
         recognises=_is_omm,
         orbit=_orbit,
+        fleet=FleetConfig,
         example="""[{"OBJECT_NAME": "ONE", "NORAD_CAT_ID": 1, "EPOCH": "2026-04-01T12:00:00", "MEAN_MOTION": 15.7,
  "ECCENTRICITY": 0.0007, "INCLINATION": 51.6, "RA_OF_ASC_NODE": 247.5, "ARG_OF_PERICENTER": 130.5,
  "MEAN_ANOMALY": 325.0, "BSTAR": 0.0001}]

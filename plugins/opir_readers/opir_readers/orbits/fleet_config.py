@@ -1,0 +1,54 @@
+"""The settings of a fleet in a scene: a file of elements, and which of its satellites. Nothing heavy is imported."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.plugin import FileReader, nested, number, text
+
+Ranges = tuple[tuple[int, int], ...]
+
+
+def ranges_of(numbers: str) -> Ranges:
+    """Return the ranges of `25544,40000:40100`; raises `ValueError`.
+
+    >>> ranges_of("5,7:9")
+    ((5, 5), (7, 9))
+    """
+    pairs = [part.partition(":") for part in numbers.split(",")]
+    return tuple((int(low), int(high or low)) for low, _, high in pairs)
+
+
+def _numbers_complaint(numbers: str | None) -> str | None:
+    try:
+        ranges_of(numbers or "0")
+    except ValueError:
+        return f"{numbers!r} are no catalogue numbers, like 25544,40000:40100"
+    return None
+
+
+@frozen(kw_only=True)
+class FleetConfig:
+    """The settings of `fleet` in a sensor's block."""
+
+    file: str = text(
+        help="a file of OMM (JSON, CSV, KVN or XML) or two-line elements; relative to the working directory"
+    )
+    name: str | None = text(default=None, help="only satellites with names like this, with * and ?")
+    min_inclination_deg: float = number(default=0.0, unit="deg", minimum=0.0, maximum=180.0, help="least inclination")
+    max_inclination_deg: float = number(
+        default=180.0, unit="deg", minimum=0.0, maximum=180.0, help="largest inclination"
+    )
+    numbers: str | None = nested(
+        default=None, check=_numbers_complaint, help="only these catalogue numbers: 25544,40000:40100"
+    )
+    max_age_days: float | None = number(
+        default=None, unit="d", minimum=0.0, maximum=1e5, help="only elements within so many days of the scene's epoch"
+    )
+
+    def satellites(self, epoch_us: int | None, readers: Sequence[FileReader]) -> Sequence[Mapping[str, Any]]:
+        """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises `BadFileError`."""
+        from opir_readers.orbits.fleet_of_file import satellites_of_file
+
+        return satellites_of_file(self, epoch_us, readers)

@@ -1,0 +1,73 @@
+"""Parquet as the text of a table: names of columns in its first line, then a line for each row."""
+
+from collections.abc import Iterator
+from io import BytesIO
+from typing import Any
+
+from opir_core.plugin import BadFileError
+
+#: Parquet files begin so.
+MAGIC = b"PAR1"
+
+#: The most cells of a table: a small file may hold endless repetitions.
+_MOST_CELLS = 20_000_000
+
+#: Columns of vectors, and those of their parts.
+_VECTORS = {
+    "sensor_position_ecef_m": [f"sensor_{axis}_ecef_m" for axis in "xyz"],
+    "line_of_sight_ecef": [f"los_{axis}_ecef" for axis in "xyz"],
+    "line_of_sight_eme2000": [f"los_{axis}_eme2000" for axis in "xyz"],
+}
+
+
+def text_of_parquet(content: bytes) -> str:
+    """Return the columns of numbers, texts and times of a Parquet file, parted by commas; raises `BadFileError`."""
+    try:
+        import pyarrow
+        from pyarrow import csv, parquet
+    except ImportError as error:
+        raise BadFileError('is Parquet, which needs pyarrow: pip install "opir-readers[parquet]"') from error
+    text = BytesIO()
+    try:
+        file = parquet.ParquetFile(BytesIO(content))
+        _require_size(file.metadata.num_rows, file.metadata.num_columns)
+        columns = dict(_columns(file.read()))
+        if not columns:
+            raise BadFileError("has no columns of numbers, texts or times")
+        csv.write_csv(pyarrow.table(columns), text)
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, BadFileError):
+            raise
+        raise BadFileError(f"is no whole Parquet file: {str(error).splitlines()[0][:200]}") from error
+    return text.getvalue().decode("utf-8", "replace")
+
+
+def _require_size(rows: int, columns: int) -> None:
+    if rows * columns > _MOST_CELLS:
+        raise BadFileError(
+            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the burn, or fewer columns"
+        )
+
+
+def _columns(table: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the columns that text can hold: no NaN, which is a missing number; truths as 1 and 0; vectors by parts."""
+    import pyarrow
+    from pyarrow import compute, types
+
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type
+        if types.is_dictionary(kind):
+            column = column.cast(kind.value_type)
+            kind = kind.value_type
+        if types.is_floating(kind):
+            wide = column.cast(pyarrow.float64())
+            yield name, compute.if_else(compute.is_nan(wide), None, wide)
+        elif types.is_boolean(kind):
+            yield name, column.cast(pyarrow.int8())
+        elif name in _VECTORS and (types.is_list(kind) or types.is_fixed_size_list(kind)):
+            for part, own in enumerate(_VECTORS[name]):
+                yield own, compute.list_element(column, part)
+        elif any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
+            yield name, column
+        elif types.is_timestamp(kind) or types.is_date(kind):
+            yield name, column.cast(pyarrow.timestamp("ns", tz="UTC"))

@@ -1,0 +1,146 @@
+"""Scenes that name a file of elements: which of its satellites are sensors, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opir_core import compile_plan, scene_from_mapping
+from opir_core.errors import SceneError
+from opir_core.host import core_sources
+from opir_core.host.discovery import Selection
+from opir_core.plugin import Host
+from opir_core.reading import scene_mapping
+
+TLE = """ISS (ZARYA)
+1 25544U 98067A   26091.50000000  .00000000  00000-0  11606-4 0  9991
+2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+TWO
+1 25545U 98067B   26071.50000000  .00000000  00000-0  11606-4 0  9990
+2 25545  97.6416 247.4627 0006703 130.5360 325.0288 15.72125391563538
+"""
+OMM = {
+    "OBJECT_NAME": "ISS (ZARYA)",
+    "NORAD_CAT_ID": 25544,
+    "EPOCH": "2026-04-01T12:00:00",
+    "MEAN_MOTION": 15.72125391,
+    "ECCENTRICITY": 0.0006703,
+    "INCLINATION": 51.6416,
+    "RA_OF_ASC_NODE": 247.4627,
+    "ARG_OF_PERICENTER": 130.5360,
+    "MEAN_ANOMALY": 325.0288,
+    "BSTAR": 0.11606e-4,
+}
+OTHER = {**OMM, "OBJECT_NAME": "TWO", "NORAD_CAT_ID": 5, "INCLINATION": 97.0, "EPOCH": "2026-03-12T12:00:00"}
+SCENE = {"scene": "fleet", "epoch": "2026-04-01T12:00:00Z", "duration_s": 300}
+
+
+def omm_texts(rows):
+    """Return the same messages in each form."""
+    csv = "\n".join([",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)])
+    kvn = "\n".join("\n".join(["CCSDS_OMM_VERS = 2.0", *(f"{k} = {v}" for k, v in row.items())]) for row in rows)
+    tags = ("".join(f"<{k}>{v}</{k}>" for k, v in row.items()) for row in rows)
+    bodies = "".join(
+        f"<omm><body><segment><data><meanElements>{tag}</meanElements></data></segment></body></omm>" for tag in tags
+    )
+    return {"json": json.dumps(rows), "csv": csv, "kvn": kvn, "xml": f"<ndm>{bodies}</ndm>"}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("fleet.tle").write_text(TLE)
+
+
+def scene(fleet, **more):
+    return scene_from_mapping({**SCENE, "sensors": [{"model": "LEO-WIDE", "fleet": fleet, **more}]})
+
+
+@pytest.mark.parametrize(
+    ("filters", "ids"),
+    [
+        ({}, ["ISS-ZARYA", "TWO"]),
+        ({"name": "iss*"}, ["ISS-ZARYA"]),
+        ({"min_inclination_deg": 90}, ["TWO"]),
+        ({"max_inclination_deg": 90}, ["ISS-ZARYA"]),
+        ({"numbers": "1,25545:25600"}, ["TWO"]),
+        ({"max_age_days": 14}, ["ISS-ZARYA"]),
+    ],
+)
+def test_a_fleet_is_filtered(filters, ids):
+    assert [sensor.id for sensor in scene({"file": "fleet.tle", **filters}).sensors] == ids
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "kvn", "xml"])
+def test_satellites_of_each_form_fly_as_by_their_own_elements(form):
+    Path("fleet").write_text(omm_texts([OMM, OTHER])[form])
+    plan = compile_plan(scene({"file": "fleet"}, scan_period_ms=500))
+    single = compile_plan(scene_from_mapping({**SCENE, "sensors": singles(OMM, OTHER)}))
+    time_s = np.array([0.0, 200.0])
+    for own, other in zip(plan.sensors, single.sensors, strict=True):
+        np.testing.assert_array_equal(own.orbit.position_ecef_m(time_s), other.orbit.position_ecef_m(time_s))
+        assert own.scan.period_ns == 500_000_000
+
+
+def singles(*rows):
+    return [{"model": "LEO-WIDE", "id": f"S{k}", "orbit": {"omm": row}} for k, row in enumerate(rows)]
+
+
+def test_a_scene_with_a_fleet_is_written_without_its_file():
+    given = scene({"file": "fleet.tle"})
+    written = json.loads(json.dumps(scene_mapping(given)))
+    Path("fleet.tle").unlink()
+    assert scene_from_mapping(written).sensors[1].model.config == given.sensors[1].model.config
+
+
+@pytest.mark.parametrize(
+    ("fleet", "more", "told"),
+    [
+        ({}, {}, "sensors[0].fleet.file: is missing"),
+        ({"file": "no.tle"}, {}, "sensors[0].fleet: no.tle: cannot be read"),
+        ({"file": "fleet.tle", "name": "x*"}, {}, "no satellite is left of 2; left out 2 by name"),
+        ({"file": "fleet.tle", "numbers": "a"}, {}, "sensors[0].fleet.numbers: 'a' are no catalogue numbers"),
+        ({"file": "fleet.tle"}, {"id": "A"}, "sensors[0].id: a fleet brings the id of its sensors"),
+        ({"file": "fleet.tle"}, {"orbit": {}}, "sensors[0].orbit: a fleet brings the orbit of its sensors"),
+        ({"file": "fleet.tle"}, {"scan_period_ms": -1}, "sensors[0].scan_period_ms: -1"),
+    ],
+)
+def test_what_is_wrong_is_refused_with_its_place(fleet, more, told):
+    with pytest.raises(SceneError) as refused:
+        scene(fleet, **more)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize("broken", [json.dumps([OMM, {**OTHER, "BSTAR": None}]), TLE[:-2] + "x\n"])
+def test_elements_with_errors_are_refused_by_name_unless_filtered_out(broken):
+    Path("fleet").write_text(broken)
+    with pytest.raises(SceneError, match=r"fleet: the elements of TWO: .*; mend them, or leave them out by name"):
+        scene({"file": "fleet"})
+    assert [sensor.id for sensor in scene({"file": "fleet", "name": "ISS*"}).sensors] == ["ISS-ZARYA"]
+
+
+def test_satellites_of_one_number_are_one_sensor_with_the_latest_elements():
+    Path("fleet.json").write_text(json.dumps([OTHER, {**OTHER, "EPOCH": "2026-03-31T00:00:00"}]))
+    (sensor,) = scene({"file": "fleet.json"}).sensors
+    assert sensor.model.config.orbit.omm["EPOCH"] == "2026-03-31T00:00:00"
+
+
+def test_a_wrong_epoch_is_the_only_error():
+    with pytest.raises(SceneError) as refused:
+        scene_from_mapping(
+            {
+                **SCENE,
+                "epoch": "x",
+                "sensors": [{"model": "LEO-WIDE", "fleet": {"file": "fleet.tle", "max_age_days": 1}}],
+            }
+        )
+    assert [problem.path for problem in refused.value.problems] == ["epoch"]
+
+
+def test_without_a_reader_of_fleets_the_remedy_is_given():
+    sensors = [{"model": "SCANNER", "fleet": {"file": "fleet.tle"}}]
+    with pytest.raises(
+        SceneError, match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install opir-readers"
+    ):
+        scene_from_mapping({**SCENE, "sensors": sensors}, host=Host(Selection(core_sources())))

@@ -1,0 +1,220 @@
+"""Layouts that real programs write, each written anew: what is read of them, or why they are refused."""
+
+import gzip
+
+import numpy as np
+import pytest
+from astropy import units
+from astropy.time import Time
+from opir_readers.csv_table import csv_table
+from opir_readers.detections.tdm import tdm_rows
+from opir_readers.formats import READERS
+from opir_readers.orbits.element_files import omm_elements, tle_elements
+from opir_readers.orbits.orbit_of_files import elements_orbit
+from opir_readers.reading import file_text, reader_of
+from opir_readers.sp3_table import sp3_table
+from opir_readers.stk_table import stk_table
+from opir_readers.table_checks import findings_of
+
+from opir_core.plugin import BadFileError, StateTable
+
+EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
+
+STK = """stk.v.8.0
+BEGIN Ephemeris
+ScenarioEpoch {epoch}
+CoordinateSystem {frame}
+DistanceUnit Kilometers
+EphemerisTimePosVel
+{rows}
+{more}
+END Ephemeris
+"""
+
+
+def stk(epoch, rows, frame="Fixed", more=""):
+    return stk_table(STK.format(epoch=epoch, rows=rows, frame=frame, more=more), 0)
+
+
+def test_seconds_of_an_stk_ephemeris_count_leap_seconds():
+    after = [0.0, 43_199.0, 43_201.0, 86_401.0, 5.8e7]
+    rows = "\n".join(f"{second} {7000 + 0.1 * k} 0 0 0 7.5 0" for k, second in enumerate(after))
+    table = stk("31 Dec 2005 12:00:00.000", rows)
+    theirs = Time("2005-12-31T12:00:00", scale="utc") + after * units.s
+    # By the calendar: on days with a leap second astropy's seconds since 1970 are stretched.
+    calendar_s = theirs.isot.astype("datetime64[us]").astype(np.int64) * 1e-6
+    np.testing.assert_allclose(table.time_s, calendar_s, rtol=0.0, atol=1e-5)
+
+
+def test_an_stk_ephemeris_with_a_blank_in_its_epoch_teme_and_covariances():
+    rows = "0 7000 0 0 0 7.5 0\n10 6999.9 75 0 0 7.5 0"
+    table = stk("1 Apr 2026 12:00: 7.50000001", rows, "TEME", "CovarianceTimePos\n0 1 2 3 4 5 6")
+    same = stk("1 Apr 2026 12:00:07.50000001", rows, "TEMEOfDate")
+    np.testing.assert_array_equal(table.position_m, same.position_m)
+    np.testing.assert_allclose(table.time_s, EPOCH_US * 1e-6 + np.array([7.5, 17.5]), rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("epochs", "last"),
+    [
+        (("2026 3 31 23 58", "2026 3 31 24 0"), "2026-04-01T00:00:00"),
+        (("2026 3 31 23 58", "2026 4 1 24 0"), "2026-04-01T00:00:00"),
+        (("2026 3 31 16 58", "2026 3 31 16 60"), "2026-03-31T17:00:00"),
+        (("2026 3 31 16 58", "2026 3 31 17 60"), "2026-03-31T17:00:00"),
+        (("2026 3 31 0 0", "2026 4 0 0 2"), "2026-03-31T00:02:00"),
+    ],
+)
+def test_epochs_of_sp3_that_are_counted_on(epochs, last):
+    rows = "".join(
+        f"*  {epoch}  0.0\nPG01{15000.0:14.6f}{20000.0 + k:14.6f}{5000.0:14.6f}\n" for k, epoch in enumerate(epochs)
+    )
+    text = f"#dP2026\n%c G  cc UTC ccc\n{rows}EOF\n"
+    table = sp3_table(text, 0, None)
+    assert table.time_s[1] == Time(last, scale="utc").unix
+
+
+def test_sp3_without_positions_is_refused():
+    with pytest.raises(BadFileError, match="has no satellite with a position"):
+        sp3_table("#dP2026\n%c G  cc UTC ccc\nEOF\n", 0, None)
+
+
+def orbit_table(step_s, count, radius_m=7e6, with_velocities=True, rate_rad_s=None):
+    rate = np.sqrt(3.986004418e14 / radius_m**3) if rate_rad_s is None else rate_rad_s
+    time_s = step_s * np.arange(count)
+    angle = rate * time_s
+    place = radius_m * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    velocity = radius_m * rate * np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], axis=1)
+    burns = np.array([[time_s[0], time_s[-1]]])
+    run = np.zeros(count, dtype=np.int64)
+    return StateTable(time_s, place, velocity if with_velocities else None, run, burns, lambda row: row + 1)
+
+
+@pytest.mark.parametrize(
+    ("step_s", "with_velocities", "is_read"),
+    [(60, True, True), (800, True, True), (1800, True, False), (400, False, True), (800, False, False)],
+)
+def test_steps_around_the_earth_are_refused_for_their_length_and_no_velocity_is_blamed(
+    step_s, with_velocities, is_read
+):
+    found = findings_of(orbit_table(float(step_s), 40, with_velocities=with_velocities))
+    assert (found.refused == ()) == is_read
+    assert all("around the Earth from the state before it, in a step of" in words for words in found.refused)
+    assert not any("velocity" in words for words in (*found.refused, *found.warnings))
+
+
+def test_a_satellite_that_stands_still_or_is_far_away_is_no_slip():
+    still = orbit_table(60.0, 40, 4.2164e7, rate_rad_s=1e-9)
+    far = orbit_table(600.0, 40, 2.5e8, rate_rad_s=-7.29e-5)
+    assert findings_of(still).warnings == findings_of(far).warnings == ()
+
+
+def test_epochs_of_omm_by_the_day_of_the_year():
+    text = '[{{"OBJECT_NAME": "A", "EPOCH": "{}", "MEAN_MOTION": 15.7, "ECCENTRICITY": 0.0007, "INCLINATION": 51.6,'
+    text += '"RA_OF_ASC_NODE": 247.5, "ARG_OF_PERICENTER": 130.5, "MEAN_ANOMALY": 325.0, "BSTAR": 0.0001}}]'
+    texts = [text.format(epoch) for epoch in ("2026-04-01T12:00:00.5", "2026-091T12:00:00.5Z")]
+    places = [elements_orbit(omm_elements(each)[0], EPOCH_US).position_ecef_m(np.array([0.0, 60.0])) for each in texts]
+    np.testing.assert_array_equal(*places)
+
+
+def test_a_high_drag_term_is_taken():
+    text = "1 27421U 02021A   02127.85807307  .02981010  00000-0  12150+1 0   183\n"
+    text += "2 27421  98.7323 202.8830 0025574 214.2404 146.2022 14.22888671   546\n"
+    (row,) = tle_elements(text)
+    assert "PROBLEM" not in row
+
+
+KVN = """CCSDS_TDM_VERS = 2.0
+META_START
+TIME_SYSTEM = GPS
+PARTICIPANT_1 = EYE
+PARTICIPANT_2 = ONE
+PATH = 2,1
+ANGLE_TYPE = RADEC
+REFERENCE_FRAME = EME2000
+META_STOP
+DATA_START
+ANGLE_1 = 2026-04-01T12:00:18.000 10.5
+ANGLE_2 = 2026-04-01T12:00:18.000 -4.25
+MAG = 2026-04-01T12:00:18.000 3
+DATA_STOP
+"""
+XML = """<?xml version="1.0"?>
+<tdm id="CCSDS_TDM_VERS" version="2.0"><header/><body><segment><metadata>
+<TIME_SYSTEM>GPS</TIME_SYSTEM><PARTICIPANT_1>EYE</PARTICIPANT_1><PARTICIPANT_2>ONE</PARTICIPANT_2><PATH>2,1</PATH>
+<ANGLE_TYPE>RADEC</ANGLE_TYPE><REFERENCE_FRAME>EME2000</REFERENCE_FRAME></metadata><data>
+<observation><EPOCH>2026-04-01T12:00:18.000</EPOCH><ANGLE_1>10.5</ANGLE_1></observation>
+<observation><EPOCH>2026-04-01T12:00:18.000</EPOCH><ANGLE_2>-4.25</ANGLE_2></observation>
+<observation><EPOCH>2026-04-01T12:00:18.000</EPOCH><MAG>3</MAG></observation>
+</data></segment></body></tdm>
+"""
+
+
+def test_both_forms_of_a_tdm_have_the_same_angles():
+    plain, tagged = ([{**row, "line": 0} for row in tdm_rows(text)] for text in (KVN, XML))
+    assert plain == tagged
+    assert plain[0]["timestamp"].startswith("2026-04-01T12:00:00.000")
+    assert [reader_of(text, READERS).name for text in (KVN, XML)] == ["tdm", "tdm"]
+
+
+def test_a_tdm_in_xml_without_angles_says_what_it_has():
+    with pytest.raises(BadFileError, match=r"has no angles .* it has MAG"):
+        tdm_rows(XML.replace("ANGLE_1", "MAG").replace("ANGLE_2", "MAG"))
+
+
+ALTIMETER = """#version,serial,time,altitude,speed,latitude,longitude,altitude
+6, 11, 0.0, 1320.0, 0.0, 32.93, -106.91, 1390.0
+6, 11, 1.0, 1350.0, 60.0, 32.93, -106.91, 1420.0
+"""
+
+
+def test_the_second_column_of_a_name_is_chosen_by_its_number():
+    assert reader_of(ALTIMETER, READERS).name == "csv"
+    columns = {"time_s": "time", "lat_deg": "latitude", "lon_deg": "longitude"}
+    first, second = (
+        csv_table(ALTIMETER, 0.0, {**columns, "height_m": name}).position_m for name in ("altitude", "altitude#2")
+    )
+    np.testing.assert_allclose(np.linalg.norm(second - first, axis=1), 70.0, rtol=0.0, atol=1e-6)
+    with pytest.raises(BadFileError, match="there is no column 'altitude#3'"):
+        csv_table(ALTIMETER, 0.0, {**columns, "height_m": "altitude#3"})
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"\x1f\x9d\x90abc", "compress (.Z)"),
+        (b"BZh91AY", "bzip2"),
+        (b"PK\x03\x04\x00\x00\xfb", "a ZIP file, a KMZ or a spreadsheet"),
+        (b"\x89HDF\r\n\x1a\n", "HDF5 or netCDF 4"),
+        (gzip.compress(b"PAR1\x15\x04"), "is no whole Parquet file"),
+    ],
+)
+def test_what_is_no_text_is_named(tmp_path, content, told):
+    path = tmp_path / "file"
+    path.write_bytes(content)
+    with pytest.raises(BadFileError) as caught:
+        file_text(str(path))
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
+        ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
+        ("H1 CPF  2  AIU 2018  6 13\n", "ILRS predictions (CPF)"),
+        ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
+    ],
+)
+def test_what_is_not_read_is_named(text, told):
+    if told:
+        with pytest.raises(BadFileError) as caught:
+            reader_of(text, READERS)
+        assert told in str(caught.value)
+    else:
+        with pytest.raises(BadFileError, match="latitude and longitude, and no height"):
+            csv_table(text, 0.0)
+
+
+def test_an_oem_whose_header_is_out_of_order_has_one_reader():
+    text = "COMMENT first\nCCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-04-01T00:00:00\n"
+    assert reader_of(text, READERS).name == "oem"
