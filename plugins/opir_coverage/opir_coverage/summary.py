@@ -25,7 +25,9 @@ def _rows_of(found: CoverageMap, layer: Layer, weights: Any) -> list[dict[str, A
     for number, values in enumerate(found.over_cells(layer)):
         index = np.unravel_index(number, shape) if shape else ()
         where = {name: own[int(at)] for name, own, at in zip(layer.dims, places, index, strict=True)}
-        rows.append({"layer": layer.name, "title": layer.title, "unit": layer.unit, "of": where, **_figures(values, weights)})
+        rows.append(
+            {"layer": layer.name, "title": layer.title, "unit": layer.unit, "of": where, **_figures(values, weights)}
+        )
     return rows
 
 
