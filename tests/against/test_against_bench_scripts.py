@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from opir_coverage.bench.bands import BandLimits, best_bands
 from opir_coverage.bench.budget import noise_budget, waterfall
 from opir_coverage.bench.curves import curve, first_report_s, least_intensities_w_sr, operating_characteristic
 from opir_coverage.bench.frames import frame
@@ -216,3 +217,44 @@ def test_the_spot_of_a_frame_is_the_airy_pattern():
         side = slice(32 - int(half), 33 + int(half))
         inner, outer = (airy_share(radius * half * 28e-6, 2.75, 0.2) for radius in (1.0, math.sqrt(2.0)))
         assert inner - 2e-3 < spot[side, side].sum() < outer + 2e-3
+
+
+def rule_07_electrons_per_s(cutoff_um, kelvin, pitch_m):
+    """Return the dark electrons of a square pixel by Rule 07 (Tennant 2010), as quoted in open programs."""
+    effective = cutoff_um
+    if cutoff_um < 4.63513642316149:
+        effective /= 1.0 - (0.200847413564122 / cutoff_um - 0.200847413564122 / 4.63513642316149) ** 0.544071281108481
+    volts = 1.380649e-23 * kelvin / 1.602176634e-19
+    density_a_cm2 = 8367.00001853855 * math.exp(-1.16239134096245 * 1.24 / (effective * volts))
+    return density_a_cm2 * (100.0 * pitch_m) ** 2 / 1.602176634e-19
+
+
+def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
+    """81 pixels hold all light; dark current, warm optics and reads are counted. In vacuum before a dark sky."""
+    plane = {"aperture_m": 0.6, "f_number": 2.0, "integration_time_ms": 10.0, "subframes": 1, "read_noise_e": 2000.0}
+    plane |= {"optics_transmission": 0.7, "optics_temperature_k": 290.0, "fill_factor": 1.0, "bits": 32}
+    plane |= {"quantum_efficiency": 0.8, "detector_temperature_k": 120.0, "well_capacity_e": 1e12, "blur_urad": 1.0}
+    plane |= {"spatial_filter": "sum", "core_pixels": 9, "temporal_filter": "none", "jitter_urad": 0.0}
+    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
+    bench = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
+    poses, edges = Poses.of("SRBM", height_m=[10e3, 40e3]), (2.5, 3.1, 4.17, 4.4, 4.6, 5.0)
+    found = best_bands(bench, [poses], BandLimits(edges, 0.2, 1.0), most=99)
+    sensor = bench.sensor
+    ifov, own = sensor.radiometer.ifov_rad, {}
+    for low, high in ((a, b) for a in edges for b in edges if 0.2 - 1e-9 <= b - a <= 1.0 + 1e-9):
+        alone = bench.changed(sensor__bands={"MWIR": [low, high]}, sensor__reference_band="MWIR")
+        light = float(alone.light_w_m2(poses)[:, 0].min())
+        per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low + high) / H_C
+        pitch, cone = ifov * 2.0 * 0.6, math.pi / (4.0 * 2.0**2 + 1.0)
+        warm = 0.3 * photons_per_s(290.0, low, high) * cone * pitch**2 * 0.8
+        dark = rule_07_electrons_per_s(high, 120.0, pitch)
+        own[low, high] = light * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
+    rows = {(row[1], row[2]): row for row in found.rows[:-1]}
+    assert list(rows) == sorted(own, key=own.get, reverse=True)
+    for band, snr in own.items():
+        # Diffraction leaves some light outside of 81 pixels.
+        assert 0.9 * snr < rows[band][4] < 1.02 * snr
+    half_rad, sigma = sensor.field_of_regard_half_angle_rad, sensor.radiometer.threshold
+    cells = 4.0 * math.pi * math.sin(0.5 * half_rad) ** 2 / ifov**2
+    a_day = float(ndtr(-sigma)) * cells * 86400.0 / (sensor.scan.period_ns * 1e-9)
+    assert [row[6] for row in rows.values()] == pytest.approx([a_day] * len(rows), rel=1e-6)

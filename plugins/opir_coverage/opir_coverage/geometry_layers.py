@@ -95,8 +95,10 @@ _MERITS = {
     "revisit_time_mean": ("Revisit time, mean", "s", "Revisit Time: the duration of a gap, average"),
     "revisit_time_max": ("Revisit time, longest", "s", "Revisit Time: the duration of a gap, maximum"),
     "time_average_gap": ("Time average gap", "s", "Time Average Gap: sum of squared gaps over the interval"),
+    "response_time_min": ("Response time, least", "s", "Response Time, minimum: 0 where there is an access"),
     "response_time_mean": ("Response time, mean", "s", "Response Time: from a request to the next access, average"),
     "response_time_max": ("Response time, longest", "s", "Response Time, maximum"),
+    "age_of_data_min": ("Age of data, least", "s", "Age of Data, minimum: 0 where there is an access"),
     "age_of_data_mean": ("Age of data, mean", "s", "Age of Data: since the end of the last access, average"),
     "age_of_data_max": ("Age of data, oldest", "s", "Age of Data, maximum"),
 }
@@ -123,8 +125,10 @@ def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
             "revisit_time_mean": gap.mean_s,
             "revisit_time_max": gap.most_s,
             "time_average_gap": merits.time_average_gap_s(gap, interval_s),
+            "response_time_min": wait.min(axis=0),
             "response_time_mean": wait.mean(axis=0),
             "response_time_max": wait.max(axis=0),
+            "age_of_data_min": np.where(none, np.nan, np.where(known, age, np.inf).min(axis=0)),
             "age_of_data_mean": np.where(none, np.nan, np.where(known, age, 0.0).sum(axis=0) / sampled),
             "age_of_data_max": np.where(none, np.nan, np.where(known, age, 0.0).max(axis=0)),
         }

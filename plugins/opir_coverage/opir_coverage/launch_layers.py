@@ -1,8 +1,5 @@
 """Layers of launches: P_d and least intensity, first report and track, bounds at burnout."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 from attrs import frozen
 
@@ -20,10 +17,11 @@ from opir_coverage.bounds import (
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.layers import Layer
-from opir_coverage.looks import GridLooks, Salvo
-from opir_coverage.reports import ReportChain, Reports, ScanSteps
+from opir_coverage.looks import Salvo
+from opir_coverage.reports import Reports
 from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
+from opir_coverage.watch import Watch
 
 #: Times at which reports are counted, from the least latency on, and the power that makes them closest at first.
 _REPORT_STEPS, _REPORT_POWER = 100, 1.5
@@ -67,14 +65,12 @@ def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
     missed = np.full((len(heights), cells), np.nan)
     least = np.full((len(bands), len(heights), cells), np.nan)
     since_s = np.array([salvo.height_time_s(1e3 * each) for each in heights])
-    fleet = Fleet.of(salvo.plan, salvo.ignition_s + np.where(np.isfinite(since_s), since_s, 0.0))
-    for row, since in enumerate(since_s.tolist()):
-        if not np.isfinite(since):
-            continue
-        missed[row] = 1.0
-        points = SeenPoints.of(salvo.state(since)[0])
-        for number in range(len(sensors)):
-            looks = salvo.looks(fleet, number, row, points, with_least=True)
+    reached = np.flatnonzero(np.isfinite(since_s))
+    missed[reached] = 1.0
+    fleet = Fleet.of(salvo.plan, salvo.ignition_s + since_s[reached])
+    points = [SeenPoints.of(salvo.state(each)[0]) for each in since_s[reached].tolist()]
+    for number in range(len(sensors) if len(reached) else 0):
+        for row, looks in zip(reached, salvo.looks(fleet, number, points, with_least=True), strict=True):
             missed[row, looks.rows] *= 1.0 - looks.chance
             for band, values in looks.least_w_sr.items():
                 own = least[bands.index(band), row]
@@ -94,12 +90,12 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
     reports = Reports(time_s, settings.track_reports, cells)
     information = LaunchInformation(cells)
     points = [SeenPoints.of(salvo.state(since)[0]) for since in node_s.tolist()]
+    watch = Watch(salvo, reports)
     for number, sensor in enumerate(sensors):
-        looks = [salvo.looks(fleet, number, step, points[step]) for step in range(len(node_s))]
-        rows = np.unique(np.concatenate([each.rows for each in looks]))
-        if not len(rows):
+        looks = salvo.looks(fleet, number, points)
+        if not any(len(each.rows) for each in looks):
             continue
-        add_reports(reports, salvo, number, looks, rows, latency_s[number])
+        watch.add(number, looks)
         parts = SensorInformation(cells)
         per_node = burn_s / settings.samples / (sensor.scan.period_ns * 1e-9)
         for step, each in enumerate(looks):
@@ -107,6 +103,7 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
             weight = looked * each.chance / np.square(each.sigma_rad)
             parts.add(each.rows, slopes.moved[step][each.rows], each.direction, each.range_m, weight)
         information.add(parts, sensor.line_of_sight_bias_sigma_rad)
+    watch.close()
     comes_down = isinstance(salvo.places.target_class.after_burnout, Ballistic)
     bounds = burnout_bounds(slopes.burnout, information.covariance(), comes_down=comes_down)
     return {
@@ -118,20 +115,6 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
         "velocity_bound": bounds.velocity_m_s,
         "impact_bound": 1e-3 * bounds.impact_m,
     }
-
-
-def add_reports(
-    reports: Reports, salvo: Salvo, number: int, looks: Sequence[GridLooks], rows: Any, latency_s: float
-) -> None:
-    """Add the reports of a sensor about the cells `rows` that it sees at one of the nodes."""
-    sensor = salvo.plan.sensors[number]
-    nodes, steps = np.full((len(looks), len(rows)), np.nan), ScanSteps.of(sensor.scan.period_ns * 1e-9, salvo.burn_s)
-    for step, each in enumerate(looks):
-        nodes[step, np.searchsorted(rows, each.rows)] = each.probit
-    confirmation = salvo.detection.confirmation
-    needed = (1, 1) if confirmation is None else tuple(int(each) for each in confirmation[number])
-    chain = ReportChain(len(rows), steps.phases, (needed[0], needed[1]), reports.chance.shape[1])
-    reports.add(rows, chain, nodes, steps, latency_s)
 
 
 @frozen

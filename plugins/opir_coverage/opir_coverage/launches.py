@@ -84,11 +84,12 @@ class GridBoosts:
 
     def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
-        rows = self.row[target]
-        if len(time_s) and time_s.min() == time_s.max():
-            each = np.arange(len(self.path.ignition_s))
-            position, velocity = self.path.state(each, np.full(len(each), time_s[0]))
-            own = position[rows], velocity[rows]
+        rows, (times_s, at) = self.row[target], np.unique(time_s, return_inverse=True)
+        latitudes = len(self.path.ignition_s)
+        if latitudes * len(times_s) < len(rows):
+            each = np.arange(latitudes)
+            states = self.path.state(np.tile(each, len(times_s)), np.repeat(times_s, latitudes))
+            own = states[0][at * latitudes + rows], states[1][at * latitudes + rows]
         else:
             own = self.path.state(rows, time_s)
         return self._turned(own[0], target), self._turned(own[1], target)

@@ -1,11 +1,11 @@
 """Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least intensities."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import fields, frozen
 from scipy.special import ndtr, ndtri
 
 from opir_core import Plan
@@ -21,6 +21,8 @@ from opir_coverage.visibility import Fleet
 
 #: Largest error of P_d of a look: the default `probability_tolerance` of runs.
 _SLACK = 1e-4
+#: Looks that are worked out at once.
+_AT_ONCE = 16_384
 #: Rules over bands with one threshold for all.
 _ONE_THRESHOLD = ("likelihood", "none")
 
@@ -74,28 +76,32 @@ class Salvo:
         height = height_m_of(place.T, 1.0 / length(*place.T))
         return float(np.interp(height_m, height, since_s, right=np.nan))
 
-    def looks(self, fleet: Fleet, number: int, step: int, points: SeenPoints, *, with_least: bool = False) -> GridLooks:
-        """Return the looks of a sensor at the launches (cells,) at points, at one of the fleet's times."""
-        rows = np.flatnonzero(fleet.seen(number, step, points))
-        place, now_s = fleet.position_m[number, step], float(fleet.time_s[step])
-        way = place - points.position_m[rows]
-        range_m = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2 + way[:, 2] ** 2)
-        direction = way / range_m[:, None]
-        up = points.up[rows]
-        exposures = Exposures(
-            time_s=now_s + range_m / SPEED_OF_LIGHT_M_S,
-            emission_time_s=np.full(len(rows), now_s),
-            scan=np.zeros(len(rows), dtype=np.int64),
-            sensor=np.full(len(rows), number, dtype=np.int32),
-            target=rows.astype(np.int32),
-            range_m=range_m,
-            elevation_sine=up[:, 0] * direction[:, 0] + up[:, 1] * direction[:, 1] + up[:, 2] * direction[:, 2],
-            target_ecef_m=points.position_m[rows],
-            sensor_ecef_m=np.broadcast_to(place, (len(rows), 3)),
-        )
+    def looks(
+        self, fleet: Fleet, number: int, points: Sequence[SeenPoints], *, with_least: bool = False
+    ) -> list[GridLooks]:
+        """Return the looks of a sensor at the launches (cells,) at points, at each of the fleet's times."""
+        rows = [np.flatnonzero(fleet.seen(number, step, each)) for step, each in enumerate(points)]
+        found: list[GridLooks] = []
+        for steps in _batches([len(each) for each in rows]):
+            own = [
+                _exposures(number, rows[step], points[step], fleet.position_m[number, step], float(fleet.time_s[step]))
+                for step in steps
+            ]
+            found += self._split(number, _joined(own), [rows[step] for step in steps], with_least=with_least)
+        return found
+
+    def _split(
+        self, number: int, exposures: Exposures, rows: Sequence[IntArray], *, with_least: bool
+    ) -> Iterator[GridLooks]:
+        """Yield what looks at several instants see, one instant after another."""
         probit, sigma_rad, response = self._measured(exposures)
         least = self._least(number, exposures, response) if with_least and response is not None else {}
-        return GridLooks(rows, probit, sigma_rad, range_m, direction, least)
+        direction = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
+        end = 0
+        for each in rows:
+            part = slice(end, end := end + len(each))
+            own = {band: values[part] for band, values in least.items()}
+            yield GridLooks(each, probit[part], sigma_rad[part], exposures.range_m[part], direction[part], own)
 
     def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
         """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with signals."""
@@ -126,6 +132,41 @@ class Salvo:
                 needed = thresholds[place] * response.noise_w_m2[:, place] * np.square(exposures.range_m) / passed
             least[band] = needed
         return least
+
+
+def _batches(counts: Sequence[int]) -> Iterator[list[int]]:
+    """Yield numbers of instants whose looks are worked out at once: few calls of the models, little memory."""
+    batch: list[int] = []
+    for step, count in enumerate(counts):
+        if batch and sum(counts[each] for each in batch) + count > _AT_ONCE:
+            yield batch
+            batch = []
+        batch.append(step)
+    yield batch
+
+
+def _exposures(number: int, rows: IntArray, points: SeenPoints, sensor_m: FloatArray, now_s: float) -> Exposures:
+    """Return the looks of a sensor at some of the points, at one time."""
+    place, up = points.position_m[rows], points.up[rows]
+    x, y, z = (sensor_m - place).T
+    range_m = np.sqrt(x * x + y * y + z * z)
+    return Exposures(
+        time_s=now_s + range_m / SPEED_OF_LIGHT_M_S,
+        emission_time_s=np.full(len(rows), now_s),
+        scan=np.zeros(len(rows), dtype=np.int64),
+        sensor=np.full(len(rows), number, dtype=np.int32),
+        target=rows.astype(np.int32),
+        range_m=range_m,
+        elevation_sine=(up[:, 0] * x + up[:, 1] * y + up[:, 2] * z) / range_m,
+        target_ecef_m=place,
+        sensor_ecef_m=np.broadcast_to(sensor_m, (len(rows), 3)),
+    )
+
+
+def _joined(looks: Sequence[Exposures]) -> Exposures:
+    """Return looks at several instants as one."""
+    names = [each.name for each in fields(Exposures) if each.init]
+    return Exposures(**{name: np.concatenate([getattr(each, name) for each in looks]) for name in names})
 
 
 def band_thresholds(sensor: Sensor) -> FloatArray:

@@ -14,7 +14,7 @@ from opir_report import coast_rings, html_page
 
 from opir_core.arrays import FloatArray
 from opir_coverage.layers import DIMENSIONS, CoverageMap, Layer
-from opir_coverage.summary import words_of
+from opir_coverage.summary import name_of, words_of
 
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
@@ -74,7 +74,7 @@ def _row(row: Mapping[str, Any]) -> str:
     numbers = "".join(f'<td class="n">{cell}</td>' for cell in cells)
     unit = "" if row["unit"] == "1" else escape(row["unit"])
     return (
-        f'<tr><th scope="row">{escape(row["layer"])}</th><td>{escape(words_of(row["of"]))}</td>{numbers}<td>{unit}</td>'
+        f'<tr><th scope="row">{escape(name_of(row))}</th><td>{escape(words_of(row["of"]))}</td>{numbers}<td>{unit}</td>'
         f'<td class="n">{row["percent_of_area"]:.1f}</td></tr>'
     )
 

@@ -5,20 +5,23 @@ look is reported if it is the last of M detections in N successive scans. The nu
 the outcomes of the last N - 1 scans.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import FloatArray, IntArray
 
 #: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
 #: look no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
-#: Launches are looked through after so many looks, for those that have fewer than the reports with less than this
-#: chance, and left out if they are this share of all.
-_PRUNED_EVERY, _SURE, _WORTH_PRUNING = 8, 1e-9, 0.05
+#: So many looks are prepared at once. After them launches that have fewer than the reports with less than this chance
+#: are left out, if they are this share of all.
+_BLOCK, _SURE, _WORTH_PRUNING = 8, 1e-9, 0.05
 #: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
 _IMPOSSIBLE = 1e-6
+_IMPOSSIBLE_QUANTILE = float(ndtri(_IMPOSSIBLE))
 #: Time within a look's step: its middle.
 _MIDDLE = 0.5
 
@@ -65,21 +68,29 @@ class ReportChain:
         """The launches that may have fewer than `most` reports."""
         return self._active
 
-    def look(self, chance: FloatArray) -> None:
-        """Look once more, at one of the phases in turn, with P_d (active,) of the active launches."""
-        self._last[chance > _IMPOSSIBLE] = self._step
-        rows = np.flatnonzero(self._step - self._last <= self._memory)
+    def look(self, chance: FloatArray, at: IntArray | None = None) -> None:
+        """Look once more, at one of the phases in turn, with P_d (k,) of the active launches, or of those `at` (k,)."""
+        place = np.arange(len(self._active)) if at is None else at
+        is_possible = chance > _IMPOSSIBLE
+        rows, own = place[is_possible], chance[is_possible]
+        if self._memory:
+            self._last[rows] = self._step
+            whole = np.zeros(len(self._active))
+            whole[rows] = own
+            rows = np.flatnonzero(self._step - self._last <= self._memory)
+            own = whole[rows]
         phase = self._step % self._phases
         if len(rows):
             old = self._states[phase][..., rows]
-            new = _after(old, chance[rows], self._needed)
+            new = _after(old, own, self._needed)
             self.total[:, self._active[rows]] += (_whole(new) - _whole(old)) / self._phases
             self._states[phase][..., rows] = new
         self._step += 1
-        if self._step % _PRUNED_EVERY == 0 and len(rows):
-            self._prune()
 
-    def _prune(self) -> None:
+    def prune(self) -> None:
+        """Leave out launches that surely have all reports."""
+        if not len(self._active):
+            return
         is_done = self.total[:, self._active].sum(axis=0) < _SURE
         if is_done.mean() > _WORTH_PRUNING:
             self.total[:, self._active[is_done]] = 0.0
@@ -126,27 +137,36 @@ class Reports:
         self.chance[:, 0] = 1.0
 
     def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
-        """Add a sensor's chain over cells `rows`, with normal quantiles of P_d (K, rows) at equal steps of the
-        burn, ends included; nan without a look."""
+        """Add a chain over cells `rows` (n,), with normal quantiles of P_d (K, n) at equal steps of the burn, ends
+        included; nan without a look.
+
+        `rows` are those of one sensor in order, then those of another that looks as often.
+        """
         place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
+        sensors = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) <= 0) + 1)
         early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
         for number in range(1, steps.steps + 1):
+            if (number - 1) % _BLOCK == 0:
+                chain.prune()
+                at, chance = _possible(nodes, at_node[number - 1 : number - 1 + _BLOCK], chain.active)
             if len(chain.active):
-                chain.look(_interpolated(nodes, at_node[number - 1], chain.active))
+                chain.look(chance[(number - 1) % _BLOCK], at)
             if wanted == len(place) or place[wanted] > number + 1.0:
                 continue
             late = chain.total
             while wanted < len(place) and place[wanted] <= number:
                 now = early + (late - early) * max(place[wanted] - (number - 1.0), 0.0)
-                self._join(wanted, rows, now)
+                self._join(wanted, rows, sensors, now)
                 wanted += 1
             early = late.copy()
         for left in range(wanted, len(place)):
-            self._join(left, rows, chain.total)
+            self._join(left, rows, sensors, chain.total)
 
-    def _join(self, place: int, rows: IntArray, counts: FloatArray) -> None:
-        self.chance[place][:, rows] = joined(self.chance[place][:, rows], counts)
+    def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: FloatArray) -> None:
+        for own in sensors:
+            cells = rows[own]
+            self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, own])
 
     def times_s(self, reports: int, probability: float) -> FloatArray:
         """Return the times (n,) since ignition by which so many reports have come with a probability; nan if never."""
@@ -165,18 +185,22 @@ class Reports:
         return 1.0 - self.chance[-1, :reports].sum(axis=0)
 
 
-def _interpolated(nodes: FloatArray, place: float, rows: IntArray) -> FloatArray:
-    """Return P_d (n,) of some launches at a place between nodes (K, launches), nan at those without a look.
+def _possible(nodes: FloatArray, place: FloatArray, active: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return which active launches may be detected at places (b,) between nodes (K, launches), and P_d (b, those).
 
-    The normal quantile is interpolated, as the engine does between looks; beside a node without a look the nearer node
-    decides.
+    The normal quantile is interpolated, as the engine does between looks; beside a node without a look (nan) the nearer
+    node decides.
     """
-    early = min(int(place), len(nodes) - 2)
-    share = place - early
-    one, other = nodes[early, rows], nodes[early + 1, rows]
-    quantile = one + share * (other - one)
-    lone = np.flatnonzero(np.isnan(quantile))
-    if len(lone):
-        nearer = (one if share < _MIDDLE else other)[lone]
+    early = np.minimum(place.astype(np.int64), len(nodes) - 2)
+    first = int(early[0])
+    around = nodes[first : int(early[-1]) + 2, active]
+    at = np.flatnonzero(np.fmax.reduce(around, axis=0) > _IMPOSSIBLE_QUANTILE)
+    around, share = around[:, at], (place - early)[:, None]
+    one, other = around[early - first], around[early - first + 1]
+    with np.errstate(invalid="ignore"):
+        quantile = one + share * (other - one)
+    lone = np.isnan(quantile)
+    if lone.any():
+        nearer = np.where(share < _MIDDLE, one, other)[lone]
         quantile[lone] = np.where(np.isnan(nearer), -np.inf, nearer)
-    return ndtr(quantile)
+    return at, ndtr(quantile)

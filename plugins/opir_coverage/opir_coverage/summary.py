@@ -1,6 +1,6 @@
 """The table of a coverage: each layer over the whole grid, weighed by area."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,9 @@ def _rows_of(found: CoverageMap, layer: Layer, weights: Any) -> list[dict[str, A
     for number, values in enumerate(found.over_cells(layer)):
         index = np.unravel_index(number, shape) if shape else ()
         where = {name: own[int(at)] for name, own, at in zip(layer.dims, places, index, strict=True)}
-        rows.append({"layer": layer.name, "unit": layer.unit, "of": where, **_figures(values, weights)})
+        rows.append(
+            {"layer": layer.name, "title": layer.title, "unit": layer.unit, "of": where, **_figures(values, weights)}
+        )
     return rows
 
 
@@ -48,7 +50,7 @@ def as_text(rows: Sequence[dict[str, Any]]) -> str:
     head = ("layer", "of", "min", "mean", "max", "unit", "% of area")
     cells = [
         (
-            row["layer"],
+            name_of(row),
             words_of(row["of"]),
             *(("-" if row[name] is None else f"{row[name]:.4g}") for name in ("min", "mean", "max")),
             "" if row["unit"] == "1" else row["unit"],
@@ -57,6 +59,11 @@ def as_text(rows: Sequence[dict[str, Any]]) -> str:
         for row in rows
     ]
     return table(head, cells, numbers=(2, 3, 4, 6))
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """Return the name of a row's layer, of a requirement with its words."""
+    return f"{row['layer']}: {row['title'].split()[-1]}" if row["layer"].startswith("share_") else row["layer"]
 
 
 def words_of(where: dict[str, Any]) -> str:

@@ -24,6 +24,7 @@ WITHOUT_PLANE = ["--set", "sensors[0].focal_plane=null", "--set", "sensors[0].ne
         ["roc", SCENE],
         ["false-alarms", "--sensor", "NEXTGEN-GEO"],
         ["window", "--sensor", "NEXTGEN-GEO"],
+        ["bands", "--sensor", "SBIRS-GEO", "--class", "SRBM", "--heights", "5,20", "--edges", "2.5,3,4,5"],
     ],
 )
 def test_results_are_printed_as_data_and_drawn(words, tmp_path, capsys):
@@ -51,6 +52,9 @@ def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
         (["budget", SCENE, "--sensor", "S9"], "'S9' is not one of DSP-1"),
         (["frame", "--sensor", "DSP", *WITHOUT_PLANE], "has no focal plane"),
         (["curve", "--sensor", "DSP", "--of", "first-report"], "of a whole boost"),
+        (["bands", "--sensor", "DSP", *WITHOUT_PLANE], "nei_w_m2 states its noise"),
+        (["bands", "--sensor", "DSP", "--edges", "2,3", "--least-width", "2"], "are as far apart"),
+        (["bands", "--sensor", "DSP", "--edges", "2,3"], "has none of these bands"),
     ],
 )
 def test_what_is_missing_is_told(words, told, tmp_path, capsys):

@@ -1,6 +1,7 @@
 """The arguments of `opir physics`."""
 
 import argparse
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -26,6 +27,13 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
     _on_bench(quantities, "roc", "P_d of one look against false alarms a day, by threshold")
     _on_bench(quantities, "false-alarms", "false alarms a day of each sensor by cause")
     _on_bench(quantities, "window", "transmittance of the air in the bands of a sensor, by height")
+    bands = _on_bench(quantities, "bands", "the best edges of a band for targets and a background, by a scan")
+    add = bands.add_argument
+    add("--heights", type=_numbers, default=(), metavar="KM,…", help="heights; the worst counts (default: --height)")
+    add("--edges", type=_numbers, default=(), metavar="UM,…", help="edges to scan (default: those of LOWTRAN's table)")
+    add("--least-width", type=float, default=0.0, metavar="UM", help="least width of a band (default 0)")
+    add("--most-width", type=float, default=math.inf, metavar="UM", help="most width of a band (default: any)")
+    add("--most", type=int, default=12, metavar="N", help="bands to show (default 12)")
     frames = _on_bench(quantities, "frame", "one simulated frame of a focal plane, as PNG and arrays", run=_frame)
     frames.add_argument("--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)")
     frames.add_argument("--seed", type=int, default=1, help="seed of the noise and the background (default 1)")

@@ -13,6 +13,7 @@ import numpy as np
 from opir_core import compile_plan, load_scene, scene_from_mapping
 from opir_core.errors import ModelError
 from opir_core.output import OutputFiles
+from opir_coverage.bench.bands import LOWTRAN_EDGES_UM, BandLimits, best_bands
 from opir_coverage.bench.budget import NoiseBudget, noise_budget, waterfall
 from opir_coverage.bench.causes import false_alarms, window
 from opir_coverage.bench.curves import curve, operating_characteristic
@@ -137,6 +138,13 @@ def _window(arguments: argparse.Namespace) -> BenchResult:
     return window(benches_of(arguments)[0], math.radians(arguments.elevation))
 
 
+def _bands(arguments: argparse.Namespace) -> BenchResult:
+    heights_m = 1e3 * np.array(arguments.heights or (arguments.height,))
+    poses = [Poses.of(name, **{**_pose(arguments), "height_m": heights_m}) for name in arguments.classes]
+    limits = BandLimits(arguments.edges or LOWTRAN_EDGES_UM, arguments.least_width, arguments.most_width)
+    return best_bands(benches_of(arguments)[0], poses, limits, arguments.most)
+
+
 def frame_command(arguments: argparse.Namespace) -> int:
     """Write one simulated frame of a focal plane as a picture and as an array."""
     bench = benches_of(arguments)[0]
@@ -152,4 +160,5 @@ _RESULTS = {
     "roc": _roc,
     "false-alarms": _false_alarms,
     "window": _window,
+    "bands": _bands,
 }

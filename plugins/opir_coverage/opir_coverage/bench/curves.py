@@ -11,11 +11,11 @@ from opir_core.errors import ModelError
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
 from opir_coverage.bench.stand import Bench, Poses, Signals
 from opir_coverage.grid import SeenPoints
-from opir_coverage.launch_layers import add_reports
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.looks import Salvo, band_thresholds
 from opir_coverage.reports import Reports
 from opir_coverage.visibility import Fleet
+from opir_coverage.watch import Watch
 
 _DAY_S = 86_400.0
 
@@ -141,10 +141,12 @@ def first_report_s(bench: Bench, name: str, pose: Mapping[str, float], chance: f
     salvo = Salvo(plan, LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0), 3600.0)
     node_s = np.linspace(0.0, salvo.burn_s, 41)
     fleet = Fleet.of(plan, 3600.0 + node_s)
-    looks = [salvo.looks(fleet, 0, step, SeenPoints.of(salvo.state(at)[0])) for step, at in enumerate(node_s.tolist())]
+    looks = salvo.looks(fleet, 0, [SeenPoints.of(salvo.state(at)[0]) for at in node_s.tolist()])
     latency_s = sum(stage.mean_s for stage in plan.sensors[0].reporting)
     reports = Reports(np.linspace(0.0, salvo.burn_s + latency_s, 241), 1, 1)
-    add_reports(reports, salvo, 0, looks, np.zeros(1, dtype=np.int64), latency_s)
+    watch = Watch(salvo, reports)
+    watch.add(0, looks)
+    watch.close()
     return float(reports.times_s(1, chance)[0])
 
 

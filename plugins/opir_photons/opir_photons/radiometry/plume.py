@@ -163,20 +163,21 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         ]
     )
     ends_s, ignitions_s = _stage_times(np.array(of_flight, dtype=np.bool_), stages, burn_time_s, context.burns_s)
-    burnt = [_propellant(config, plume) for config, plume in zip(configs, plumes, strict=True)]
+    first, alike = _alike(configs, plumes)
+    each = [(configs[row], plumes[row]) for row in first]
+    burnt = [_propellant(*one) for one in each]
     shape_of = [
         (own.altitude_km, own.altitude_scale, own.gas_temperature_k, fuel)
-        for own, fuel in zip(configs, burnt, strict=True)
+        for (own, _), fuel in zip(each, burnt, strict=True)
     ]
     shapes = list(dict.fromkeys(shape_of))
-    each = list(zip(configs, plumes, strict=True))
-    peaks = [_peaks(config, plume, context, row) for row, (config, plume) in enumerate(each)]
+    peaks = [_peaks(*one, context, row) for one, row in zip(each, first, strict=True)]
     waters = [[_water_w_sr(*one, band) for band in context.bands] for one in each]
-    continua = [_continuum(*each[row], fuel, context.bands) for row, fuel in enumerate(burnt)]
+    continua = [_continuum(*one, fuel, context.bands) for one, fuel in zip(each, burnt, strict=True)]
     return PlumeSignatures(
-        peak_w_sr=_by_band(peaks, context.bands),
-        water_w_sr=_by_band(waters, context.bands),
-        particle_w_sr=_by_band(continua, context.bands),
+        peak_w_sr=_by_band(peaks, context.bands)[:, alike],
+        water_w_sr=_by_band(waters, context.bands)[:, alike],
+        particle_w_sr=_by_band(continua, context.bands)[:, alike],
         body_w_sr=_bodies(configs, plumes, context),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
         burn_time_s=burn_time_s,
@@ -187,9 +188,22 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         rise_time_s=_column(configs, "rise_time_s"),
         nose_on=_column(configs, "nose_on"),
         tail_on=_column(configs, "tail_on"),
-        shape=np.array([shapes.index(one) for one in shape_of]),
+        shape=np.array([shapes.index(one) for one in shape_of], dtype=np.int64)[alike],
         shapes=tuple(_factors(*one) for one in shapes),
     )
+
+
+def _alike(configs: Sequence[PlumeConfig], plumes: Sequence[Plume]) -> tuple[list[int], IntArray]:
+    """Return the first rows of targets with the same settings and plume, and of each target the number of its own.
+
+    By identity: a raid, or a grid of launches, has few settings and plumes for all its targets.
+    """
+    first: dict[tuple[int, int], int] = {}
+    keys = [(id(config), id(plume)) for config, plume in zip(configs, plumes, strict=True)]
+    for row, key in enumerate(keys):
+        first.setdefault(key, row)
+    number = {key: place for place, key in enumerate(first)}
+    return list(first.values()), np.array([number[key] for key in keys], dtype=np.int64)
 
 
 def _by_band(rows: Sequence[Sequence[float]], bands: Sequence[Band]) -> FloatArray:
