@@ -17,7 +17,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, marginals, ranks
+from opir_trackers.assignment import belief_propagation, cheapest_assignment, ranks
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
 #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
@@ -380,7 +380,7 @@ def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel
         log = pairs.gain / _CORRELATED
         best = np.full(len(number), -np.inf)
         np.maximum.at(best, pairs.set, log)
-        beta = marginals(pairs.set, pairs.row, np.exp(np.maximum(log - best[pairs.set] + _FORCED_LOG, -300.0)))
+        beta = belief_propagation(pairs.set, pairs.row, np.exp(np.maximum(log - best[pairs.set] + _FORCED_LOG, -300.0)))
         own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
         own[group[rows]] = rows
         mine = own[number[pairs.set]]
