@@ -65,6 +65,8 @@ class FocalPlaneTracks(Columns):
         """Return the tracks at times (n,) or a time."""
         when = np.broadcast_to(np.asarray(time_s, dtype=np.float64), self.time_s.shape).copy()
         step = when - self.time_s
+        if not step.any():
+            return self
         move = _transition(step)
         noise = np.square(JERK_NOISE_M_S3 / self.range_m)[:, None, None] * _noise(step)
         return evolve(
@@ -179,15 +181,14 @@ class FocalPlaneUpdate(NamedTuple):
 def updated(
     tracks: FocalPlaneTracks,
     lines: LinesOfSight,
-    candidates: tuple[IntArray, IntArray],
+    pairs: FocalPlanePairs,
     model: AssociationModel,
     gate: float,
 ) -> FocalPlaneUpdate:
-    """Return the rows after the lines of a slice; `candidates` are rows and lines that may be paired.
+    """Return the rows after the lines of a slice, of which `pairs` are within their gates.
 
     Rows that share lines take them scan by scan, the others all at once.
     """
-    pairs = gated_pairs(tracks, lines, *candidates, gate)
     scan = scan_numbers(lines.sensor, lines.scan)
     several = ~unambiguous(pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line)
     is_shared = np.zeros(len(tracks), dtype=bool)

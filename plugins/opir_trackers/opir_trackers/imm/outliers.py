@@ -46,8 +46,8 @@ FEW = 1e-3
 
 _NONE = np.empty(0, dtype=np.int64)
 
-#: EM iterations, and the least information of a slice relative to its weights.
-_TURNS, _LEAST_TOLD = 4, 0.2
+#: EM iterations at most, the change of weights that is none, and the least information of a slice relative to these.
+_TURNS, _SETTLED, _LEAST_TOLD = 4, 0.02, 0.2
 
 
 class SliceSpan(NamedTuple):
@@ -126,13 +126,14 @@ def reweighted(
     outlier: OutlierFractions,
 ) -> ReweightedEstimates:
     """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from `before` to `after`."""
-    share = outlier.share
+    share, last = outlier.share, np.ones(len(assigned))
     for turn in range(_TURNS + 1):
         weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, share)
         log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
-        if turn < _TURNS:
-            after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
-            share = outlier.after(log_likelihood).share
+        if turn == _TURNS or np.max(np.abs(weight - last)) < _SETTLED:
+            break
+        after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
+        share, last = outlier.after(log_likelihood).share, weight
     most = np.bincount(assigned.track, weight, len(before))
     left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
     part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
