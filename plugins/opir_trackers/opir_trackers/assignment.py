@@ -111,6 +111,29 @@ _CONVERGED = 1e-4
 _SWEEPS = 50
 
 
+def swap_probabilities(row: IntArray, column: IntArray, log: FloatArray, sweeps: int = 30) -> FloatArray:
+    """Return approximate association probabilities (n,) where every row has a column, by log likelihoods (n,).
+
+    The squared likelihoods are scaled until no row and no column has more than 1 in all (Sinkhorn, Ann. Math. Stat.
+    35(2), 1964). That is exact where two rows may have swapped their columns; of up to eight rows the error is 0.03 in
+    the mean (docs/design/association_probability_error.py).
+    """
+    log = 2.0 * log
+    for _ in range(sweeps):
+        log = log - _log_sums(row, log)
+        log = log - np.maximum(_log_sums(column, log), 0.0)
+    return np.exp(log)
+
+
+def _log_sums(node: IntArray, log: FloatArray) -> FloatArray:
+    """Return for each pair (n,) the logarithm of the sum over the pairs of its node."""
+    most = np.full(int(node.max(initial=-1)) + 1, -np.inf)
+    np.maximum.at(most, node, log)
+    total = np.bincount(node, np.exp(log - most[node]))
+    sums: FloatArray = np.log(total[node]) + most[node]
+    return sums
+
+
 def belief_propagation(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS) -> FloatArray:
     """Return approximate association probabilities (n,) by loopy belief propagation, linear in the pairs.
 

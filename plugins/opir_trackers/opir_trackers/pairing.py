@@ -17,7 +17,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import belief_propagation, cheapest_assignment, ranks
+from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
 #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
@@ -76,9 +76,6 @@ _ROUNDS = 6
 
 #: Log likelihoods of pairings are divided by this: errors of directions are correlated over some slices.
 _CORRELATED = 4.0
-
-#: Every track has a partner where it has any: log weight of the likeliest.
-_FORCED_LOG = 60.0
 
 
 @frozen(eq=False, repr=False)
@@ -377,10 +374,7 @@ def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel
         pairs = candidates(table, set_sums(table[others], place), rows, model)
         if not len(pairs.set):
             continue
-        log = pairs.gain / _CORRELATED
-        best = np.full(len(number), -np.inf)
-        np.maximum.at(best, pairs.set, log)
-        beta = belief_propagation(pairs.set, pairs.row, np.exp(np.maximum(log - best[pairs.set] + _FORCED_LOG, -300.0)))
+        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / _CORRELATED)
         own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
         own[group[rows]] = rows
         mine = own[number[pairs.set]]
