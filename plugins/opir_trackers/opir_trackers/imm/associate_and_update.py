@@ -13,6 +13,7 @@ from opir_trackers.association import (
     ambiguous_tracks,
     associate_nearest,
     hard_measurements,
+    merged,
 )
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
@@ -30,7 +31,7 @@ from opir_trackers.imm.outliers import (
     suspect_tracks,
 )
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.registration import Registration
 from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
@@ -155,11 +156,13 @@ class AssociateAndUpdate:
         if crowds.are_there:
             update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table, view)
         association = associate_nearest(pairs, lines, self.model)
-        measurements, owner = association.measurements, association.owner
+        owner, used, sensor = association.owner, association.assigned, lines.sensor[association.assigned.line]
         if update is not None:
-            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table, view)
-            measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
-        after = self.filter.updated(estimates, end_s, measurements, span)
+            crowds = self._with_new_sensors(update.crowds, used, lines.sensor, ahead, table, view)
+            theirs = crowd.equivalent_pairs(update, table.number, ahead, self.light_time)
+            used, sensor = GatedPairs.concatenate([used, theirs]), np.append(sensor, update.equivalent.sensor)
+            owner = np.where(update.number >= 0, np.searchsorted(table.number, update.number), owner)
+        after = self._updated(estimates, end_s, span, owner, used, sensor, ahead)
         result = AssociationResult(after, owner, association.assigned, crowds, pairs)
         shared = ambiguous_tracks(pairs, lines) if association.is_ambiguous else _NONE
         slice_span = SliceSpan(end_s, span, self.config.gate_sigma)
@@ -227,21 +230,36 @@ class AssociateAndUpdate:
         seen = table.reports >= 0
         return crowd.joined(crowds, table.number, rows, ahead, seen, view) if len(rows) else crowds
 
-    def _with_crowds(
+    def _updated(
         self,
-        measurements: AngleMeasurements,
+        estimates: ModeEstimates,
+        end_s: float,
+        span: float,
         owner: IntArray,
-        update: CrowdUpdate,
+        used: GatedPairs,
+        sensor: IndexArray,
         ahead: PredictedMeasurements,
-        table: TrackTable,
-    ) -> tuple[AngleMeasurements, IntArray]:
-        """Return measurements and owners with those of crowds."""
-        theirs = hard_measurements(crowd.equivalent_pairs(update, table.number, ahead, self.light_time))
-        whose = np.searchsorted(table.number, update.number)
-        return (
-            AngleMeasurements.concatenate([measurements, theirs]),
-            np.where(update.number >= 0, whose, owner),
-        )
+    ) -> ModeEstimates:
+        """Return the estimates after pairs, many of which count as few; all their looks count as detections.
+
+        Tracks that were silent, whose burns may begin at the first look, are updated with each look.
+        """
+        silent = estimates.detection_rate[:, 2] > span
+        raw = silent[used.track]
+        if raw.all():
+            return self.filter.updated(estimates, end_s, hard_measurements(used), span)
+        each, some = np.flatnonzero(raw), np.flatnonzero(~raw)
+        few = merged(used.take(some), sensor[some], ahead)
+        pairs = few if not len(each) else GatedPairs.concatenate([few, used.take(each)])
+        after = self.filter.updated(estimates, end_s, hard_measurements(pairs), span)
+        count = len(estimates)
+        more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(pairs.track, minlength=count)
+        last_s = np.full(count, -np.inf)
+        np.maximum.at(last_s, used.track, used.time_s)
+        rate = after.detection_rate.copy()
+        rate[:, 0] += more
+        rate[:, 2] = np.minimum(rate[:, 2], end_s - last_s)
+        return evolve(after, detection_rate=rate)
 
     def _with_outlier_weights(
         self,

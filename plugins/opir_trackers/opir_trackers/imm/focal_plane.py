@@ -203,7 +203,9 @@ def updated(
     own = own.part(np.flatnonzero(_log_ratio(model, lines, own) > 0.0))
     owner[own.line] = own.row
     # In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
-    tracks, equivalent, mine = _after_looks(tracks, lines, own, 1.0 / np.square(lines.sigma_rad[own.line]))
+    weight = 1.0 / np.square(lines.sigma_rad[own.line])
+    looks = own._replace(off=own.off * weight[:, None])
+    tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
     parts, rows = [equivalent], [mine]
     row, line = pairs.row[shared], pairs.line[shared]
     batch = _batches(scan, lines.time_s)[line]
@@ -244,7 +246,8 @@ def _equivalent_looks(
 ) -> tuple[FocalPlanePairs, FloatArray]:
     """Return one pair for each look (k,), a row in a scan, by `look` (m,), and its weight, 1/rad².
 
-    With this weight it has the same gain and leaves the same covariance as the pairs with probabilities `beta` (m,).
+    With this weight it has the same gain and leaves the same covariance as the pairs with probabilities `beta` (m,):
+    where these are far apart it is negative. `off` (k, 2) is that weight times the angle, 1/rad.
     """
     hits, total = np.bincount(look), np.bincount(look, beta)
     off = np.stack([np.bincount(look, beta * pairs.off[:, axis]) for axis in (0, 1)], axis=1)
@@ -253,37 +256,41 @@ def _equivalent_looks(
     before = whole - np.bincount(look, np.square(lines.sigma_rad[pairs.line])) / hits
     information = total * whole - spread
     likeliest = np.lexsort((beta, look))[np.cumsum(hits) - 1]
-    good = np.flatnonzero(information > _LEAST_INFORMATION * whole)
-    scaled = whole[good] / information[good]
-    looks = pairs.part(likeliest[good])._replace(off=off[good] * scaled[:, None])
-    return looks, 1.0 / (scaled * whole[good] - before[good])
+    left = whole * whole - before * information
+    return pairs.part(likeliest)._replace(off=off * (whole / left)[:, None]), information / left
 
 
 def _after_looks(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, weight: FloatArray
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
-    """Return the rows after pairs with weights (m,), 1/rad², and the mean line of each row that has any, and its row."""
+    """Return the rows after looks (m,), and the equivalent line of each row where they tell enough, and its row.
+
+    `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their times.
+    """
     row, place = np.unique(pairs.row, return_inverse=True)
-    total = np.bincount(place, weight)
-    share = weight / total[place]
-    columns = np.column_stack([lines.time_s[pairs.line], pairs.off, lines.origin_ecef_m[pairs.line]])
-    mean = np.stack([np.bincount(place, share * column, len(row)) for column in columns.T], axis=1)
-    when, off = mean[:, 0], mean[:, 1:3]
-    part = tracks.take(row).predicted(when)
-    gain = part.covariance[:, :, 0] / (part.covariance[:, 0, 0] + 1.0 / total)[:, None]
-    columns = {
-        "mean": part.mean + gain[:, :, None] * off[:, None, :],
-        "covariance": part.covariance - gain[:, :, None] * part.covariance[:, None, 0, :],
+    part = np.maximum(weight, _LEAST_INFORMATION / np.square(lines.sigma_rad[pairs.line]))
+    share = part / np.bincount(place, part)[place]
+    columns = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
+    sums = np.column_stack([columns, pairs.off, weight])
+    mean = np.stack([np.bincount(place, column, len(row)) for column in sums.T], axis=1)
+    when, pull, total = mean[:, 0], mean[:, 4:6], mean[:, 6]
+    before = tracks.take(row).predicted(when)
+    whole = np.maximum(1.0 + before.covariance[:, 0, 0] * total, 0.5)
+    gain = before.covariance[:, :, 0] / whole[:, None]
+    after = {
+        "mean": before.mean + gain[:, :, None] * pull[:, None, :],
+        "covariance": before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :],
         "time_s": when,
     }
-    after = {name: getattr(tracks, name).copy() for name in columns}
+    columns = {name: getattr(tracks, name).copy() for name in after}
     for name, column in columns.items():
-        after[name][row] = column
+        column[row] = after[name]
     last = np.empty(len(row), dtype=np.int64)
     last[place] = pairs.line
-    direction = part.directions(np.arange(len(row)), part.mean[:, 0] + off)
-    seen = lines.sensor[last], lines.scan[last], mean[:, 3:], direction, 1.0 / np.sqrt(total)
-    return evolve(tracks, **after), LinesOfSight(when, *seen), row
+    good = np.flatnonzero(total * np.square(lines.sigma_rad[last]) > _LEAST_INFORMATION)
+    direction = before.directions(good, before.mean[good, 0] + pull[good] / total[good, None])
+    seen = lines.sensor[last[good]], lines.scan[last[good]], mean[good, 1:4], direction, 1.0 / np.sqrt(total[good])
+    return evolve(tracks, **columns), LinesOfSight(when[good], *seen), row[good]
 
 
 def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
-from opir_trackers.association import AssociationModel, associate_nearest, unassigned
+from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
@@ -246,7 +246,7 @@ class ImmTracking:
         pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), lines, span)
         pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
         association = associate_nearest(pairs, lines, self.association.model)
-        estimates = self.filter.updated(first, now.time_s, association.measurements, span)
+        estimates = self.filter.updated(first, now.time_s, hard_measurements(association.assigned), span)
         return self._with_new_tracks(now, first, estimates, association.owner)
 
     def _with_new_tracks(
