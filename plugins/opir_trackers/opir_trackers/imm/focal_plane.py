@@ -26,7 +26,7 @@ from opir_trackers.lines_of_sight import LinesOfSight
 JERK_NOISE_M_S3 = 2.5
 
 #: Scans that begin within this time, s, are associated with the same predictions.
-BATCH_S = 0.35
+BATCH_S = 0.15
 
 #: Sweeps of belief propagation in a scan.
 _SWEEPS = 10
