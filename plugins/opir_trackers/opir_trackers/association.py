@@ -3,10 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.estimation import dot, tangent_axes
 from opir_trackers.assignment import cheapest_assignment, components, distinct, ranks, unambiguous
+from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
 
@@ -14,12 +16,11 @@ _UNIT = np.eye(2)
 
 
 class Association(NamedTuple):
-    """Measurements of tracks, the track of each line of sight (m,), -1 for none, and the assigned pairs.
+    """The track of each line of sight (m,), -1 for none, and the assigned pairs.
 
     `is_ambiguous` is False where no line had two candidate tracks and no track two lines of one scan.
     """
 
-    measurements: AngleMeasurements
     owner: IntArray
     assigned: GatedPairs
     is_ambiguous: bool = True
@@ -110,7 +111,35 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, chosen: BoolArray) 
     used = pairs if np.count_nonzero(chosen) == len(chosen) else pairs.take(np.flatnonzero(chosen))
     owner = unassigned(len(lines.scan))
     owner[used.line] = used.track
-    return Association(hard_measurements(used), owner, used)
+    return Association(owner, used)
+
+
+#: Pairs of a track and sensor within this time, s, are updated with as one: a target's path bends by 1 m in half of it.
+_MERGED_S = 0.5
+
+
+def merged(pairs: GatedPairs, sensor: IntArray, path: PredictedMeasurements) -> GatedPairs:
+    """Return one pair (k,) of each track and sensor in each part of a slice: the mean of theirs, `sensor` (n,)."""
+    part = np.ceil((path.time_s - pairs.time_s) / _MERGED_S).astype(np.int64)
+    part -= part.min(initial=0)
+    key = (pairs.track * (int(sensor.max(initial=0)) + 1) + sensor) * (int(part.max(initial=0)) + 1) + part
+    group = ranks(key)
+    count = int(group.max(initial=-1)) + 1
+    if count == len(pairs):
+        return pairs
+    weight = 1.0 / np.square(pairs.sigma_rad)
+    total = np.bincount(group, weight)
+    share = weight / total[group]
+    columns = np.column_stack([pairs.time_s, pairs.origin_m, pairs.measured])
+    mean = np.stack([np.bincount(group, share * column) for column in columns.T], axis=1)
+    last = np.empty(count, dtype=np.int64)
+    last[group] = np.arange(len(group))
+    track, time_s, origin = pairs.track[last], mean[:, 0], mean[:, 1:4]
+    along = path.positions(track, time_s) - origin
+    axes = tangent_axes(along / np.sqrt(dot(along, along))[:, None])
+    return evolve(
+        pairs.take(last), time_s=time_s, origin_m=origin, axes=axes, measured=mean[:, 4:], sigma_rad=1.0 / np.sqrt(total)
+    )
 
 
 def hard_measurements(pairs: GatedPairs) -> AngleMeasurements:

@@ -17,7 +17,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, marginals, ranks
+from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
 #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
@@ -77,9 +77,6 @@ _ROUNDS = 6
 #: Log likelihoods of pairings are divided by this: errors of directions are correlated over some slices.
 _CORRELATED = 4.0
 
-#: Every track has a partner where it has any: log weight of the likeliest.
-_FORCED_LOG = 60.0
-
 
 @frozen(eq=False, repr=False)
 class Directions(Columns):
@@ -124,30 +121,38 @@ def normal_equations(
 #: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
 _LEAST_WEIGHT = 1e-14
 
-#: Elements of a symmetric matrix (6): rows, columns, and how often each stands in it.
-_TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+#: Rows and columns of the elements of a symmetric matrix (6).
 _FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 
 
-def intersections(table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the points (..., 3) of sums of normal equations (..., 12) and their least squares (...)."""
-    inverse = _inverses(table)
-    side = table[..., 6:9]
-    point = np.stack([np.sum(inverse[..., row] * side, axis=-1) for row in _ROWS], axis=-1)
-    return point, table[..., 9] - np.sum(point * side, axis=-1)
+class Fixes(NamedTuple):
+    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...)."""
+
+    point: tuple[FloatArray, FloatArray, FloatArray]
+    covariance: tuple[FloatArray, ...]
+    misfit: FloatArray
+
+    def last(self) -> "Fixes":
+        """Return those of the last instant."""
+        point, covariance = [one[..., -1] for one in self.point], [one[..., -1] for one in self.covariance]
+        return Fixes((point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1])
 
 
-def _inverses(table: FloatArray) -> FloatArray:
-    """Return the inverses (..., 6) of the matrices of normal equations: covariances of points, m²."""
-    xx, xy, xz, yy, yz, zz = np.moveaxis(table[..., :6], -1, 0)
+def fixes(table: FloatArray) -> Fixes:
+    """Return the crossings of sums of normal equations (..., 12)."""
+    xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
     xx, yy, zz = xx + _LEAST_WEIGHT, yy + _LEAST_WEIGHT, zz + _LEAST_WEIGHT
     first, second, third = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    minors = [first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy]
-    return np.stack(minors, axis=-1) / (xx * first + xy * second + xz * third)[..., None]
+    share = 1.0 / (xx * first + xy * second + xz * third)
+    minors = first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    a, b, c, d, e, f = (minor * share for minor in minors)
+    point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
+    return Fixes(point, (a, b, c, d, e, f), rest - point[0] * x - point[1] * y - point[2] * z)
 
 
-#: The rows of a symmetric matrix among its six elements.
-_ROWS = ([0, 1, 2], [1, 3, 4], [2, 4, 5])
+def intersections(table: FloatArray) -> FloatArray:
+    """Return the points (..., 3) of sums of normal equations (..., 12)."""
+    return np.stack(fixes(table).point, axis=-1)
 
 
 def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
@@ -158,12 +163,16 @@ def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
     long tracks of different targets, which happen to fit, would be preferred to short ones of one. In a crowd
     focal-plane tracks change targets: a set is one since the instant that makes it likeliest.
     """
-    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, reward).min(axis=-1)
+    return _gains(table, fixes(table).misfit, reward)
+
+
+def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
+    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, misfit, reward).min(axis=-1)
 
 
 def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
-    first: IntArray = np.argmin(_losses(table, REWARD), axis=-1)
+    first: IntArray = np.argmin(_losses(table, fixes(table).misfit, REWARD), axis=-1)
     return first
 
 
@@ -174,7 +183,7 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     """
     sums = set_sums(table, group)
     whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
-    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (_losses(sums, REWARD)[:, 0] < _FITTING * whole)
+    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (_losses(sums, fixes(sums).misfit, REWARD)[:, 0] < _FITTING * whole)
     open_rows: BoolArray = ~is_sure[group]
     return open_rows
 
@@ -184,10 +193,10 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
 _FITTING = 0.25
 
 
-def _losses(table: FloatArray, reward: float) -> FloatArray:
+def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     """Return what sets lose (..., instants) to perfect ones if they are of one target since each instant."""
     degrees = _degrees(table[..., 11])
-    excess = np.where(degrees > 0.0, 0.5 * (intersections(table)[1] - degrees), 0.0)
+    excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
     rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
     before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
     loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[..., : max(table.shape[-2] - _RECENT, 1)]
@@ -223,34 +232,38 @@ class SetModel(NamedTuple):
 
     def gains(self, table: FloatArray) -> FloatArray:
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the last height."""
-        last = table[..., -1, :]
-        height_m, sigma_m = self._heights(last)
+        every, last = fixes(table), table[..., -1, :]
+        height_m, sigma_m = self._heights(every.last())
         cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
         if self.begin:
             cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-        gain = gains(table, _FIRST_REWARD if self.begin else REWARD)
+        gain = _gains(table, every.misfit, _FIRST_REWARD if self.begin else REWARD)
         lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
         return lawful
 
-    def _heights(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _heights(self, there: Fixes) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
-        point = intersections(table)[0] + self.centre
-        radius = np.sqrt(np.sum(np.square(point), axis=-1))
-        up = point / radius[..., None]
-        ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(up[..., 2]))
-        variance = np.sum(_inverses(table) * up[..., _FIRST] * up[..., _SECOND] * _TWICE, axis=-1)
+        radius = self._radius(there)
+        x, y, z = ((one + centre) / radius for one, centre in zip(there.point, self.centre.tolist(), strict=True))
+        ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(z))
+        xx, xy, xz, yy, yz, zz = there.covariance
+        variance = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         return radius - ground, np.sqrt(variance)
+
+    def _radius(self, there: Fixes) -> FloatArray:
+        x, y, z = (one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True))
+        radius: FloatArray = np.sqrt(x * x + y * y + z * z)
+        return radius
 
     def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
         """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
-        both = theirs + mine
-        point, misfit = intersections(both)
+        both = fixes(theirs + mine)
         met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
-        radius = np.sqrt(np.sum(np.square(point + self.centre), axis=-1))
-        blur_m = _SURE_SIGMAS * np.sqrt(_inverses(both)[..., [0, 3, 5]].sum(axis=-1))
+        radius = self._radius(both)
+        blur_m = _SURE_SIGMAS * np.sqrt(both.covariance[0] + both.covariance[3] + both.covariance[5])
         lawful = (radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m) & (blur_m < _SURE_SIGMAS * _VAGUE_M)
         lawful |= ~met
-        added = np.where(met, misfit - intersections(theirs)[1], 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+        added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
         possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
         return possible
 
@@ -272,8 +285,9 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
     which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
     some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
     theirs, ours = sums[which][:, some], mine[row][:, some]
-    met = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
-    likely = np.flatnonzero(met & model.may_be_one(theirs, ours))
+    likely = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
+    if table.shape[1] > 1:
+        likely &= model.may_be_one(theirs, ours)
     which, row = which[likely], row[likely]
     gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
     return Candidates(which, rows[row], gain)
@@ -377,10 +391,7 @@ def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel
         pairs = candidates(table, set_sums(table[others], place), rows, model)
         if not len(pairs.set):
             continue
-        log = pairs.gain / _CORRELATED
-        best = np.full(len(number), -np.inf)
-        np.maximum.at(best, pairs.set, log)
-        beta = marginals(pairs.set, pairs.row, np.exp(np.maximum(log - best[pairs.set] + _FORCED_LOG, -300.0)))
+        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / _CORRELATED)
         own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
         own[group[rows]] = rows
         mine = own[number[pairs.set]]

@@ -1,6 +1,6 @@
 """Assignments and association probabilities on sparse graphs, held to trying everything."""
 
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -9,9 +9,8 @@ from opir_trackers.assignment import (
     belief_propagation,
     cheapest_assignment,
     components,
-    exact_marginals,
-    marginals,
     ranks,
+    swap_probabilities,
 )
 
 from examples import examples
@@ -43,14 +42,32 @@ def tried(weight: np.ndarray) -> np.ndarray:
 
 @examples(60)
 @given(seed=st.integers(0, 2**31), height=sizes, width=st.integers(1, 5), density=st.floats(0.2, 1.0))
-def test_marginals_are_those_of_trying_everything(seed: int, height: int, width: int, density: float) -> None:
-    weight = graph(seed, height, width, density)
+def test_belief_propagation_is_near_trying_everything(seed: int, height: int, width: int, density: float) -> None:
+    weight = np.minimum(graph(seed, height, width, density), 3.0)
     row, column = np.nonzero(weight)
-    expected = tried(weight)
-    assert np.allclose(marginals(row, column, weight[row, column]), expected[row, column], rtol=1e-10, atol=1e-13)
-    assert np.allclose(exact_marginals(weight[None])[0], expected, rtol=1e-10, atol=1e-13)
-    turned = exact_marginals(np.stack([weight.T, 2.0 * weight.T]))[0].T
-    assert np.allclose(turned, expected, rtol=1e-10, atol=1e-13)
+    beta = belief_propagation(row, column, weight[row, column])
+    assert np.abs(beta - tried(weight)[row, column]).max(initial=0.0) < 0.15
+    assert np.bincount(row, beta, 1).max() <= 1.0
+    assert np.bincount(column, beta, 1).max() <= 1.0 + 1e-3
+
+
+@examples(60)
+@given(seed=st.integers(0, 2**31), count=st.integers(1, 5), sharp=st.floats(0.1, 4.0))
+def test_swaps_are_as_probable_as_trying_every_permutation_says(seed: int, count: int, sharp: float) -> None:
+    log = sharp * np.random.default_rng(seed).normal(size=(count, count))
+    orders = np.array(list(permutations(range(count))))
+    chance = np.exp(log[np.arange(count), orders].sum(axis=1))
+    expected = np.zeros((count, count))
+    np.add.at(expected, (np.arange(count), orders), np.repeat(chance[:, None] / chance.sum(), count, axis=1))
+    row, column = np.indices(log.shape).reshape(2, -1)
+    error = np.abs(swap_probabilities(row, column, log.ravel()) - expected.ravel())
+    assert error.max() < (1e-2 if count < 3 else 0.25)
+    assert error.mean() < 0.06
+
+
+def test_a_row_has_no_column_that_another_cannot_do_without() -> None:
+    row, column, log = np.array([0, 1, 1]), np.array([0, 0, 1]), np.array([-5.0, 0.0, -8.0])
+    assert np.allclose(swap_probabilities(row, column, log), [1.0, 0.0, 1.0], atol=0.03)
 
 
 @examples(200)
@@ -83,51 +100,37 @@ def test_ranks_are_places_among_the_different_numbers(values: list[int]) -> None
 def test_no_pairs_are_no_trouble() -> None:
     none = np.empty(0, dtype=np.int64)
     assert len(cheapest_assignment(none, none, np.empty(0))) == 0
-    assert len(marginals(none, none, np.empty(0))) == 0
+    assert len(swap_probabilities(none, none, np.empty(0))) == 0
+    assert len(belief_propagation(none, none, np.empty(0))) == 0
 
 
-def test_a_wide_cluster_is_propagated_and_stays_lawful() -> None:
+def test_many_pairs_are_lawful() -> None:
     weight = np.exp(np.random.default_rng(3).normal(size=(16, 16)))
     row, column = np.nonzero(weight)
-    beta = marginals(row, column, weight[row, column])
-    assert np.array_equal(beta, belief_propagation(row, column, weight[row, column]))
+    beta = belief_propagation(row, column, weight[row, column])
     assert beta.min() > 0.0
     assert np.bincount(row, beta).max() < 1.0
     assert np.bincount(column, beta).max() < 1.0
-    small, (row, column) = weight[:6, :6], np.nonzero(weight[:6, :6])
-    assert (
-        np.abs(belief_propagation(row, column, small[row, column]) - exact_marginals(small[None])[0].ravel()).max()
-        < 0.05
-    )
 
 
 def test_belief_propagation_is_exact_without_loops() -> None:
-    """A chain of ten, and a star, with likelihood ratios from 1e-8 to 1e12."""
+    """A chain of five, and a star, with likelihood ratios from 1e-8 to 1e12."""
     rng = np.random.default_rng(5)
-    row = np.concatenate([np.repeat(np.arange(10), 2)[1:], np.full(6, 20)])
-    column = np.concatenate([np.repeat(np.arange(10), 2)[:-1], np.arange(20, 26)])
+    row = np.concatenate([np.repeat(np.arange(5), 2)[1:], np.full(6, 20)])
+    column = np.concatenate([np.repeat(np.arange(5), 2)[:-1], np.arange(20, 26)])
     ratio = 10.0 ** rng.uniform(-8.0, 12.0, len(row))
-    weight = np.zeros((21, 26))
-    weight[row, column] = ratio
-    used = exact_marginals(weight[None, :10, :10])[0][row[:19], column[:19]]
-    assert np.allclose(belief_propagation(row, column, ratio)[:19], used, rtol=1e-9, atol=1e-12)
-    assert np.allclose(belief_propagation(row, column, ratio)[19:], ratio[19:] / (1.0 + ratio[19:].sum()), rtol=1e-9)
+    weight = np.zeros((5, 5))
+    weight[row[:9], column[:9]] = ratio[:9]
+    assert np.allclose(belief_propagation(row, column, ratio)[:9], tried(weight)[row[:9], column[:9]], rtol=1e-6)
+    assert np.allclose(belief_propagation(row, column, ratio)[9:], ratio[9:] / (1.0 + ratio[9:].sum()), rtol=1e-9)
 
 
-def test_overwhelming_evidence_is_no_trouble() -> None:
-    """Products of these likelihood ratios are far beyond the largest float."""
-    weight = np.full((5, 5), 1e-3)
-    weight[np.arange(5), np.arange(5)] = 1e120
-    assert np.allclose(exact_marginals(weight[None])[0], np.eye(5), atol=1e-12)
-
-
-def test_wide_clusters_that_fall_apart_are_summed_exactly() -> None:
-    """Ten tracks in a row, each with a ray of its own beyond doubt and faint links to the next one's."""
-    count = 10
-    row = np.concatenate([np.arange(count), np.arange(count)])
-    column = np.concatenate([np.arange(count), (np.arange(count) + 1) % count])
-    ratio = np.concatenate([np.full(count, 1e3), np.full(count, 1e-2)])
-    weight = np.zeros((count, count))
-    weight[row, column] = ratio
-    exact = exact_marginals(weight[None])[0][row, column]
-    assert np.allclose(marginals(row, column, ratio), exact, atol=1e-4)
+def test_many_components_are_solved_as_each_alone() -> None:
+    rng = np.random.default_rng(7)
+    row = np.concatenate([4 * block + np.array([0, 0, 1, 1, 2]) for block in range(300)])
+    column = np.concatenate([4 * block + np.array([0, 1, 0, 1, 1]) for block in range(300)])
+    cost, order = rng.normal(size=len(row)) - 1.0, rng.permutation(len(row))
+    together = np.empty(len(row), dtype=bool)
+    together[order] = cheapest_assignment(row[order], column[order], cost[order])
+    alone = [cheapest_assignment(row[k : k + 5], column[k : k + 5], cost[k : k + 5]) for k in range(0, len(row), 5)]
+    assert np.array_equal(together, np.concatenate(alone))

@@ -13,8 +13,7 @@ from opir_trackers.association import (
     ambiguous_tracks,
     associate_nearest,
     hard_measurements,
-    is_unambiguous,
-    scan_numbers,
+    merged,
 )
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
@@ -22,7 +21,7 @@ from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm import crowds as crowd
-from opir_trackers.imm.crowds import Crowds, CrowdUpdate, SensorView
+from opir_trackers.imm.crowds import CrowdPairs, Crowds, CrowdUpdate, SensorView
 from opir_trackers.imm.outliers import (
     FEW,
     OutlierFractions,
@@ -32,14 +31,13 @@ from opir_trackers.imm.outliers import (
     suspect_tracks,
 )
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.registration import Registration
 from opir_trackers.registration.shared_errors import Vantages
 from opir_trackers.sensors import Biases
 
 _NONE = np.empty(0, dtype=np.int64)
 
-_Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
 
@@ -59,6 +57,25 @@ class AssociationResult(NamedTuple):
     outliers: FloatArray | None = None
 
 
+class Memo:
+    """The last result of each function, by name: labels and estimates need the same predictions, gates and pairs."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[tuple[Any, ...], Any]] = {}
+
+    def of(self, name: str, function: Callable[..., _Answer], *asked: Any) -> _Answer:
+        """Return what a function returns, or returned if it was last asked with the same objects and numbers."""
+        last = self._last.get(name)
+        if last is None or not all(one is other or _are_equal(one, other) for one, other in zip(last[0], asked, strict=True)):
+            last = self._last[name] = asked, function(*asked)
+        answer: _Answer = last[1]
+        return answer
+
+
+def _are_equal(one: object, other: object) -> bool:
+    return isinstance(one, float) and isinstance(other, float) and one == other
+
+
 @frozen(eq=False)
 class AssociateAndUpdate:
     """Association and update of tracks with lines of sight."""
@@ -68,61 +85,51 @@ class AssociateAndUpdate:
     model: AssociationModel
     light_time: bool
     biases: Biases
-    #: Cached results: labels and estimates need the same predictions, gated pairs and assignments.
-    last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
-    pair_cache: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
-    assignment_cache: list[tuple[GatedPairs, IntArray | None, Association]] = field(factory=list)
-    correction_cache: list[Any] = field(factory=list)
+    memo: Memo = field(factory=Memo)
 
     def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later, as `predicted_open`."""
-        return self.cached("moved", self.filter.predicted_open, estimates, step_s)
+        return self.memo.of("moved", self.filter.predicted_open, estimates, step_s)
 
     def predicted_measurements(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of the estimates about their time."""
-        return self.cached("predicted_measurements", self.filter.predicted_measurements, estimates, time_s)
+        return self.memo.of("path", self.filter.predicted_measurements, estimates, time_s)
 
     def with_bias_covariance(
         self, estimates: ModeEstimates, time_s: float, reports: IntArray, registration: Registration
     ) -> PredictedMeasurements:
         """Return the predictions including the shared errors of the sensors that see each track, by `reports`."""
-        predicted_measurements = self.predicted_measurements(estimates, time_s)
+        return self.memo.of("blurred", self._blurred, estimates, time_s, reports, registration)
+
+    def _blurred(
+        self, estimates: ModeEstimates, time_s: float, reports: IntArray, registration: Registration
+    ) -> PredictedMeasurements:
+        path = self.predicted_measurements(estimates, time_s)
         if not registration.widens_gates:
-            return predicted_measurements
-        return self.cached(
-            "blurred",
-            lambda one, when: one._replace(
-                bias_covariance=registration.gate_covariance(
-                    estimates.likelier_state, reports >= 0, self.vantages(registration, when)
-                )
-            ),
-            predicted_measurements,
-            time_s,
-        )
+            return path
+        vantages = self.vantages(registration, time_s)
+        shared = registration.gate_covariance(estimates.likelier_state, reports >= 0, vantages)
+        return path._replace(bias_covariance=shared)
+
+    def corrected(self, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
+        """Return lines of sight without the errors of their sensors that are known."""
+        if not registration.corrects:
+            return lines
+        return self.memo.of("corrected", lambda known, raw: known.corrected(raw), registration, lines)
 
     def vantages(self, registration: Registration, time_s: float) -> Vantages:
         """Return the sensors at a time, their angles weighted as the registration leaves them."""
-        places = self.cached("vantages", lambda own, when: Vantages.of(own.sensors, when), self.biases, time_s)
+        places = self.memo.of("vantages", Vantages.of, self.biases.sensors, time_s)
         return places._replace(weight=self.biases.weights(registration.apart_rad))
 
     def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity."""
-        return self.cached("moments", lambda one, _: self.filter.moments(one), estimates, 0.0)
+        return self.memo.of("moments", self.filter.moments, estimates)
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the prior."""
         rows = rows[have_uncertain_velocity(self.moments(estimates)[1][rows])]
         return self.filter.with_velocity_prior(estimates, rows) if len(rows) else estimates
-
-    def cached(
-        self, name: str, function: Callable[[_Asked, float], _Answer], argument: _Asked, value: float
-    ) -> _Answer:
-        """Return a function's result; the last result is kept by name."""
-        cached = self.last.get(name)
-        if cached is None or cached[0] is not argument or cached[1] != value:
-            cached = self.last[name] = argument, value, function(argument, value)
-        answer: _Answer = cached[2]
-        return answer
 
     def view(self, registration: Registration) -> SensorView:
         """Return the sensors, what is left of their errors, and whether light takes time."""
@@ -141,23 +148,21 @@ class AssociateAndUpdate:
         """Return the estimates after a slice's lines, and their association, given what is known of tracks, crowds and
         sensors."""
         ahead = self.with_bias_covariance(estimates, end_s, table.reports, registration)
-        view = self.view(registration)
-        if crowds.are_there:
-            pairs = self.lone_pairs(ahead, lines, span, table, crowds)
-        else:
-            pairs = self.gated_pairs(ahead, lines, span)
+        view, pairs = self.view(registration), self.lone_pairs(ahead, lines, span, table, crowds)
         if len(table) > 1:
             rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
             crowds = self._with_tracks(crowds, rows, ahead, table, view)
         update = None
         if crowds.are_there:
             update, pairs = self._followed(crowds, pairs, lines, end_s, span, ahead, table, view)
-        association = self.nearest_association(pairs, lines)
-        measurements, owner = association.measurements, association.owner
+        association = associate_nearest(pairs, lines, self.model)
+        owner, used, sensor = association.owner, association.assigned, lines.sensor[association.assigned.line]
         if update is not None:
-            crowds = self._with_new_sensors(update.crowds, association.assigned, lines.sensor, ahead, table, view)
-            measurements, owner = self._with_crowds(measurements, owner, update, ahead, table)
-        after = self.filter.updated(estimates, end_s, measurements, span)
+            crowds = self._with_new_sensors(update.crowds, used, lines.sensor, ahead, table, view)
+            theirs = crowd.equivalent_pairs(update, table.number, ahead, self.light_time)
+            used, sensor = GatedPairs.concatenate([used, theirs]), np.append(sensor, update.equivalent.sensor)
+            owner = np.where(update.number >= 0, np.searchsorted(table.number, update.number), owner)
+        after = self._updated(estimates, end_s, span, owner, used, sensor, ahead)
         result = AssociationResult(after, owner, association.assigned, crowds, pairs)
         shared = ambiguous_tracks(pairs, lines) if association.is_ambiguous else _NONE
         slice_span = SliceSpan(end_s, span, self.config.gate_sigma)
@@ -172,7 +177,7 @@ class AssociateAndUpdate:
         shared: IntArray,
     ) -> AssociationResult:
         """Return the result with outliers weighted down, but for tracks `shared`, which share lines."""
-        share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
+        share = self.memo.of("shares", lambda log: OutlierFractions(log).share, fractions.log)
         suspects = suspect_tracks(result.assigned, share)
         if len(suspects) and len(shared):
             suspects = np.setdiff1d(suspects, shared, assume_unique=True)
@@ -194,7 +199,8 @@ class AssociateAndUpdate:
         view: SensorView,
     ) -> tuple[CrowdUpdate, GatedPairs]:
         """Return the crowds after a slice, with the tracks that share lines with them, and the pairs of lone tracks."""
-        update = crowd.updated_crowds(crowds, lines, end_s, span, self.model, self.config.gate_sigma, view)
+        near = self.crowd_pairs(crowds, end_s - span, lines, span)
+        update = crowd.updated_crowds(crowds, near, lines, end_s, self.model, self.config.gate_sigma, view)
         sharing = np.unique(pairs.track[np.isin(pairs.line, np.flatnonzero(update.number >= 0))])
         pairs = _of_lone_tracks(pairs, update, table, lines.sensor)
         # Those that join now are alone for this slice.
@@ -224,21 +230,36 @@ class AssociateAndUpdate:
         seen = table.reports >= 0
         return crowd.joined(crowds, table.number, rows, ahead, seen, view) if len(rows) else crowds
 
-    def _with_crowds(
+    def _updated(
         self,
-        measurements: AngleMeasurements,
+        estimates: ModeEstimates,
+        end_s: float,
+        span: float,
         owner: IntArray,
-        update: CrowdUpdate,
+        used: GatedPairs,
+        sensor: IndexArray,
         ahead: PredictedMeasurements,
-        table: TrackTable,
-    ) -> tuple[AngleMeasurements, IntArray]:
-        """Return measurements and owners with those of crowds."""
-        theirs = hard_measurements(crowd.equivalent_pairs(update, table.number, ahead, self.light_time))
-        whose = np.searchsorted(table.number, update.number)
-        return (
-            AngleMeasurements.concatenate([measurements, theirs]),
-            np.where(update.number >= 0, whose, owner),
-        )
+    ) -> ModeEstimates:
+        """Return the estimates after pairs, many of which count as few; all their looks count as detections.
+
+        Tracks that were silent, whose burns may begin at the first look, are updated with each look.
+        """
+        silent = estimates.detection_rate[:, 2] > span
+        raw = silent[used.track]
+        if raw.all():
+            return self.filter.updated(estimates, end_s, hard_measurements(used), span)
+        each, some = np.flatnonzero(raw), np.flatnonzero(~raw)
+        few = merged(used.take(some), sensor[some], ahead)
+        pairs = few if not len(each) else GatedPairs.concatenate([few, used.take(each)])
+        after = self.filter.updated(estimates, end_s, hard_measurements(pairs), span)
+        count = len(estimates)
+        more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(pairs.track, minlength=count)
+        last_s = np.full(count, -np.inf)
+        np.maximum.at(last_s, used.track, used.time_s)
+        rate = after.detection_rate.copy()
+        rate[:, 0] += more
+        rate[:, 2] = np.minimum(rate[:, 2], end_s - last_s)
+        return evolve(after, detection_rate=rate)
 
     def _with_outlier_weights(
         self,
@@ -265,57 +286,39 @@ class AssociateAndUpdate:
         )
 
     def lone_pairs(
-        self,
-        predicted_measurements: PredictedMeasurements,
-        lines: LinesOfSight,
-        span: float,
-        table: TrackTable,
-        crowds: Crowds,
+        self, path: PredictedMeasurements, lines: LinesOfSight, span: float, table: TrackTable, crowds: Crowds
     ) -> GatedPairs:
         """Return the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them."""
+        if not crowds.are_there:
+            return self.gated_pairs(path, lines, span)
+        return self.memo.of("lone", self._lone_pairs, path, lines, span, table, crowds)
+
+    def _lone_pairs(
+        self, path: PredictedMeasurements, lines: LinesOfSight, span: float, table: TrackTable, crowds: Crowds
+    ) -> GatedPairs:
         follows = crowds.follows(table.number, table.reports.shape[1])
         rows = np.flatnonzero(~follows.all(axis=1))
-        bias, whole = predicted_measurements.bias_covariance, predicted_measurements
-        part = whole._replace(
-            derivative=whole.derivative[rows],
-            root=whole.root[rows],
+        bias = path.bias_covariance
+        part = path._replace(
+            derivative=path.derivative[rows],
+            root=path.root[rows],
             bias_covariance=None if bias is None else bias[rows],
         )
         pairs = self.gated_pairs(part, lines if len(rows) else lines.take(rows), span)
         pairs = evolve(pairs, track=rows[pairs.track])
         return pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
 
-    def gated_pairs(
-        self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float
-    ) -> GatedPairs:
-        """Return the gated pairs of all tracks and the lines of a span; the last result is cached."""
-        if self.pair_cache:
-            before, reach, known, pairs = self.pair_cache[0]
-            if before is predicted_measurements and reach == span and known is lines:
-                return pairs
-        gate = self.config.gate_sigma
-        pairs = gated(
-            predicted_measurements,
-            lines,
-            *candidates(predicted_measurements, lines, span, gate, self.light_time),
-            gate,
-            self.light_time,
-        )
-        self.pair_cache[:] = [(predicted_measurements, span, lines, pairs)]
-        return pairs
+    def gated_pairs(self, path: PredictedMeasurements, lines: LinesOfSight, span: float) -> GatedPairs:
+        """Return the gated pairs of all tracks and the lines of a span."""
+        return self.memo.of("gated", self._gated_pairs, path, lines, span)
 
-    def nearest_association(self, pairs: GatedPairs, lines: LinesOfSight) -> Association:
-        """Return the likeliest assignment of each scan; the last result is cached."""
-        if self.assignment_cache and self.assignment_cache[0][0] is pairs:
-            _, scans, association = self.assignment_cache[0]
-            scan = None if is_unambiguous(pairs, lines) else scan_numbers(lines.sensor, lines.scan)
-            if scans is scan or (scans is not None and scan is not None and np.array_equal(scans, scan)):
-                return association
-        association = associate_nearest(pairs, lines, self.model)
-        self.assignment_cache[:] = [
-            (pairs, scan_numbers(lines.sensor, lines.scan) if association.is_ambiguous else None, association)
-        ]
-        return association
+    def _gated_pairs(self, path: PredictedMeasurements, lines: LinesOfSight, span: float) -> GatedPairs:
+        gate, light_time = self.config.gate_sigma, self.light_time
+        return gated(path, lines, *candidates(path, lines, span, gate, light_time), gate, light_time)
+
+    def crowd_pairs(self, crowds: Crowds, start_s: float, lines: LinesOfSight, span: float) -> CrowdPairs:
+        """Return the crowds' focal-plane tracks at the start of a span, and the pairs with its lines in their gates."""
+        return self.memo.of("crowded", crowd.paired, crowds.tracks, start_s, lines, span, self.config.gate_sigma)
 
 
 def _of_lone_tracks(pairs: GatedPairs, update: CrowdUpdate, table: TrackTable, sensor: IndexArray) -> GatedPairs:

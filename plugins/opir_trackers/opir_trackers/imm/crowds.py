@@ -122,18 +122,32 @@ _DECIDED_S = 10.0
 _FIXING, _COMPARED = 2, 3
 
 
+class CrowdPairs(NamedTuple):
+    """Focal-plane tracks at the start of a slice, and the pairs with its lines within their gates."""
+
+    tracks: FocalPlaneTracks
+    pairs: FocalPlanePairs
+
+
+def paired(tracks: FocalPlaneTracks, start_s: float, lines: LinesOfSight, span: float, gate: float) -> CrowdPairs:
+    """Return focal-plane tracks and their pairs with the lines of a slice of length `span`."""
+    tracks = tracks.predicted(start_s)
+    candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)
+    return CrowdPairs(tracks, focal_plane.gated_pairs(tracks, lines, *candidates, gate))
+
+
 def updated_crowds(
     crowds: Crowds,
+    near: CrowdPairs,
     lines: LinesOfSight,
     end_s: float,
-    span: float,
     model: AssociationModel,
     gate: float,
     view: SensorView,
 ) -> CrowdUpdate:
-    """Return the crowds after the lines of a slice of length `span` that ends at `end_s`."""
-    tracks = crowds.tracks.predicted(end_s - span)
-    update = focal_plane.updated(tracks, lines, focal_plane.candidate_pairs(tracks, lines, span, gate), model, gate)
+    """Return the crowds after the lines of a slice that ends at `end_s`."""
+    tracks = near.tracks
+    update = focal_plane.updated(tracks, lines, near.pairs, model, gate)
     after = _with_contested(update.tracks.predicted(end_s), update.pairs, lines.sensor, end_s)
     fresh = _mean_directions(after, update.equivalent, update.row, end_s, view)
     recent = np.flatnonzero(crowds.kept.time_s > end_s - KEPT_S)
@@ -276,14 +290,12 @@ def equivalent_pairs(
 _EVERY = 1e9
 
 
-def label_pairs(crowds: Crowds, number: IntArray, lines: LinesOfSight, span: float, gate: float) -> GatedPairs:
+def label_pairs(near: CrowdPairs, number: IntArray, lines: LinesOfSight) -> GatedPairs:
     """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within their gates.
 
     Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
-    tracks = crowds.tracks
-    candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)
-    pairs = focal_plane.gated_pairs(tracks, lines, *candidates, gate)
+    tracks, pairs = near
     count, line = len(pairs.row), pairs.line
     return GatedPairs(
         np.searchsorted(number, tracks.number[pairs.row]),

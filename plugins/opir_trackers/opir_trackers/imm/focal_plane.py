@@ -17,13 +17,16 @@ from attrs import evolve, frozen
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import belief_propagation, cheapest_assignment, unambiguous
+from opir_trackers.assignment import belief_propagation, cheapest_assignment, ranks, unambiguous
 from opir_trackers.association import AssociationModel, scan_numbers
 from opir_trackers.lines_of_sight import LinesOfSight
 
 #: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites changes the acceleration by
 #: some 20 m/s², which the track follows within 2 s; twice or half as much changes the purity by 0.02 (salvos of 20).
 JERK_NOISE_M_S3 = 2.5
+
+#: Scans that begin within this time, s, are associated with the same predictions.
+BATCH_S = 0.15
 
 #: Sweeps of belief propagation in a scan.
 _SWEEPS = 10
@@ -65,6 +68,8 @@ class FocalPlaneTracks(Columns):
         """Return the tracks at times (n,) or a time."""
         when = np.broadcast_to(np.asarray(time_s, dtype=np.float64), self.time_s.shape).copy()
         step = when - self.time_s
+        if not step.any():
+            return self
         move = _transition(step)
         noise = np.square(JERK_NOISE_M_S3 / self.range_m)[:, None, None] * _noise(step)
         return evolve(
@@ -179,38 +184,48 @@ class FocalPlaneUpdate(NamedTuple):
 def updated(
     tracks: FocalPlaneTracks,
     lines: LinesOfSight,
-    candidates: tuple[IntArray, IntArray],
+    pairs: FocalPlanePairs,
     model: AssociationModel,
     gate: float,
 ) -> FocalPlaneUpdate:
-    """Return the rows after the lines of a slice; `candidates` are rows and lines that may be paired.
+    """Return the rows after the lines of a slice, of which `pairs` are within their gates.
 
     Rows that share lines take them scan by scan, the others all at once.
     """
-    pairs = gated_pairs(tracks, lines, *candidates, gate)
     scan = scan_numbers(lines.sensor, lines.scan)
-    several = ~unambiguous(pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line)
+    scans = int(scan.max(initial=0)) + 1
+    several = ~unambiguous(pairs.row * scans + scan[pairs.line], pairs.line)
     is_shared = np.zeros(len(tracks), dtype=bool)
     is_shared[pairs.row[several]] = True
     shared = is_shared[pairs.row]
     owner = np.full(len(lines), -1, dtype=np.int64)
-    tracks, taken, of = _after_own_lines(tracks, lines, pairs.part(np.flatnonzero(~shared)), model)
-    owner[taken] = of
-    parts, rows = [lines.take(taken)], [of]
+    own = pairs.part(np.flatnonzero(~shared))
+    own = own.part(np.flatnonzero(_log_ratio(model, lines, own) > 0.0))
+    owner[own.line] = own.row
+    # In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
+    weight = 1.0 / np.square(lines.sigma_rad[own.line])
+    looks = own._replace(off=own.off * weight[:, None])
+    tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
+    parts, rows = [equivalent], [mine]
     row, line = pairs.row[shared], pairs.line[shared]
-    turn = _turns(scan, lines.sensor)[line]
-    for each in range(int(turn.max(initial=-1)) + 1):
-        mine = np.flatnonzero(turn == each)
-        now = gated_pairs(tracks, lines, row.take(mine), line.take(mine), gate)
+    batch = _batches(scan, lines.time_s)[line]
+    for each in np.unique(batch).tolist():
+        some = np.flatnonzero(batch == each)
+        now = gated_pairs(tracks, lines, row.take(some), line.take(some), gate)
         if not len(now.row):
             continue
-        log = _log_ratio(model, lines, now)
-        chosen = np.flatnonzero(cheapest_assignment(now.row, now.line, -log))
+        log, look = _log_ratio(model, lines, now), ranks(now.row * scans + scan[now.line])
+        chosen = np.flatnonzero(cheapest_assignment(look, now.line, -log))
         owner[now.line[chosen]] = now.row[chosen]
-        tracks, equivalent, theirs = _after_scan(tracks, lines, now, log, chosen)
-        parts.append(equivalent)
-        rows.append(theirs)
-    return FocalPlaneUpdate(tracks, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
+        looks, weight = _equivalent_looks(lines, now, look, _probabilities(lines, now, look, log))
+        tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
+        have = np.flatnonzero(np.isin(mine, now.row[chosen]))
+        parts.append(equivalent.take(have))
+        rows.append(mine[have])
+    seen_s, mine = tracks.seen_s.copy(), np.flatnonzero(owner >= 0)
+    np.maximum.at(seen_s, owner[mine], lines.time_s[mine])
+    after = evolve(tracks, seen_s=seen_s)
+    return FocalPlaneUpdate(after, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
 
 
 def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePairs) -> FloatArray:
@@ -219,97 +234,75 @@ def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePa
     return odds - 0.5 * pairs.distance - np.log(pairs.variance)
 
 
-def _after_own_lines(
-    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, model: AssociationModel
-) -> tuple[FocalPlaneTracks, IntArray, IntArray]:
-    """Return the rows after lines that no other row may have, these lines and their rows.
+def _batches(scan: IntArray, time_s: FloatArray) -> IntArray:
+    """Return for each line (m,) the number of the part of the slice in which its scan, by `scan_numbers`, begins."""
+    first_s = np.full(int(scan.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(first_s, scan, time_s)
+    return ((first_s - first_s.min(initial=np.inf)) / BATCH_S).astype(np.int64)[scan]
 
-    In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
+
+def _equivalent_looks(
+    lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, beta: FloatArray
+) -> tuple[FocalPlanePairs, FloatArray]:
+    """Return one pair for each look (k,), a row in a scan, by `look` (m,), and its weight, 1/rad².
+
+    With this weight it has the same gain and leaves the same covariance as the pairs with probabilities `beta` (m,):
+    where these are far apart it is negative. `off` (k, 2) is that weight times the angle, 1/rad.
     """
-    pairs = pairs.part(np.flatnonzero(_log_ratio(model, lines, pairs) > 0.0))
-    if not len(pairs.row):
-        return tracks, pairs.line, pairs.row
-    row, place = np.unique(pairs.row, return_inverse=True)
-    time_s, weight = lines.time_s[pairs.line], 1.0 / np.square(lines.sigma_rad[pairs.line])
-    total = np.bincount(place, weight)
-    when = np.bincount(place, weight * time_s) / total
-    last_s = np.full(len(row), -np.inf)
-    np.maximum.at(last_s, place, time_s)
-    off = np.stack([np.bincount(place, weight * pairs.off[:, axis]) for axis in (0, 1)], axis=1) / total[:, None]
-    part = tracks.take(row).predicted(when)
-    gain = part.covariance[:, :, 0] / (part.covariance[:, 0, 0] + 1.0 / total)[:, None]
-    after = evolve(
-        part,
-        mean=part.mean + gain[:, :, None] * off[:, None, :],
-        covariance=part.covariance - gain[:, :, None] * part.covariance[:, None, 0, :],
-        seen_s=last_s,
-    )
-    return _put(tracks, row, after), pairs.line, pairs.row
-
-
-def _turns(scan: IntArray, sensor: IndexArray) -> IntArray:
-    """Return for each line (m,) the number of its scan, by `scan_numbers`, among those of its sensor, from 0."""
-    first = np.full(int(scan.max(initial=-1)) + 1, -1, dtype=np.int64)
-    first[scan] = sensor
-    start = np.searchsorted(first, np.arange(int(sensor.max(initial=0)) + 1))
-    turn: IntArray = scan - start[sensor]
-    return turn
-
-
-def _after_scan(
-    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray, chosen: IntArray
-) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
-    """Return the rows after one scan of each sensor, and the equivalent lines of rows with an assigned line."""
-    beta = _probabilities(lines, pairs, log)
-    row, place = np.unique(pairs.row, return_inverse=True)
-    total, time_s = np.bincount(place, beta), lines.time_s[pairs.line]
-    when = np.maximum(np.bincount(place, beta * time_s) / np.maximum(total, 1e-300), time_s.min())
-    sums = [np.bincount(place, beta * pairs.off[:, axis]) for axis in (0, 1)]
-    off = np.stack(sums, axis=1).astype(np.float64, copy=False)
-    spread = 0.5 * (np.bincount(place, beta * dot(pairs.off, pairs.off)) - dot(off, off))
-    part = tracks.take(row).predicted(when)
-    noise = np.bincount(place, np.square(lines.sigma_rad[pairs.line])) / np.bincount(place)
-    before, gain = part.covariance[:, 0, 0], part.covariance[:, :, 0]
-    whole = before + noise
+    hits, total = np.bincount(look), np.bincount(look, beta)
+    off = np.stack([np.bincount(look, beta * pairs.off[:, axis]) for axis in (0, 1)], axis=1)
+    spread = 0.5 * (np.bincount(look, beta * dot(pairs.off, pairs.off)) - dot(off, off))
+    whole = np.bincount(look, pairs.variance) / hits
+    before = whole - np.bincount(look, np.square(lines.sigma_rad[pairs.line])) / hits
     information = total * whole - spread
-    shift, shrink = off / whole[:, None], information / np.square(whole)
-    which = np.full(len(row), -1)
-    which[place[chosen]] = pairs.line[chosen]
-    after = evolve(
-        part,
-        mean=part.mean + gain[:, :, None] * shift[:, None, :],
-        covariance=part.covariance - shrink[:, None, None] * gain[:, :, None] * gain[:, None, :],
-        seen_s=np.where(which >= 0, when, part.seen_s),
-    )
-    good = np.flatnonzero((which >= 0) & (information > _LEAST_INFORMATION * whole))
-    # A look that gives the same gain and the same covariance as the weighted lines.
-    at = part.mean[good, 0] + off[good] * (whole / information)[good, None]
-    sigma = np.sqrt(np.square(whole[good]) / information[good] - before[good])
-    direction = part.directions(good, at)
-    equivalent = evolve(lines.take(which[good]), time_s=when[good], direction_ecef=direction, sigma_rad=sigma)
-    return _put(tracks, row, after), equivalent, row[good]
+    likeliest = np.lexsort((beta, look))[np.cumsum(hits) - 1]
+    left = whole * whole - before * information
+    return pairs.part(likeliest)._replace(off=off * (whole / left)[:, None]), information / left
 
 
-def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, log: FloatArray) -> FloatArray:
-    """Return the association probabilities (m,) of pairs with log likelihood ratios."""
+def _after_looks(
+    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, weight: FloatArray
+) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
+    """Return the rows after looks (m,), and the equivalent line of each row where they tell enough, and its row.
+
+    `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their times.
+    """
+    row, place = np.unique(pairs.row, return_inverse=True)
+    part = np.maximum(weight, _LEAST_INFORMATION / np.square(lines.sigma_rad[pairs.line]))
+    share = part / np.bincount(place, part)[place]
+    columns = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
+    sums = np.column_stack([columns, pairs.off, weight])
+    mean = np.stack([np.bincount(place, column, len(row)) for column in sums.T], axis=1)
+    when, pull, total = mean[:, 0], mean[:, 4:6], mean[:, 6]
+    before = tracks.take(row).predicted(when)
+    whole = np.maximum(1.0 + before.covariance[:, 0, 0] * total, 0.5)
+    gain = before.covariance[:, :, 0] / whole[:, None]
+    after = {
+        "mean": before.mean + gain[:, :, None] * pull[:, None, :],
+        "covariance": before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :],
+        "time_s": when,
+    }
+    columns = {name: getattr(tracks, name).copy() for name in after}
+    for name, column in columns.items():
+        column[row] = after[name]
+    last = np.empty(len(row), dtype=np.int64)
+    last[place] = pairs.line
+    good = np.flatnonzero(total * np.square(lines.sigma_rad[last]) > _LEAST_INFORMATION)
+    direction = before.directions(good, before.mean[good, 0] + pull[good] / total[good, None])
+    seen = lines.sensor[last[good]], lines.scan[last[good]], mean[good, 1:4], direction, 1.0 / np.sqrt(total[good])
+    return evolve(tracks, **columns), LinesOfSight(when[good], *seen), row[good]
+
+
+def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray) -> FloatArray:
+    """Return the association probabilities (m,) of pairs with log likelihood ratios, a row's in a scan by `look`."""
     ratio = np.exp(np.minimum(log, 300.0))
     beta = ratio / (1.0 + ratio)
-    crowd = np.flatnonzero(~unambiguous(pairs.row, pairs.line))
+    crowd = np.flatnonzero(~unambiguous(look, pairs.line))
     if len(crowd):
         sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
         ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
-        beta[crowd] = belief_propagation(pairs.row[crowd], pairs.line[crowd], ratio, _SWEEPS)
+        beta[crowd] = belief_propagation(look[crowd], pairs.line[crowd], ratio, _SWEEPS)
     return beta
-
-
-def _put(tracks: FocalPlaneTracks, row: IntArray, part: FocalPlaneTracks) -> FocalPlaneTracks:
-    """Return the tracks with the estimates of some rows replaced."""
-    columns = {}
-    for name in ("mean", "covariance", "time_s", "seen_s"):
-        column = getattr(tracks, name).copy()
-        column[row] = getattr(part, name)
-        columns[name] = column
-    return evolve(tracks, **columns)
 
 
 def begun(

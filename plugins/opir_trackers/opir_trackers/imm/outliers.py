@@ -12,6 +12,7 @@ of all its lines so far, over a grid of fractions: a running mean of weights wou
 from typing import NamedTuple
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import matvec
@@ -46,8 +47,8 @@ FEW = 1e-3
 
 _NONE = np.empty(0, dtype=np.int64)
 
-#: EM iterations, and the least information of a slice relative to its weights.
-_TURNS, _LEAST_TOLD = 4, 0.2
+#: EM iterations at most, the change of weights that is none, and the least information of a slice relative to these.
+_TURNS, _SETTLED, _LEAST_TOLD = 4, 0.02, 0.2
 
 
 class SliceSpan(NamedTuple):
@@ -126,13 +127,39 @@ def reweighted(
     outlier: OutlierFractions,
 ) -> ReweightedEstimates:
     """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from `before` to `after`."""
-    share = outlier.share
-    for turn in range(_TURNS + 1):
+    weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share)
+    log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
+    doubted = np.zeros(len(before), dtype=np.bool_)
+    doubted[assigned.track[weight < 1.0 - _SETTLED]] = True
+    rows = np.flatnonzero(doubted)
+    if not len(rows):
+        return ReweightedEstimates(after, log_likelihood)
+    mine = np.flatnonzero(doubted[assigned.track])
+    pairs = assigned.take(mine)
+    pairs = evolve(pairs, track=(np.cumsum(doubted) - 1)[pairs.track])
+    part = _reweighted(filter_, before.take(rows), span, pairs, outlier.take(rows), weight[mine], log_likelihood[rows])
+    log_likelihood[rows] = part.outliers
+    return ReweightedEstimates(after.put(rows, part.estimates), log_likelihood)
+
+
+def _reweighted(
+    filter_: ImmFilter,
+    before: ModeEstimates,
+    span: SliceSpan,
+    assigned: GatedPairs,
+    outlier: OutlierFractions,
+    weight: FloatArray,
+    log_likelihood: FloatArray,
+) -> ReweightedEstimates:
+    """Return estimates after a slice by expectation maximisation from first weights (m,) of the lines."""
+    for _ in range(_TURNS):
+        last = weight
+        after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
+        share = outlier.after(log_likelihood).share
         weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, share)
         log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
-        if turn < _TURNS:
-            after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
-            share = outlier.after(log_likelihood).share
+        if np.max(np.abs(weight - last)) < _SETTLED:
+            break
     most = np.bincount(assigned.track, weight, len(before))
     left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
     part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]

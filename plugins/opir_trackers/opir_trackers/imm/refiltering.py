@@ -57,7 +57,7 @@ def refiltered(
     `before` are the old estimates, of which the mode probabilities and rates stay; `begun_s` (n,) the first detections.
     """
     instants = np.unique(directions.time_s)
-    place, there = intersections(sums)[0] + centre, sums[..., 11] > 1.5
+    place, there = intersections(sums) + centre, sums[..., 11] > 1.5
     first_s = instants[np.argmax(there, axis=1)]
     prior = _Priors(place, there, instants, first_s, begun_s, config, light_time)
     awake, estimates = float(instants[0]) - _STEP_S, before

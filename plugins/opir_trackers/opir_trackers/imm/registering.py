@@ -17,17 +17,6 @@ from opir_trackers.registration.registration import Followed, Registration, regi
 from opir_trackers.registration.shared_errors import ERRORS
 
 
-def corrected(association: AssociateAndUpdate, registration: Registration, lines: LinesOfSight) -> LinesOfSight:
-    """Return lines of sight without the errors of their sensors that are known; the last result is cached."""
-    if not registration.corrects:
-        return lines
-    cache = association.correction_cache
-    if not cache or cache[0] is not registration or cache[1] is not lines:
-        cache[:] = [registration, lines, registration.corrected(lines)]
-    right: LinesOfSight = cache[2]
-    return right
-
-
 def registered_state(
     association: AssociateAndUpdate,
     now: TrackerState,

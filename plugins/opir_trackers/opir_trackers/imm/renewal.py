@@ -248,7 +248,7 @@ def _mixtures(tracks: FocalPlaneTracks, group: IntArray, doubt: Rivals, time_s: 
     directions = Directions.concatenate(parts)
     table, centre = normal_equations(directions, np.tile(every, 2), len(tracks), np.tile(tracks.range_m, 2))
     own = set_sums(table, group)[doubt.set]
-    crossings = [intersections(each)[0] + centre for each in (own, own - table[doubt.own] + table[doubt.other])]
+    crossings = [intersections(each) + centre for each in (own, own - table[doubt.own] + table[doubt.other])]
     met = np.flatnonzero((own[:, 0, 11] > 1.5) & (tracks.number[doubt.own] >= 0))
     apart = (crossings[1] - crossings[0])[met]
     inertial = [earth_rotated(apart[:, column], np.full(len(met), time_s)) for column in (0, 1)]

@@ -17,7 +17,7 @@ from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers import initiation
-from opir_trackers.association import AssociationModel, associate_nearest, unassigned
+from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
@@ -160,7 +160,7 @@ class ImmTracking:
     def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice."""
         span = end_s - now.time_s
-        right = registering.corrected(self.association, now.registration, lines)
+        right = self.association.corrected(now.registration, lines)
         then, owner = self.associated(now, end_s, right)
         if len(owner):
             table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
@@ -235,7 +235,7 @@ class ImmTracking:
         """Return the state with tracks initiated from unassigned lines."""
         if len(now.unclaimed.time_s) < self.needed_scans:
             return now
-        lines = registering.corrected(self.association, now.registration, now.unclaimed)
+        lines = self.association.corrected(now.registration, now.unclaimed)
         initiation_ = initiation.track_candidates(lines, self.needed_scans, now.registration.loose_rad)
         if not len(initiation_.begun):
             return now
@@ -246,7 +246,7 @@ class ImmTracking:
         pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), lines, span)
         pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
         association = associate_nearest(pairs, lines, self.association.model)
-        estimates = self.filter.updated(first, now.time_s, association.measurements, span)
+        estimates = self.filter.updated(first, now.time_s, hard_measurements(association.assigned), span)
         return self._with_new_tracks(now, first, estimates, association.owner)
 
     def _with_new_tracks(
@@ -260,7 +260,7 @@ class ImmTracking:
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
-        lines = registering.corrected(self.association, now.registration, now.unclaimed)
+        lines = self.association.corrected(now.registration, now.unclaimed)
         motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, self.groups.prior)
         motion = motion.with_lines(owner, lines, self.groups.log_clutter)
         left = np.flatnonzero(owner < 0)
@@ -384,20 +384,16 @@ class ImmTracking:
             return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
         moved = self.association.predicted(now.estimates, self.config.cadence_s)
-        lines = registering.corrected(self.association, now.registration, lines)
+        lines = self.association.corrected(now.registration, lines)
         predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports, now.registration)
-        if not now.crowds.are_there:
-            pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
-        else:
-            pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
-            theirs = crowd.label_pairs(
-                now.crowds, now.table.number, lines, self.config.cadence_s, self.config.gate_sigma
-            )
-            pairs = GatedPairs.concatenate([pairs, theirs])
+        pairs = self.association.lone_pairs(predicted, lines, self.config.cadence_s, now.table, now.crowds)
+        if now.crowds.are_there:
+            near = self.association.crowd_pairs(now.crowds, now.time_s, lines, self.config.cadence_s)
+            pairs = GatedPairs.concatenate([pairs, crowd.label_pairs(near, now.table.number, lines)])
         confirmed = self.confirmed(now)
         if np.count_nonzero(confirmed) < len(confirmed):
             pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
-        owner = self.association.nearest_association(pairs, lines.of_instants()).owner
+        owner = associate_nearest(pairs, lines.of_instants(), self.association.model).owner
         return np.concatenate([now.table.number, _NOBODY])[owner]
 
 

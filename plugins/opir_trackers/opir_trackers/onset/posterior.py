@@ -71,7 +71,7 @@ class GroupPosterior:
         period of the sensors that see the track. Lines that are not of one motion say nothing of it: these statistics
         begin anew.
         """
-        open_ = (~statistics.is_decided).nonzero()[0]
+        open_ = self._due(statistics, time_s, first_s, seen_s, pause_s).nonzero()[0]
         if not len(open_):
             return statistics
         mine, pause_s = statistics.part(open_), pause_s[open_]
@@ -85,6 +85,14 @@ class GroupPosterior:
         decided[mixed] = False
         statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(mixed, time_s) if len(mixed) else statistics
+
+    def _due(
+        self, statistics: MotionStatistics, time_s: float, first_s: FloatArray, seen_s: FloatArray, pause_s: FloatArray
+    ) -> BoolArray:
+        """Return which undecided tracks (n,) are assessed: those seen for long, and still seen, now and then."""
+        steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + _STEP_S)
+        often = np.floor((time_s - first_s) / _AGAIN_S) == np.floor((time_s - _STEP_S - first_s) / _AGAIN_S)
+        return np.asarray(~statistics.is_decided & ~(steady & often))
 
     def probabilities(
         self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
@@ -104,6 +112,11 @@ class GroupPosterior:
         log[gone, LAUNCH] += min(np.log(self.bolide_s / _BURN_S), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
+
+
+#: Tracks first seen longer ago than this, s, are assessed again after the second time, s, if steps are of a second.
+#: What they are changes little by then.
+_YOUNG_S, _AGAIN_S, _STEP_S = 10.0, 5.0, 1.0
 
 
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:

@@ -8,7 +8,7 @@ from opir_trackers.pairing import (
     are_open,
     cheapest_pairing,
     first_instants,
-    intersections,
+    fixes,
     normal_equations,
     rivals,
     set_sums,
@@ -76,7 +76,8 @@ def test_lines_cross_at_the_target_with_the_misfit_of_their_noise() -> None:
     place, velocity = targets_m(1, 0.0, rng)
     directions, row, sensor, _ = looked_at(place, velocity, 3, 400, rng)
     table, centre = equations(directions, row, len(sensor))
-    point, misfit = intersections(set_sums(table, np.zeros(3, dtype=np.int64))[0])
+    crossing = fixes(set_sums(table, np.zeros(3, dtype=np.int64))[0])
+    point, misfit = np.stack(crossing.point, axis=-1), crossing.misfit
     truth = place[0] + np.arange(400)[:, None] * velocity[0]
     assert np.median(np.linalg.norm(point + centre - truth, axis=1)) < 500.0
     assert misfit.mean() == pytest.approx(3.0, abs=0.5)
