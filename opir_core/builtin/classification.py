@@ -19,8 +19,16 @@ from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
 
+class PairClassifier(Classifier):
+    """A classifier with one answer for all detections of a sensor and target."""
+
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`."""
+        return self.pair_type(sightings.sensor, sightings.target, rng)
+
+
 @frozen(eq=False)
-class ConfusionClassifier(Classifier):
+class ConfusionClassifier(PairClassifier):
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
     `thresholds` (reported types - 1, sensors · classes) are cumulative probabilities, 1 from the last type of any
@@ -31,10 +39,6 @@ class ConfusionClassifier(Classifier):
     thresholds: FloatArray
     class_number: IndexArray
     classes: int
-
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
-        """Return codes (n,) into `REPORTED_TYPES`."""
-        return self.pair_type(sightings.sensor, sightings.target, rng)
 
     def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
@@ -47,14 +51,10 @@ class ConfusionClassifier(Classifier):
 
 
 @frozen(eq=False)
-class TrueType(Classifier):
+class TrueType(PairClassifier):
     """The right type to report, each time: `type_code` are the codes of the targets' into `REPORTED_TYPES`."""
 
     type_code: NDArray[np.uint8]
-
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
-        """Return codes (n,) into `REPORTED_TYPES`."""
-        return self.pair_type(sightings.sensor, sightings.target, rng)
 
     def pair_type(self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
@@ -62,14 +62,10 @@ class TrueType(Classifier):
 
 
 @frozen
-class NoClassifier(Classifier):
+class NoClassifier(PairClassifier):
     """UNKNOWN, each time."""
 
     uses_truth: bool = False
-
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
-        """Return the code of UNKNOWN (n,)."""
-        return self.pair_type(sightings.sensor, sightings.target, rng)
 
     def pair_type(self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""

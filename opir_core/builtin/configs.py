@@ -150,10 +150,7 @@ class InsertionConfig:
     type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     launch: LaunchConfig = nested(help="launch point and time")
     azimuth_deg: float = number(
-        unit="deg",
-        minimum=0.0,
-        below=360.0,
-        help="launch azimuth over the rotating Earth, clockwise from true north",
+        unit="deg", minimum=0.0, below=360.0, help="launch azimuth over the rotating Earth, clockwise from true north"
     )
     altitude_km: float | None = number(
         default=None,

@@ -34,9 +34,7 @@ class NoBackground(Background):
         """Return 0 for all views."""
         return np.zeros(len(view))
 
-    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return 0 for all views."""
-        return np.zeros(len(view))
+    clutter_w_m2_sr = radiance_w_m2_sr
 
 
 def clear_atmosphere(_config: NoConfig, _context: AtmosphereContext) -> Transmittance:

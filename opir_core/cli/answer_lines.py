@@ -47,7 +47,9 @@ def _is_taken(track: Row | None) -> bool:
 def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
     """Return the sentence of a target or source that begins with how it was `seen`; "" for one that was not."""
     name, track = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})", tracks.get(row["track_id"])
-    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)]) if seen else f"{name}: not detected"
+    if not seen:
+        return f"{name}: not detected: {says_text(row, None)}"
+    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)])
 
 
 def _seen(target: Row) -> str:
@@ -59,12 +61,15 @@ def _seen(target: Row) -> str:
 
 
 def says_text(seen: Row, track: Row | None) -> str:
-    """Return what a target or source is, and who says so: its tracker if it has an answer, else the detections."""
+    """Return what a target or source is, and who says so: its tracker if it has an answer, else the detections.
+
+    Of what was not detected, why not.
+    """
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
         return f"tracker: {likeliest}"
     if seen["reported_type"] is None:
-        return "-"
+        return str(seen.get("undetected_because") or "-")
     confidence = probability_text(seen["highest_confidence"])
     return f"detections: {seen['reported_type']}, confidence {'' if confidence[0] in '<>' else 'up to '}{confidence}"
 
@@ -184,3 +189,9 @@ def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
     track, first = tracks.get(row["track_id"]), row["first_sensor_id"] or "not detected"
     named = row["source_id"], row["source_type"], first, grouped(row["detections"])
     return (*named, "-" if track is None else str(row["track_id"]), says_text(row, track))
+
+
+def reported_cells(summary: Row) -> list[str]:
+    """Return what each target is, by its tracker or its detections, or why it was not detected."""
+    tracks = {row["track_id"]: row for row in summary["tracks"]}
+    return [says_text(row, tracks.get(row["track_id"])) for row in summary["targets"]]

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,10 @@ from opir_core.host.host import Host
 from opir_core.host.registry import warn
 from opir_core.output.delivery import PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
+from opir_core.planning.plan import Plan
 from opir_core.scene.scene import Scene
 from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation.undetected import undetected_text
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
@@ -87,7 +89,17 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
             workers=arguments.workers,
         )
+    _add_reasons(plan, outcome.summary)
     return scene, outcome, files
+
+
+def _add_reasons(plan: Plan, summary: Mapping[str, Any]) -> None:
+    """Add why they were not to the rows of targets and sources that were never detected."""
+    number = {name: target for target, name in enumerate(plan.targets.ids)}
+    for kind in ("target", "source"):
+        for row in summary[f"{kind}s"]:
+            missed = not row["detections"]
+            row["undetected_because"] = undetected_text(plan, number[row[f"{kind}_id"]]) if missed else None
 
 
 @contextmanager
@@ -142,7 +154,6 @@ def _beside(events: Path | None, path: str | None, suffix: str) -> Path | None:
 
 def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]) -> None:
     """Reject paths that overwrite the scene or another file of the run, and tracks that are not computed."""
-
     problems = []
     if arguments.tracks is not None and files["tracks"] is None:
         words = f"the tracker {scene.tracker.name} makes no tracks; omit this option, or set another with --tracker"
@@ -161,7 +172,6 @@ def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mappi
 
 def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> None:
     """Print the summary on standard output, or on standard error if standard output carries the events."""
-
     if arguments.quiet:
         return
     takes_events = any(getattr(choice.config, "path", "") == _STANDARD_OUTPUT for choice in scene.outputs)
@@ -181,7 +191,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
     """Return the summary as sentences and tables."""
     from opir_core.cli.answer_lines import answers, reported_tables  # a quiet run has no answers
 
-    counts, targets = outcome.summary["counts"], outcome.summary["targets"]
+    counts = outcome.summary["counts"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
     head = (
         f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])} looks, "
@@ -192,7 +202,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),
-        _target_table(targets, is_delayed=is_delayed),
+        _target_table(outcome.summary, is_delayed=is_delayed),
         *reported_tables(outcome.summary),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
@@ -200,10 +210,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")
-_TARGET_HEAD = (
-    *("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors"),
-    "type by detections",
-)
+_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
 
 
 def _sensor_table(summary: Mapping[str, Any]) -> str:
@@ -221,7 +228,7 @@ def _health(summary: Mapping[str, Any]) -> str:
     return "\n".join(f"{row['sensor_id']}: {row['health']['text']}" for row in rows)
 
 
-def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _target_cells(row: Mapping[str, Any], says: str) -> tuple[str, ...]:
     is_detected = row["latency_s"] is not None
     return (
         row["target_id"],
@@ -231,13 +238,17 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         row["first_sensor_id"] if is_detected else "not detected",
         grouped(row["detections"]),
         str(row["sensors"]),
-        row["reported_type"] if is_detected else "-",
+        says,
     )
 
 
-def _target_table(targets: Sequence[Mapping[str, Any]], *, is_delayed: bool) -> str:
+def _target_table(summary: Mapping[str, Any], *, is_delayed: bool) -> str:
     """Return the table of targets, with the latency up to the first report if some sensor's reports are late."""
-    head, cells = list(_TARGET_HEAD), [list(_target_cells(row)) for row in targets]
+    from opir_core.cli.answer_lines import reported_cells
+
+    targets = summary["targets"]
+    cells = [list(_target_cells(row, says)) for row, says in zip(targets, reported_cells(summary), strict=True)]
+    head = list(_TARGET_HEAD)
     if not is_delayed:
         return listed(head, cells, numbers=(2, 3, 5, 6))
     head.insert(4, "end to end s")

@@ -135,7 +135,8 @@ class EncoderContext:
     render: Renderer | None = field(default=None, eq=False)
 
 
-def _detection_count(window: Window) -> int:
+def detection_count(window: Window) -> int:
+    """Return the number of a window's detections."""
     return len(window.detections)
 
 
@@ -168,6 +169,6 @@ class SinkContext:
     make_encoder: Callable[[], Encoder]
     scene_name: str
     resumes: bool = False
-    count: Callable[[Window], int] = field(default=_detection_count, eq=False)
+    count: Callable[[Window], int] = field(default=detection_count, eq=False)
     stage: FilePlacement = field(default=_in_place, eq=False)
     origin: EncoderContext = field(default=EncoderContext(sensors=(), epoch_us=0), eq=False)

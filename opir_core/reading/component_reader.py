@@ -56,13 +56,17 @@ class Settings:
 
 
 class ComponentReader:
-    """Looks up components with a host; collects the errors of plugins until the whole scene has been read."""
+    """Looks up components with a host; collects the errors of plugins until the whole scene has been read.
+
+    `preset` is the preset of the scene, from which each component that has it starts.
+    """
 
     def __init__(self, host: Host) -> None:
         self._host = host
         self._found: dict[tuple[str, str], Any] = {}
         self._names: dict[str, list[str]] = {}
         self.failures: list[PluginError] = []
+        self.preset: str | None = None
 
     def component(self, hook: str, name: str, path: str) -> Any:
         """Return a component; if it is missing, record the failure and raise an empty `InvalidNode`."""
@@ -126,7 +130,8 @@ class ComponentReader:
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
         reader, pairs = self._reader(component, path, settings), alternatives(component.config)
         written = dict(settings.written)
-        preset = _preset(component, written.pop("preset")) if "preset" in written else {}
+        of_scene = component.presets.get(self.preset, {})
+        preset = _preset(component, written.pop("preset")) if "preset" in written else of_scene
         givers = {**dict.fromkeys(preset, component), **dict.fromkeys(settings.given, settings.giver)}
         supplied = node_of_data(_laid_over(pairs, preset, settings.given))
         for complaint in supplied.complaints:

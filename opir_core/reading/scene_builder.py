@@ -12,7 +12,7 @@ from opir_core.host.components import Constellation
 from opir_core.host.host import Host
 from opir_core.reading.component_reader import ComponentReader, Settings, component_name
 from opir_core.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, InvalidNode, Node, index_step, key_step, under
-from opir_core.reading.scene_schema import CHOICES, SceneFile, epoch_us_of_text
+from opir_core.reading.scene_schema import CHOICES, PAPER, SceneFile, epoch_us_of_text
 from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, refusal, unknown_key
 from opir_core.reading.targets import ID_RULE, Identifier, SourceReader, TargetReader, is_id, read_forces
 from opir_core.scene.scene import Choice, Scene, SceneSensor, SpoolConfig
@@ -143,6 +143,7 @@ class SceneBuilder:
         values: dict[str, Any] = {}
         with self.collector.at():
             values = class_reader(SceneFile).values(root, self.collector, home=self.components.home_elsewhere)
+        self.components.preset = values.get("preset")
         parts = self._parts(values)
         if not self.collector.is_whole or self.components.failures:
             return None
@@ -152,7 +153,8 @@ class SceneBuilder:
             epoch_us=epoch_us_of_text(file.epoch),
             duration_s=file.duration_s,
             seed=file.seed,
-            light_time=file.light_time,
+            # The paper's latencies are those of the looks.
+            light_time=values.get("light_time", file.preset != PAPER),
             tracking_order=file.tracking_order,
             tracking_lag_s=file.tracking_lag_s,
             reported_types=file.reported_types,

@@ -20,6 +20,9 @@ CHOICES = {
     "background": ("opir_background_models", "none"),
 }
 
+#: The preset of a scene with the sensors and the conventions of the paper.
+PAPER = "paper"
+
 #: The target model of a target that names none.
 DEFAULT_TARGET_MODEL = "ballistic"
 
@@ -67,7 +70,13 @@ class SceneFile:
     light_time: bool = flag(
         help="whether light travels at finite speed",
         default=True,
-        source="physics: 0.12 s to geostationary height",
+        source="physics: 0.12 s to geostationary height; preset paper: false",
+    )
+    preset: str | None = text(
+        help="preset from which each component that has it starts, unless its block names another",
+        default=None,
+        choices=(PAPER, "heritage"),
+        source="none",
     )
     reported_types: str = text(
         help="what events report: the types ICBM, IRBM, SRBM and UNKNOWN (paper), or target classes too (classes)",

@@ -46,10 +46,7 @@ _ODD = (
         re.compile(r"[-+]?[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?"),
         "{0} is a number in base 60 to some YAML readers; write a decimal number, or '{0}' in quotes for text",
     ),
-    (
-        re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"),
-        "{0} is not a decimal number; write one, or '{0}' in quotes for text",
-    ),
+    (re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"), "{0} is not a decimal number; write one, or '{0}' in quotes for text"),
     (
         re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*"),
         "{0} has '_' between digits; leave it out, or write '{0}' in quotes for text",

@@ -349,13 +349,7 @@ def _mapping_reader(kind: Any) -> Reader:
     return partial(read_mapping, reader_of(get_args(kind)[1]))
 
 
-_SCALARS: Mapping[type, Reader] = {
-    float: read_float,
-    int: read_int,
-    bool: read_bool,
-    str: read_text,
-    Node: read_node,
-}
+_SCALARS: Mapping[type, Reader] = {float: read_float, int: read_int, bool: read_bool, str: read_text, Node: read_node}
 
 #: (predicate, factory) of each readable type; the first match makes its reader.
 _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (

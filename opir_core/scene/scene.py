@@ -90,11 +90,7 @@ class SceneDrag:
     """Drag in free flight, in air that rotates with the Earth."""
 
     ballistic_coefficient_kg_m2: float = number(
-        default=5000.0,
-        unit="kg/m²",
-        minimum=1.0,
-        maximum=1e6,
-        help="m/(C_d A) of targets without their own value",
+        default=5000.0, unit="kg/m²", minimum=1.0, maximum=1e6, help="m/(C_d A) of targets without their own value"
     )
     exponential: ExponentialAir | None = nested(
         default=None,

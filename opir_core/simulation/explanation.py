@@ -3,43 +3,24 @@
 import math
 from collections.abc import Mapping
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from attrs import asdict
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import FloatArray
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.protocols import Classifier, Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
-from opir_core.planning.sightlines import Blocked
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
 from opir_core.simulation.plan_checks import launch_expectations, plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.summary import planned_work
-
-_REASONS = {
-    Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
-    Blocked.BEHIND_EARTH: "the Earth is in the way throughout the {part}",
-    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the {part}",
-    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the {part}",
-    Blocked.NEAR_THE_SUN: "the Sun is within the exclusion angle throughout the {part}",
-}
-
-
-#: Looks of a pair whose noise is shown.
-_LOOKS_SHOWN = 16
-
-
-class _LookNoise(NamedTuple):
-    """Noise (n, B), W/m², of looks of sensors (n,)."""
-
-    sensor: IndexArray
-    noise_w_m2: FloatArray
+from opir_core.simulation.undetected import blocked_text, few_looks
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
@@ -54,7 +35,10 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "dark": _dark(plan),
-        "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
+        "skipped": [
+            {**_names(plan, row), "reason": blocked_text(plan, row)}
+            for row in np.flatnonzero(plan.pairs.looks == 0).tolist()
+        ],
         "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
@@ -82,11 +66,6 @@ def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
         "visible": "checked look by look" if pair.is_checked[0] else "throughout",
         "probability": None if probability is None else float(probability[0]),
     }
-
-
-def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
-    part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
-    return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)}
 
 
 def _dark(plan: Plan) -> list[Mapping[str, Any]]:
@@ -144,36 +123,10 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
 
 def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
     """Return the figures of the focal planes by band, with the noise of looks in this scene; none without planes."""
-    receivers = getattr(plan.detection, "receivers", ())
-    if all(receiver.plane is None for receiver in receivers):
+    figures = getattr(plan.detection, "focal_plane_figures", None)
+    if figures is None:
         return []
-    noise = _look_noise(plan)
-    return [
-        {
-            "sensor_id": sensor.id,
-            "band": band.name,
-            "nei_w_m2": receiver.radiometer.nei_w_m2[place],
-            "share_in_pixel": float(receiver.plane.peak_share[place]),
-            "saturation_w_m2": float(receiver.plane.most_w_m2(0.0)[place, 0]),
-            "least_noise_over_nei": float(own.min() / receiver.radiometer.nei_w_m2[place]) if len(own) else None,
-            "largest_noise_over_nei": float(own.max() / receiver.radiometer.nei_w_m2[place]) if len(own) else None,
-        }
-        for number, (sensor, receiver) in enumerate(zip(plan.sensors, receivers, strict=True))
-        if receiver.plane is not None
-        for place, band in enumerate(sensor.bands)
-        for own in [noise.noise_w_m2[noise.sensor == number, place]]
-    ]
-
-
-def _look_noise(plan: Plan) -> _LookNoise:
-    """Return the noise of a few looks of every pair."""
-    pair = np.repeat(np.flatnonzero(plan.pairs.looks > 0), _LOOKS_SHOWN)
-    share = np.tile(np.linspace(0.0, 1.0, _LOOKS_SHOWN), len(pair) // _LOOKS_SHOWN)
-    first, last = plan.pairs.first_scan[pair], plan.pairs.last_scan[pair]
-    exposures = plan.look_geometry().exposures(pair, first + np.floor(share * (last - first)).astype(np.int64))
-    response = plan.detection.response(exposures)
-    assert response is not None
-    return _LookNoise(exposures.sensor, response.noise_w_m2)
+    return list(figures(plan.sensors, few_looks(plan, np.flatnonzero(plan.pairs.looks > 0))[2]))
 
 
 def _reporting(plan: Plan) -> list[Mapping[str, Any]]:

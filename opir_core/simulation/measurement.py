@@ -13,11 +13,7 @@ from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.philox import normal_pairs
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.output_checks import (
-    checked_confidence,
-    checked_log_probability,
-    checked_types,
-)
+from opir_core.simulation.output_checks import checked_confidence, checked_log_probability, checked_types
 
 #: The number of bits set in each byte.
 BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)

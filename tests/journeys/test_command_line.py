@@ -129,7 +129,7 @@ def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> N
     head = {"scene": "raid", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "seed": 1}
     scene.write_text(json.dumps({**head, "sensors": sensors, "targets": targets}), encoding="utf-8")
     told = opir("run", str(scene), "--sink", "null").stdout.splitlines()[2:9]
-    assert told[0] == "T0 (SRBM): not detected"
+    assert told[0] == "T0 (SRBM): not detected: the Earth is in the way throughout the burn"
     assert [line.partition(" ")[0] for line in told[1:6]] == ["T1", "T2", "T3", "T4", "T5"]
     assert told[6] == "... and 3 more targets"
 

@@ -7,6 +7,7 @@ from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
+from opir_core.interfaces.contexts import detection_count as detection_count
 from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
@@ -50,11 +51,6 @@ def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:
             tracks=window.tracks.take(slice(start, start + TRACK_BLOCK_ROWS)),
             estimates=Tracks.empty(),
         )
-
-
-def detection_count(window: Window) -> int:
-    """Return the number of a window's detections."""
-    return len(window.detections)
 
 
 def track_count(window: Window) -> int:

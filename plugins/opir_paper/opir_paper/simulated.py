@@ -52,9 +52,9 @@ class Simulated:
 
 
 def scene(seed: int, launches: int = 1, duration_s: float = _BOOST_S + 1.0) -> Mapping[str, Any]:
-    """Return the paper's sensors over launches at the scene's epoch, as plain data.
+    """Return the paper's sensors over launches at the scene's epoch, as plain data; boosts last 300 s.
 
-    Light takes no time and scans begin at ignition, as in the paper's latencies; boosts last 300 s.
+    With `preset: paper` light takes no time and scans begin at ignition, as in the paper's latencies.
     """
     place = {"lat_deg": 5.0, "lon_deg": -100.0, "time_s": 0.0}
     boost = {"type": "ICBM", "launch": place, "aim": {"lat_deg": -50.0, "lon_deg": -60.0}, "burn_time_s": _BOOST_S}
@@ -63,8 +63,8 @@ def scene(seed: int, launches: int = 1, duration_s: float = _BOOST_S + 1.0) -> M
         "epoch": "2026-04-01T00:00:00Z",
         "duration_s": duration_s,
         "seed": seed,
-        "light_time": False,
-        "sensors": [{"model": name, "id": name, "preset": "paper", "orbital_slot_deg": -100.0} for name in SENSORS],
+        "preset": "paper",
+        "sensors": [{"model": name, "id": name, "orbital_slot_deg": -100.0} for name in SENSORS],
         "targets": [{"id": f"T{number}", **boost} for number in range(launches)],
     }
 

@@ -1,6 +1,6 @@
 """The detection model `snr`: from intensity, transmittance and noise to P_d, and the measurements of detections."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,6 +89,9 @@ RowsOfKind = Sequence[tuple[int, slice | IntArray]]
 
 #: Wavelength, µm, from which the Earth's own emission, not reflected sunlight, is what plumes are seen before.
 _LONG_WAVE_UM = 5.0
+
+#: Signal, in standard deviations of noise, below which there is next to none.
+_FAINT = 0.05
 
 #: Largest SNR: its square is still a double.
 _MOST_SNR = 1e100
@@ -250,6 +253,37 @@ class SnrDetection(DetectionProbability):
             with np.errstate(divide="ignore"):
                 sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(snr, noise, snr.max(axis=1))
         return sigma_rad
+
+    def focal_plane_figures(self, sensors: Sequence[Sensor], looks: Exposures) -> Iterator[Mapping[str, Any]]:
+        """Yield the figures of each sensor's focal plane by band, as plain values, with the least and the largest noise
+        of looks over the NEI; nothing for sensors without a focal plane."""
+        noise_w_m2 = self.response(looks).noise_w_m2
+        for number, (sensor, receiver) in enumerate(zip(sensors, self.receivers, strict=True)):
+            if receiver.plane is None:
+                continue
+            own = noise_w_m2[looks.sensor == number]
+            for place, band in enumerate(sensor.bands):
+                nei_w_m2 = receiver.radiometer.nei_w_m2[place]
+                yield {
+                    "sensor_id": sensor.id,
+                    "band": band.name,
+                    "nei_w_m2": nei_w_m2,
+                    "share_in_pixel": float(receiver.plane.peak_share[place]),
+                    "saturation_w_m2": float(receiver.plane.most_w_m2(0.0)[place, 0]),
+                    "least_noise_over_nei": float(own[:, place].min() / nei_w_m2) if len(own) else None,
+                    "largest_noise_over_nei": float(own[:, place].max() / nei_w_m2) if len(own) else None,
+                }
+
+    def shortfall_text(self, look: Exposures) -> str:
+        """Return by how much a look is below its threshold: the signal is that of one band with the same P_d."""
+        receiver, response = self.receivers[self.alike[look.sensor[0]]], self.response(look)
+        assert response.probit is not None
+        threshold = receiver.radiometer.threshold
+        if response.snr.max() >= threshold:
+            return "rejected by the sensor's rule over bands"
+        signal = float(response.probit[0]) + threshold
+        below = f"{threshold / signal:.2g} times below" if signal > _FAINT else "next to nothing of"
+        return f"at best {below} the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
         return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)

@@ -1,0 +1,57 @@
+"""Why a run detects a target or a source never, in words, from a few looks of its pairs."""
+
+import numpy as np
+
+from opir_core.arrays import IntArray
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.plan import Plan
+from opir_core.planning.sightlines import Blocked
+
+_REASONS = {
+    Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
+    Blocked.BEHIND_EARTH: "the Earth is in the way throughout the {part}",
+    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the {part}",
+    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the {part}",
+    Blocked.NEAR_THE_SUN: "the Sun is within the exclusion angle throughout the {part}",
+}
+
+#: Looks of a pair that stand for all.
+_LOOKS = 16
+
+#: From this P_d of a look on a target is missed by chance.
+_CHANCE = 0.01
+
+
+def blocked_text(plan: Plan, row: int) -> str:
+    """Return why a pair has no looks."""
+    part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
+    return _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)
+
+
+def few_looks(plan: Plan, pair: IntArray) -> tuple[IntArray, IntArray, Exposures]:
+    """Return pairs, scans and exposures of a few looks of each of the pairs, which have some."""
+    pair, share = np.repeat(pair, _LOOKS), np.tile(np.linspace(0.0, 1.0, _LOOKS), len(pair))
+    first, last = plan.pairs.first_scan[pair], plan.pairs.last_scan[pair]
+    scan = first + np.floor(share * (last - first)).astype(np.int64)
+    return pair, scan, plan.look_geometry().exposures(pair, scan)
+
+
+def undetected_text(plan: Plan, target: int) -> str:
+    """Return why a target or source, by its number, was never detected: by all sensors, or by the one that is nearest.
+
+    A detection model with signals says by how much they were too faint (`shortfall_text`).
+    """
+    own = np.flatnonzero(plan.pairs.target == target)
+    looking = own[plan.pairs.looks[own] > 0]
+    if not len(looking):
+        return " or ".join(sorted({blocked_text(plan, row) for row in own.tolist()}))
+    pair, scan, exposures = few_looks(plan, looking)
+    looks = exposures.take(np.flatnonzero(plan.look_geometry().visible(pair, scan)))
+    if not len(looks):
+        return "hidden or dark in almost all looks"
+    chances = plan.detection.probability(looks)
+    best = int(chances.argmax())
+    where = f"by {plan.sensors[looks.sensor[best]].id} at {looks.time_s[best]:.1f} s"
+    if chances[best] < _CHANCE and hasattr(plan.detection, "shortfall_text"):
+        return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
+    return f"by chance, in {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
