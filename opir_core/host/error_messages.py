@@ -62,7 +62,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-studies": (
         *("commands.compare", "commands.sweep", "commands.tune", "executors.processes", "executors.serial"),
         *("metrics.accuracy", "metrics.detection_by_time", "metrics.false_events", "metrics.impact_region"),
-        *("metrics.latency", "metrics.launch_error", "metrics.tracks"),
+        *("metrics.latency", "metrics.launch_error", "metrics.tracks", "metrics.warning_time"),
     ),
     "opir-testing": ("commands.check", "commands.new-plugin"),
     "opir-trackers": ("commands.prior", "trackers.imm", "trackers.kepler-arc"),

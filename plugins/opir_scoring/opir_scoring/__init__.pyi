@@ -39,6 +39,11 @@ from opir_scoring.impacts import (
     phase_scores as phase_scores,
     regions_given as regions_given,
 )
+from opir_scoring.launch_warnings import (
+    WarningRequirement as WarningRequirement,
+    WarningTimes as WarningTimes,
+    warning_times as warning_times,
+)
 from opir_scoring.paired import (
     paired_figures as paired_figures,
 )

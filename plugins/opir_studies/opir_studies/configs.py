@@ -96,3 +96,42 @@ class ImpactConfig:
             raise ValueError(f"containment_percent: {self.containment_percent:g} is not 50, 90 or 95")
         if not self.phases and not self.times_s:
             raise ValueError("give phases or times_s")
+
+
+@frozen(kw_only=True)
+class WarningConfig:
+    """The settings of the metric `warning_time`: what a warning must state; null for not required."""
+
+    missile_probability: float | None = number(
+        help="P(missile) of the track is above this",
+        default=0.9,
+        minimum=0.0,
+        maximum=1.0,
+        source="notional",
+    )
+    region_km2: float | None = number(
+        help="the reported impact region is smaller than this",
+        default=1e6,
+        unit="km2",
+        above=0.0,
+        source="notional",
+    )
+    launch_point_km: float | None = number(
+        help="the semi-major axis of the reported launch point's ellipse is less than this",
+        default=10.0,
+        unit="km",
+        above=0.0,
+        source="notional",
+    )
+    containment_percent: float = number(
+        help="containment of region and ellipse: 50, 90 or 95",
+        default=95.0,
+        unit="%",
+        minimum=50.0,
+        maximum=95.0,
+        source="convention",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.containment_percent not in _CONTAINMENTS_PERCENT:
+            raise ValueError(f"containment_percent: {self.containment_percent:g} is not 50, 90 or 95")

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
-from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig
+from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig, WarningConfig
 
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
@@ -62,6 +62,13 @@ def opir_metrics() -> Iterable[MetricModel]:
         summary="area, containment and availability of predicted impact regions, by phase and time",
         config=ImpactConfig,
         build=_built_by(tracks, "impact_region_metric"),
+    )
+    yield MetricModel(
+        name="warning_time",
+        summary="time from a warning that meets a requirement, and stays within it, to the impact; times to report,"
+        " track, region and warning",
+        config=WarningConfig,
+        build=_built_by("metrics.warning_metric", "warning_time_metric"),
     )
 
 

@@ -29,7 +29,7 @@ from opir_studies.metrics.detection_metrics import time_words
 
 
 @lru_cache(maxsize=1)
-def _evidence(run: Run) -> tuple[RunEvidence, Ownership]:
+def run_evidence(run: Run) -> tuple[RunEvidence, Ownership]:
     """Return a run's evidence and the owners of its tracks; the metrics of a run share them."""
     evidence = evidence_of_run(run, run.plan)
     return evidence, ownership(evidence)
@@ -46,7 +46,7 @@ class TracksMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the figures; `first_track_s` counts from the first detection."""
-        evidence, owners = _evidence(run)
+        evidence, owners = run_evidence(run)
         found, launches = coverage(evidence, owners), len(run.plan.scene.targets)
         return {
             "tracked": np.count_nonzero(found.tracks) / launches if launches else np.nan,
@@ -73,7 +73,7 @@ class AccuracyMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return both errors; nan without tracks."""
-        errors = state_errors(*_evidence(run))
+        errors = state_errors(*run_evidence(run))
         return {"position_rmse_m": _rms(errors.position_m), "velocity_rmse_m_s": _rms(errors.velocity_m_s)}
 
 
@@ -93,7 +93,7 @@ class LaunchErrorMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return both errors; nan without launch estimates."""
-        errors = point_errors(*_evidence(run))
+        errors = point_errors(*run_evidence(run))
         return {"launch_error_m": _rms(errors.launch_m), "launch_time_error_s": _rms(errors.launch_time_s)}
 
 
@@ -123,7 +123,7 @@ class ImpactRegionMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the figures of every instant; nan for those that no track reaches."""
-        evidence, owners = _evidence(run)
+        evidence, owners = run_evidence(run)
         truth = evidence.plan.targets.truth()[: len(run.plan.scene.targets)]
         landing = sum(bool(each.get("impact")) for each in truth)
         found: dict[str, float] = {}

@@ -1,0 +1,109 @@
+"""Warning times: from the instant at which an estimate meets a requirement, and stays within it, to the impact.
+
+An estimate meets the requirement if P(missile) is above a threshold, and the region of the impact and the ellipse of
+the launch point, as the tracker reports them, are small enough. Whether they are right is another question, which
+containments answer.
+"""
+
+import numpy as np
+from attrs import field, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation import containment_ellipse
+from opir_core.interfaces import TRACK_CONTAINMENTS
+from opir_core.plugin import Tracks
+from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
+from opir_scoring.impacts import impact_scores
+
+
+@frozen(kw_only=True)
+class WarningRequirement:
+    """What an estimate must state to count as a warning; None: not required.
+
+    `region_km2` is the largest area of the impact region, and `launch_point_km` the largest semi-major axis of the
+    ellipse of the launch point, both of `containment`.
+    """
+
+    missile_probability: float | None
+    region_km2: float | None
+    launch_point_km: float | None
+    containment: float = TRACK_CONTAINMENTS[-1]
+
+
+@frozen(eq=False)
+class WarningTimes:
+    """One row per launch, times in s since its ignition, inf for never.
+
+    `track_s` is the first estimate of a track, `region_s` the first one with an impact region or ellipse, `warned_s`
+    the first one from which on all estimates meet the requirement; each counts when it is available. `impact_s` is the
+    true impact, nan for a launch that does not come down or whose impact is unknown. `contained` is whether the region
+    of that first warning contains the true impact, nan where there is none.
+    """
+
+    track_s: FloatArray
+    region_s: FloatArray
+    warned_s: FloatArray
+    impact_s: FloatArray
+    contained: FloatArray
+    warning_s: FloatArray = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        """Set the warning times: from the warning to the impact, 0 for none or one after it, nan without an impact."""
+        left_s = np.where(np.isnan(self.impact_s), np.nan, np.maximum(self.impact_s - self.warned_s, 0.0))
+        object.__setattr__(self, "warning_s", left_s)
+
+
+def warning_times(evidence: RunEvidence, owners: Ownership, requirement: WarningRequirement) -> WarningTimes:
+    """Return the warning times of a run's launches, from their tracks in force."""
+    targets, launches = evidence.plan.targets, len(evidence.plan.scene.targets)
+    impacts = [each.get("impact") or {} for each in targets.truth()[:launches]]
+    impact_s = np.array([each.get("time_s", np.nan) for each in impacts], dtype=np.float64)
+    tracks = evidence.tracks.take(rows_in_force(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, tracks.track)]
+    available_s = np.fmax(tracks.available_s, tracks.tick_s)
+    # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same order.
+    scores, place = impact_scores(evidence, owners), _place(requirement.containment)
+    scored = np.isin(target, scores.target)
+    area_km2, contained = np.full((2, len(tracks)), np.nan)
+    area_km2[scored], contained[scored] = scores.area_km2[:, place], scores.contained[:, place]
+    stays = _stays(_meets(tracks, area_km2, requirement), target)
+    ignition_s = targets.ignition_s[:launches]
+    every = np.isfinite(available_s), np.isfinite(area_km2), stays
+    track_s, region_s, warned_s = (_first(each, target, available_s, launches) - ignition_s for each in every)
+    inside = np.full(launches, np.nan)
+    warnings = np.flatnonzero(stays)
+    _, earliest = np.unique(target[warnings], return_index=True)
+    starts = warnings[earliest]
+    inside[target[starts]] = contained[starts]
+    return WarningTimes(track_s, region_s, warned_s, impact_s - ignition_s, inside)
+
+
+def _meets(tracks: Tracks, area_km2: FloatArray, requirement: WarningRequirement) -> BoolArray:
+    """Return whether rows (n,) of tracks, with areas (n,) of their impact regions, meet a requirement."""
+    met = np.ones(len(tracks), dtype=np.bool_)
+    if requirement.missile_probability is not None:
+        met &= tracks.probability_missile > requirement.missile_probability
+    if requirement.region_km2 is not None:
+        met &= area_km2 < requirement.region_km2
+    if requirement.launch_point_km is not None:
+        ellipse = containment_ellipse(tracks.launch_covariance[:, :2, :2], requirement.containment)
+        met &= ellipse.semi_major_m < 1e3 * requirement.launch_point_km
+    return met
+
+
+def _place(containment: float) -> int:
+    return int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - containment)))
+
+
+def _stays(met: BoolArray, target: IntArray) -> BoolArray:
+    """Return whether rows (n,), by target and tick, and all later ones of their target are met."""
+    failed = np.cumsum(~met)
+    last = np.searchsorted(target, target, side="right") - 1
+    return met & (failed == failed[last])
+
+
+def _first(rows: BoolArray, target: IntArray, time_s: FloatArray, launches: int) -> FloatArray:
+    """Return the earliest time (launches,) of the marked rows of each target, inf for none."""
+    first_s = np.full(launches, np.inf)
+    np.minimum.at(first_s, target[rows], time_s[rows])
+    return first_s
