@@ -13,6 +13,10 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import FloatArray
 
 
+#: Q(-x) is above the least normal double, 2.2e-308, from here on.
+_LEAST_NORMAL = -37.5
+
+
 def _special() -> Any:
     """Return `scipy.special`, imported when it is first used: sensors without a false-alarm probability need none."""
     from scipy import special
@@ -38,9 +42,11 @@ def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray
     """Return the probabilities of detection of one look, P_d = Q(T - SNR), in [0, 1].
 
     `snr` is the signal in standard deviations of the noise (an amplitude ratio, not dB), `threshold` is T in the same
-    unit. The result has their common shape; `nan` where an argument is.
+    unit. The result has their common shape; `nan` where an argument is. Down to the least double, 5e-324.
     """
-    return _special().ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
+    excess = np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
+    # SciPy's ndtr is 0 below the least normal double; its logarithm goes on.
+    return np.where(excess < _LEAST_NORMAL, np.exp(_special().log_ndtr(excess)), _special().ndtr(excess))[()]
 
 
 def log_probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
