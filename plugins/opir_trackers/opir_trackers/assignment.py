@@ -84,7 +84,10 @@ def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> Bo
         return chosen
     group, count = components(row[rest], column[rest])
     # Numbered component by component, each and a few together are blocks of one matrix.
-    rows, columns = ranks(group * (int(row.max()) + 1) + row[rest]), ranks(group * (int(column.max()) + 1) + column[rest])
+    rows, columns = (
+        ranks(group * (int(row.max()) + 1) + row[rest]),
+        ranks(group * (int(column.max()) + 1) + column[rest]),
+    )
     order = np.argsort(group, kind="stable")
     first = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
     cuts = np.flatnonzero(np.diff(first[group[order]])) + 1

@@ -138,7 +138,12 @@ def merged(pairs: GatedPairs, sensor: IntArray, path: PredictedMeasurements) -> 
     along = path.positions(track, time_s) - origin
     axes = tangent_axes(along / np.sqrt(dot(along, along))[:, None])
     return evolve(
-        pairs.take(last), time_s=time_s, origin_m=origin, axes=axes, measured=mean[:, 4:], sigma_rad=1.0 / np.sqrt(total)
+        pairs.take(last),
+        time_s=time_s,
+        origin_m=origin,
+        axes=axes,
+        measured=mean[:, 4:],
+        sigma_rad=1.0 / np.sqrt(total),
     )
 
 

@@ -62,6 +62,12 @@ class GatedPairs(Columns):
     log_volume: FloatArray
     sigma_rad: FloatArray
 
+    @classmethod
+    def empty(cls) -> "GatedPairs":
+        """Return no pairs."""
+        whole, none, vectors = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3))
+        return cls(whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none)
+
     def measurements(self, measured: FloatArray, whitener: FloatArray) -> AngleMeasurements:
         """Return the pairs as measurements with other innovations and whiteners."""
         return AngleMeasurements(self.track, self.time_s, self.origin_m, self.axes, measured, whitener)

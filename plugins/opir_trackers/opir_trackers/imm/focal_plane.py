@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import belief_propagation, cheapest_assignment, ranks, unambiguous
