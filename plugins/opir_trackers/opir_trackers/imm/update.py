@@ -105,16 +105,17 @@ def _registered(models: TrackingModels, now: TrackerState, ahead: Ahead, found: 
 
     Tracks that share a line with others do not count, nor those of crowds.
     """
-    if not now.registration.is_due(now.time_s, len(now.table)):
-        return now
     assigned = _unshared(found.assigned, found.pairs)
     if not len(assigned):
         return now
+    sensor = ahead.lines.sensor[assigned.line].astype(np.int64)
+    if not now.registration.is_due(now.time_s, len(now.table)):
+        return evolve(now, registration=now.registration.counted(now.time_s, now.table.number, assigned.track, sensor))
     before = evolve(now.registration.at(now.time_s), compared_s=now.time_s)
     vantages = models.vantages(before, now.time_s)
     tracks = Followed.of(now.table.number, models.moments(now.estimates), now.table.reports >= 0)
     left = _with_residuals(assigned, models.path(now.estimates, now.time_s))
-    after = registered(before, left, ahead.lines.sensor[assigned.line].astype(np.int64), tracks, vantages)
+    after = registered(before, left, sensor, tracks, vantages)
     change = after.known.mean - before.known.mean
     now = evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
     if not now.crowds.are_there or not change.any():

@@ -74,7 +74,7 @@ def test_a_sensor_without_compared_looks_is_not_judged() -> None:
     errors = evolve(before.errors, used=400, log_weight=np.log(np.maximum(weight, 1e-300)))
     innovations = evolve(before.innovations, looks=np.array([400.0, 400.0, 0.0]), square=np.array([800.0, 800.0, 0.0]))
     after = evolve(before, errors=errors, known=errors.reported(), wide=errors.moments(), innovations=innovations)
-    texts = sensor_health(after, ["WEST", "EAST", "IDLE"]).text
+    texts = sensor_health(after, ("WEST", "EAST", "IDLE")).text
     assert ["no sign of a bias" in text for text in texts] == [True, True, False]
     assert texts[2].startswith("not judged: no look of it was compared with a track")
 
