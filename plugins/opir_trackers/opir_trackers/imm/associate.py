@@ -37,10 +37,13 @@ class Associated(NamedTuple):
 def associate(models: TrackingModels, now: TrackerState, ahead: Ahead) -> Associated:
     """Return the association of a slice's lines with the tracks that are predicted."""
     table, lines, pairs, near = now.table, ahead.lines, ahead.pairs, ahead.near
-    crowds, view = now.crowds, models.view(now.registration)
-    if near is None and not len(pairs):
+    crowds = now.crowds
+    if near is None and not pairs.track.size:
         return Associated(unassigned(len(lines)), pairs, pairs, pairs, lines.sensor[:0], crowds, _NONE)
-    if len(table) > 1:
+    if near is None and table.number.size == 1:
+        return _alone(models, ahead, crowds)
+    view = models.view(now.registration)
+    if table.number.size > 1:
         rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
         rows = rows[~crowds.holds(table.number[rows])]
         if len(rows):

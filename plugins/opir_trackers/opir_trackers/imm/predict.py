@@ -52,7 +52,7 @@ def _predicted(
 ) -> Ahead:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, estimates, span_s)
-    if not len(estimates) or not len(lines):
+    if not table.number.size or not lines.scan.size:
         return Ahead(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
     path = models.path(estimates, end_s)
     if registration.widens_gates:

@@ -41,14 +41,14 @@ def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner:
 
     `owner` (m,) are the tracks of a slice's lines, -1 for none.
     """
-    if not len(now.table):
+    if not now.table.number.size:
         return now
     moments, table = models.moments(now.estimates), now.table
     silent = now.time_s - table.seen_s > models.config.silence_s
     drop = silent | (now.motion.is_decided & now.motion.are_noise)
     now, idle, down = _with_bounds(models, now, *moments)
     drop |= idle | down
-    if len(table) > 1:
+    if table.number.size > 1:
         memory_s = models.memory_s
         now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, memory_s))
         drop |= _lesser(models, now, *moments)

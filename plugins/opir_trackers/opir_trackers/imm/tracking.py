@@ -38,6 +38,7 @@ from opir_trackers.track_priors import standing_estimates
 class ImmTracking:
     """The transition from one `TrackerState` to the next."""
 
+    config: ImmConfig
     models: TrackingModels
     registration: Registration
     forces: Forces
@@ -48,17 +49,13 @@ class ImmTracking:
     def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
         """Return the tracking of a scene's sensors."""
         return cls(
+            config=config,
             models=TrackingModels.of(config, context),
             registration=registration_of(config, context.sensors),
             forces=forces_of(context.forces),
             type_log_likelihood=type_log_likelihoods(context.sensors),
             hypotheses=context.hypotheses,
         )
-
-    @property
-    def config(self) -> ImmConfig:
-        """The settings."""
-        return self.models.config
 
     def start(self) -> TrackerState:
         """Return the state before the first detection."""
@@ -100,6 +97,8 @@ class ImmTracking:
         then = update(models, now, ahead, found, reported)
         then = initiate(models, then, ahead, found.owner, raw, reported)
         then = prune(models, then, lines, found.owner)
+        if not then.crowds.are_there:
+            return then
         return renewed(then, models.view(then.registration), models.filter, models.config)
 
     def _assessed(self, now: TrackerState) -> TrackerState:

@@ -7,7 +7,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import matvec
 from opir_trackers.association import hard_measurements, merged
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.gating import GatedPairs
+from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.imm.associate import Associated
 from opir_trackers.imm.crowds import corrected_crowds
 from opir_trackers.imm.models import TrackingModels
@@ -35,10 +35,10 @@ def update(
     models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated, reported: IntArray
 ) -> TrackerState:
     """Return the state after a slice's lines, of reported types (m,), as far as they have tracks."""
-    if not len(now.table):
+    if not now.table.number.size:
         return evolve(now, time_s=ahead.end_s)
     lines, table = ahead.lines, now.table
-    if not len(lines):
+    if not lines.scan.size:
         after = models.filter.updated(ahead.estimates, ahead.end_s, no_measurements(), ahead.span_s)
         after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
         return _with_launch_points(models, now.after(ahead.end_s, after, table))
@@ -56,12 +56,12 @@ def update(
 def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:
     """Return the estimates after pairs, many of which count as few; all their looks count as detections.
 
-    Tracks that were silent, whose burns may begin at the first look, are updated with each look.
+    Tracks that were silent, whose burns may begin at the first look, are updated with each look, and few tracks too.
     """
     estimates, end_s, span_s, used = ahead.estimates, ahead.end_s, ahead.span_s, found.used
-    raw = (estimates.detection_rate[:, 2] > span_s)[used.track]
-    if raw.all():
+    if used.track.size <= FEW_PAIRS:
         return models.filter.updated(estimates, end_s, hard_measurements(used), span_s)
+    raw = (estimates.detection_rate[:, 2] > span_s)[used.track]
     each, some = np.flatnonzero(raw), np.flatnonzero(~raw)
     few = merged(used.take(some), found.sensor[some], ahead.path)
     pairs = few if not len(each) else GatedPairs.concatenate([few, used.take(each)])
@@ -84,9 +84,11 @@ def _with_outliers(
     `log` (n, fractions) are those of the outlier fractions before; after None where all tracks have next to none.
     """
     fractions, span = OutlierFractions(log), SliceSpan(ahead.end_s, ahead.span_s, models.config.gate_sigma)
-    share = models.memo.of("shares", lambda known: OutlierFractions(known).share, log)
-    suspects = np.setdiff1d(suspect_tracks(found.assigned, share), found.shared, assume_unique=True)
-    if not len(suspects):
+    share = fractions.share
+    suspects = suspect_tracks(found.assigned, share)
+    if suspects.size and found.shared.size:
+        suspects = np.setdiff1d(suspects, found.shared, assume_unique=True)
+    if not suspects.size:
         if not np.count_nonzero(share > FEW):
             return after, None
         return after, log + clean_log_likelihood(found.assigned, fractions, span.gate)
@@ -105,11 +107,14 @@ def _registered(models: TrackingModels, now: TrackerState, ahead: Ahead, found: 
 
     Tracks that share a line with others do not count, nor those of crowds.
     """
+    is_due = now.registration.is_due(now.time_s, len(now.table))
+    if not is_due and not now.registration.has_outliers:
+        return now
     assigned = _unshared(found.assigned, found.pairs)
     if not len(assigned):
         return now
     sensor = ahead.lines.sensor[assigned.line].astype(np.int64)
-    if not now.registration.is_due(now.time_s, len(now.table)):
+    if not is_due:
         return evolve(now, registration=now.registration.counted(now.time_s, now.table.number, assigned.track, sensor))
     before = evolve(now.registration.at(now.time_s), compared_s=now.time_s)
     vantages = models.vantages(before, now.time_s)

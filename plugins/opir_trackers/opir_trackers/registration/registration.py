@@ -130,8 +130,6 @@ class Registration:
 
     def counted(self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray) -> "Registration":
         """Return the registration after looks (m,) of rows of tracks `number` (n,) that are not compared."""
-        if not self.has_outliers:
-            return self
         now = self.at(time_s)
         return evolve(now, tracks=now.tracks.of(number).after(track, sensor))
 
