@@ -24,9 +24,13 @@ from attrs import evolve
 from opir_scoring.gospa_metric import gospa
 from opir_testing.doubles import stub_sensor
 from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.associate import associate
+from opir_trackers.imm.predict import predict
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.imm.update import update
+from opir_trackers.onset.motion_statistics import MotionStatistics
 from peers import installed, is_installed
 from tracking_page import (
     Line,
@@ -139,10 +143,10 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         cut = int(np.searchsorted(case.rays.time_s, end + 1e-9))
         rays, before = case.rays.take(slice(before, cut)), cut
         start = time.process_time()
-        now, owner = tracking.associated(now, end, rays)
-        now = evolve(now, table=now.table.with_detections(owner, rays.time_s, rays.sensor, np.full(len(owner), -1)))
+        ahead = predict(tracking.models, now, end, rays)
+        now = update(tracking.models, now, ahead, associate(tracking.models, now, ahead), np.full(len(rays), -1))
         taken += time.process_time() - start
-        told.append((end, tracking.filter.moments(now.estimates)[0][:, :3]))
+        told.append((end, tracking.models.filter.moments(now.estimates)[0][:, :3]))
     return told, taken
 
 
@@ -150,7 +154,9 @@ def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
     roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
-    return evolve(tracking.start(), estimates=bank, table=roster, next_number=len(bank))
+    prior = tracking.models.groups.prior
+    motion = MotionStatistics.fresh(bank.likelier_position_m, 0.0, np.zeros(len(bank)), prior)
+    return evolve(tracking.start(), estimates=bank, table=roster, motion=motion, next_number=len(bank))
 
 
 _SLOTS = (("WEST", 10.0), ("EAST", 100.0))

@@ -40,7 +40,7 @@ def main() -> None:
                 near = swap_probabilities(row, column, log.ravel()), belief_propagation(row, column, forced)
                 errors.append(np.abs(np.array(near) - truth))
             mean, most = np.mean(errors, axis=(0, 2)), np.max(errors, axis=(0, 2))
-            print(f"{count} rows, sigma {sigma}: scaled {mean[0]:.3f} ({most[0]:.2f}), BP {mean[1]:.3f} ({most[1]:.2f})")
+            print(f"{count} rows, {sigma}: scaled {mean[0]:.3f} ({most[0]:.2f}), BP {mean[1]:.3f} ({most[1]:.2f})")
 
 
 if __name__ == "__main__":

@@ -61,6 +61,12 @@ def distinct(value: IntArray) -> IntArray:
     return kept
 
 
+def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArray:
+    """Return the sums (count, k), or of as many groups as there are, of columns (n, k) by group (n,), from 0."""
+    sums = np.stack([np.bincount(group, column, count) for column in columns.T], axis=1)
+    return sums.astype(np.float64, copy=False)
+
+
 def unambiguous(row: IntArray, column: IntArray) -> BoolArray:
     """Return which pairs (n,) share neither row nor column with another pair."""
     if not len(row):
@@ -84,7 +90,10 @@ def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> Bo
         return chosen
     group, count = components(row[rest], column[rest])
     # Numbered component by component, each and a few together are blocks of one matrix.
-    rows, columns = ranks(group * (int(row.max()) + 1) + row[rest]), ranks(group * (int(column.max()) + 1) + column[rest])
+    rows, columns = (
+        ranks(group * (int(row.max()) + 1) + row[rest]),
+        ranks(group * (int(column.max()) + 1) + column[rest]),
+    )
     order = np.argsort(group, kind="stable")
     first = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
     cuts = np.flatnonzero(np.diff(first[group[order]])) + 1

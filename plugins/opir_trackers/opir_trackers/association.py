@@ -7,7 +7,7 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot, tangent_axes
-from opir_trackers.assignment import cheapest_assignment, components, distinct, ranks, unambiguous
+from opir_trackers.assignment import cheapest_assignment, components, distinct, group_sums, ranks, unambiguous
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
@@ -118,7 +118,7 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, chosen: BoolArray) 
 _MERGED_S = 0.5
 
 
-def merged(pairs: GatedPairs, sensor: IntArray, path: PredictedMeasurements) -> GatedPairs:
+def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -> GatedPairs:
     """Return one pair (k,) of each track and sensor in each part of a slice: the mean of theirs, `sensor` (n,)."""
     part = np.ceil((path.time_s - pairs.time_s) / _MERGED_S).astype(np.int64)
     part -= part.min(initial=0)
@@ -131,14 +131,19 @@ def merged(pairs: GatedPairs, sensor: IntArray, path: PredictedMeasurements) -> 
     total = np.bincount(group, weight)
     share = weight / total[group]
     columns = np.column_stack([pairs.time_s, pairs.origin_m, pairs.measured])
-    mean = np.stack([np.bincount(group, share * column) for column in columns.T], axis=1)
+    mean = group_sums(group, share[:, None] * columns)
     last = np.empty(count, dtype=np.int64)
     last[group] = np.arange(len(group))
     track, time_s, origin = pairs.track[last], mean[:, 0], mean[:, 1:4]
     along = path.positions(track, time_s) - origin
     axes = tangent_axes(along / np.sqrt(dot(along, along))[:, None])
     return evolve(
-        pairs.take(last), time_s=time_s, origin_m=origin, axes=axes, measured=mean[:, 4:], sigma_rad=1.0 / np.sqrt(total)
+        pairs.take(last),
+        time_s=time_s,
+        origin_m=origin,
+        axes=axes,
+        measured=mean[:, 4:],
+        sigma_rad=1.0 / np.sqrt(total),
     )
 
 

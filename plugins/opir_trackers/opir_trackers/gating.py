@@ -13,6 +13,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
+from opir_trackers.assignment import group_sums
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.lines_of_sight import (
     AngleMeasurements,
@@ -62,6 +63,12 @@ class GatedPairs(Columns):
     log_volume: FloatArray
     sigma_rad: FloatArray
 
+    @classmethod
+    def empty(cls) -> "GatedPairs":
+        """Return no pairs."""
+        whole, none, vectors = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3))
+        return cls(whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none)
+
     def measurements(self, measured: FloatArray, whitener: FloatArray) -> AngleMeasurements:
         """Return the pairs as measurements with other innovations and whiteners."""
         return AngleMeasurements(self.track, self.time_s, self.origin_m, self.axes, measured, whitener)
@@ -94,7 +101,7 @@ def candidates(
 def _middles(lines: LinesOfSight, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
     """Return the mean position of each sensor and its largest error."""
     total = np.bincount(which, minlength=sensors)
-    origin = np.stack([np.bincount(which, lines.origin_ecef_m[:, axis], sensors) / total for axis in range(3)], axis=1)
+    origin = group_sums(which, lines.origin_ecef_m, sensors) / total[:, None]
     sigma = np.zeros(sensors)
     np.maximum.at(sigma, which, lines.sigma_rad)
     return origin, sigma

@@ -19,7 +19,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot
 from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, ranks
+from opir_trackers.assignment import cheapest_assignment, group_sums, ranks
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
@@ -251,30 +251,26 @@ _FORWARD = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in 
 
 def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
     count = int(cluster.max(initial=-1)) + 1
-    total = np.maximum(np.bincount(cluster, minlength=count), 1)
+    total = np.maximum(np.bincount(cluster, minlength=count), 1)[:, None]
     scan_of = np.unique(np.stack([cluster, lines.scan], axis=1), axis=0)[:, 0]
     sensor = np.zeros(count, dtype=np.int64)
     sensor[cluster] = lines.sensor
-    origin = _mean_vectors(cluster, lines.origin_ecef_m, total)
-    direction = _mean_vectors(cluster, lines.direction_ecef, total)
+    origin = group_sums(cluster, lines.origin_ecef_m, count) / total
+    direction = group_sums(cluster, lines.direction_ecef, count) / total
     if np.count_nonzero(are_low_orbits(origin)):
-        aim = _mean_vectors(cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), total)
+        aim = group_sums(cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), count) / total
         direction = mean_directions(origin, direction, aim)
     else:
         direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
     return Clusters(
         sensor=sensor,
-        time_s=np.bincount(cluster, lines.time_s, count) / total,
+        time_s=np.bincount(cluster, lines.time_s, count) / total[:, 0],
         origin_ecef_m=origin,
         direction_ecef=direction,
-        sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total,
+        sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total[:, 0],
         scans=np.bincount(scan_of, minlength=count),
         is_part=np.zeros(count, dtype=bool),
     )
-
-
-def _mean_vectors(group: IntArray, vectors: FloatArray, total: IntArray) -> FloatArray:
-    return np.stack([np.bincount(group, vectors[:, axis], len(total)) / total for axis in range(3)], axis=1)
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:

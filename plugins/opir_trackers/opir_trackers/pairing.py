@@ -188,6 +188,11 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     return open_rows
 
 
+def _is_settled(table: FloatArray, group: IntArray) -> bool:
+    """Return whether all sets but one are sure, so that nothing can be exchanged."""
+    return len(np.unique(group[are_open(table, group)])) < 2
+
+
 #: A set of three sensors is sure where it has lost less than this share of its reward: where the mean least squares of
 #: a degree of freedom are below 1.5.
 _FITTING = 0.25
@@ -297,11 +302,12 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> In
     """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost."""
     if model.present is not None and np.ptp(sensor) >= _CERTAIN:
         return _relaxed(table, sensor, model.present, model)[0]
-    starts = [_in_sequence(table, sensor, model), model.present]
-    if model.present is None:
-        starts[1] = _in_sequence(table, sensor.max() - sensor, model)
-    found = [_relaxed(table, sensor, start, model) for start in starts if start is not None]
-    return max(found, key=lambda each: each[1])[0]
+    group, total = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
+    if model.present is None and _is_settled(table, group):
+        return group
+    start = _in_sequence(table, sensor.max() - sensor, model) if model.present is None else model.present
+    other, most = _relaxed(table, sensor, start, model)
+    return other if most > total else group
 
 
 def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
@@ -334,7 +340,7 @@ def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetMod
         total = model.total(table, group)
         if total > before + _SETTLED:
             moves = ones
-        elif moves is pairs or len(sensors) == 3:
+        elif moves is pairs or len(sensors) == 3 or _is_settled(table, group):
             break
         else:
             moves = pairs

@@ -201,8 +201,8 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
 
 
 def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
-    monkeypatch.setattr("opir_trackers.imm.tracking.unassigned", np.linalg.inv)
-    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(imm/tracking.py, line \d+\)"):
+    monkeypatch.setattr("opir_trackers.imm.associate.unassigned", np.linalg.inv)
+    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(imm/associate.py, line \d+\)"):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "imm"}))
 
 

@@ -5,7 +5,7 @@ import pytest
 from opir_scoring import evidence_of_run
 from opir_scoring.containments import nees
 from opir_scoring.evidence import ownership, true_states_ecef
-from opir_trackers.imm.track_management import are_below_ground, are_uncertain, have_come_down
+from opir_trackers.imm.prune import are_below_ground, are_uncertain, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan

@@ -138,11 +138,11 @@ class ArcTracker(Tracker):
         if not len(rows) or not len(lines):
             return owner
         tracking, lines = self._tracking, self._now.registration.corrected(lines)
-        predicted = tracking.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
+        predicted = tracking.models.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
         gate = tracking.config.gate_sigma
         track, line = candidates(predicted, lines, span_s, gate, self._light_time)
         pairs = gated(predicted, lines, track, line, gate, self._light_time)
-        owner_row = associate_nearest(pairs, lines, tracking.association.model).owner
+        owner_row = associate_nearest(pairs, lines, tracking.models.association).owner
         number = self._now.table.number[rows]
         return np.where(owner_row >= 0, np.searchsorted(self._arcs.number, number[owner_row]), -1)
 

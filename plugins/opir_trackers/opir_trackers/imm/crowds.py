@@ -14,6 +14,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import BOOST, matvec
 from opir_core.plugin import Sensor
+from opir_trackers.assignment import group_sums
 from opir_trackers.association import AssociationModel, connected_tracks
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import GatedPairs, gated
@@ -202,7 +203,7 @@ def _mean_directions(
     weight = 1.0 / np.square(lines.sigma_rad)
     total = np.bincount(row, weight, len(tracks))
     have = np.flatnonzero(total)
-    mean = np.stack([np.bincount(row, weight * off[:, axis], len(tracks))[have] for axis in (0, 1)], axis=1)
+    mean = group_sums(row, weight[:, None] * off, len(tracks))[have]
     sigma = np.hypot(1.0 / np.sqrt(total[have]), view.shared_rad[tracks.sensor[have]])
     return directions_at(tracks, have, end_s, view, mean / total[have, None], sigma)
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import belief_propagation, cheapest_assignment, ranks, unambiguous
+from opir_trackers.assignment import belief_propagation, cheapest_assignment, group_sums, ranks, unambiguous
 from opir_trackers.association import AssociationModel, scan_numbers
 from opir_trackers.lines_of_sight import LinesOfSight
 
@@ -250,7 +250,7 @@ def _equivalent_looks(
     where these are far apart it is negative. `off` (k, 2) is that weight times the angle, 1/rad.
     """
     hits, total = np.bincount(look), np.bincount(look, beta)
-    off = np.stack([np.bincount(look, beta * pairs.off[:, axis]) for axis in (0, 1)], axis=1)
+    off = group_sums(look, beta[:, None] * pairs.off)
     spread = 0.5 * (np.bincount(look, beta * dot(pairs.off, pairs.off)) - dot(off, off))
     whole = np.bincount(look, pairs.variance) / hits
     before = whole - np.bincount(look, np.square(lines.sigma_rad[pairs.line])) / hits
@@ -270,27 +270,29 @@ def _after_looks(
     row, place = np.unique(pairs.row, return_inverse=True)
     part = np.maximum(weight, _LEAST_INFORMATION / np.square(lines.sigma_rad[pairs.line]))
     share = part / np.bincount(place, part)[place]
-    columns = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
-    sums = np.column_stack([columns, pairs.off, weight])
-    mean = np.stack([np.bincount(place, column, len(row)) for column in sums.T], axis=1)
+    looks = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
+    mean = group_sums(place, np.column_stack([looks, pairs.off, weight]), len(row))
     when, pull, total = mean[:, 0], mean[:, 4:6], mean[:, 6]
     before = tracks.take(row).predicted(when)
     whole = np.maximum(1.0 + before.covariance[:, 0, 0] * total, 0.5)
     gain = before.covariance[:, :, 0] / whole[:, None]
-    after = {
-        "mean": before.mean + gain[:, :, None] * pull[:, None, :],
-        "covariance": before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :],
-        "time_s": when,
-    }
-    columns = {name: getattr(tracks, name).copy() for name in after}
-    for name, column in columns.items():
-        column[row] = after[name]
+    mean_after, covariance, time_s = tracks.mean.copy(), tracks.covariance.copy(), tracks.time_s.copy()
+    mean_after[row] = before.mean + gain[:, :, None] * pull[:, None, :]
+    covariance[row] = before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :]
+    time_s[row] = when
+    after = evolve(tracks, mean=mean_after, covariance=covariance, time_s=time_s)
     last = np.empty(len(row), dtype=np.int64)
     last[place] = pairs.line
     good = np.flatnonzero(total * np.square(lines.sigma_rad[last]) > _LEAST_INFORMATION)
     direction = before.directions(good, before.mean[good, 0] + pull[good] / total[good, None])
-    seen = lines.sensor[last[good]], lines.scan[last[good]], mean[good, 1:4], direction, 1.0 / np.sqrt(total[good])
-    return evolve(tracks, **columns), LinesOfSight(when[good], *seen), row[good]
+    equivalent = evolve(
+        lines.take(last[good]),
+        time_s=when[good],
+        origin_ecef_m=mean[good, 1:4],
+        direction_ecef=direction,
+        sigma_rad=1.0 / np.sqrt(total[good]),
+    )
+    return after, equivalent, row[good]
 
 
 def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray) -> FloatArray:

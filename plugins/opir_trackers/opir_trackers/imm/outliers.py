@@ -127,7 +127,7 @@ def reweighted(
     outlier: OutlierFractions,
 ) -> ReweightedEstimates:
     """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from `before` to `after`."""
-    weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share)
+    weight, _, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share)
     log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
     doubted = np.zeros(len(before), dtype=np.bool_)
     doubted[assigned.track[weight < 1.0 - _SETTLED]] = True

@@ -116,7 +116,7 @@ class GroupPosterior:
 
 #: Tracks first seen longer ago than this, s, are assessed again after the second time, s, if steps are of a second.
 #: What they are changes little by then.
-_YOUNG_S, _AGAIN_S, _STEP_S = 10.0, 5.0, 1.0
+_YOUNG_S, _AGAIN_S, _STEP_S = 20.0, 5.0, 1.0
 
 
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:

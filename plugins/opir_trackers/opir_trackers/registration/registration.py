@@ -24,6 +24,10 @@ _FEW = 15
 #: Up to so many tracks sensors that are as stated are compared now and then: of more, each shows another combination.
 _LONE = 3
 
+#: Comparisons of targets after which those of so many tracks are made less often: at least so many a second. Errors and
+#: noise change over a minute.
+_OFTEN, _MANY = 600, 20
+
 #: Looks that tracks explain as outliers, from which all looks are counted.
 _SOME = 0.5
 
@@ -114,9 +118,20 @@ class Registration:
         return self.wide if self.errors.used < _FEW else self.known
 
     def is_due(self, time_s: float, tracks: int) -> bool:
-        """Whether looks are compared at a time; those of few tracks now and then, once sensors are as stated."""
+        """Whether looks are compared at a time.
+
+        Those of few tracks are now and then, once sensors are as stated, and those of many once they have been often.
+        """
+        since_s = time_s - self.compared_s
+        if self.errors.used >= _OFTEN and tracks > _MANY:
+            return since_s >= min(_AGAIN_S, tracks / _MANY) - 1e-6
         always = tracks > _LONE or self.widens_gates or self.corrects or self.has_outliers
-        return always or time_s - self.compared_s >= _AGAIN_S
+        return always or since_s >= _AGAIN_S
+
+    def counted(self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray) -> "Registration":
+        """Return the registration after looks (m,) of rows of tracks `number` (n,) that are not compared."""
+        now = self.at(time_s)
+        return evolve(now, tracks=now.tracks.of(number).after(track, sensor))
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.

@@ -9,8 +9,8 @@ from attrs import evolve
 from opir_testing.doubles import stub_sensor, stub_window
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.imm.models import needed_scans
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
-from opir_trackers.imm.tracking import needed_scans
 
 from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights

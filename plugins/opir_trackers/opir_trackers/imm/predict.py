@@ -1,0 +1,89 @@
+"""Predict: tracks at the end of a slice, their measurements in it, and its lines within their gates."""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.estimation import BOOST
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.gating import GatedPairs
+from opir_trackers.imm import crowds as crowd
+from opir_trackers.imm.crowds import CrowdPairs, Crowds
+from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.registration.registration import Registration
+
+
+class Ahead(NamedTuple):
+    """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are those in the slice.
+
+    Without tracks or lines no measurements are predicted.
+    `pairs` are the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them;
+    `near` are those of the crowds' focal-plane tracks, None without crowds.
+    """
+
+    estimates: ModeEstimates
+    path: PredictedMeasurements
+    pairs: GatedPairs
+    near: CrowdPairs | None
+    lines: LinesOfSight
+    end_s: float
+    span_s: float
+
+
+def predict(models: TrackingModels, now: TrackerState, end_s: float, lines: LinesOfSight) -> Ahead:
+    """Return the tracks at the end of a slice with lines; the last prediction is kept, for labels need the same."""
+    known = now.estimates, now.table, now.crowds, now.registration
+    return models.memo.of("ahead", _predicted, models, *known, now.time_s, end_s, lines)
+
+
+def _predicted(
+    models: TrackingModels,
+    estimates: ModeEstimates,
+    table: TrackTable,
+    crowds: Crowds,
+    registration: Registration,
+    start_s: float,
+    end_s: float,
+    lines: LinesOfSight,
+) -> Ahead:
+    span_s = end_s - start_s
+    estimates = models.memo.of("moved", models.filter.predicted_open, estimates, span_s)
+    if not table.number.size or not lines.scan.size:
+        return Ahead(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
+    path = models.path(estimates, end_s)
+    if registration.widens_gates:
+        vantages, state = models.vantages(registration, end_s), estimates.likelier_state
+        path = path._replace(bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages))
+    if not crowds.are_there:
+        return Ahead(estimates, path, models.gated_pairs(path, lines, span_s), None, lines, end_s, span_s)
+    pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
+    near = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
+    return Ahead(estimates, path, pairs, near, lines, end_s, span_s)
+
+
+_NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))
+
+
+def _lone_pairs(
+    models: TrackingModels,
+    path: PredictedMeasurements,
+    lines: LinesOfSight,
+    span_s: float,
+    table: TrackTable,
+    crowds: Crowds,
+) -> GatedPairs:
+    follows = crowds.follows(table.number, table.reports.shape[1])
+    rows = np.flatnonzero(~follows.all(axis=1))
+    bias = path.bias_covariance
+    part = path._replace(
+        derivative=path.derivative[rows],
+        root=path.root[rows],
+        bias_covariance=None if bias is None else bias[rows],
+    )
+    pairs = models.gated_pairs(part, lines if len(rows) else lines.take(rows), span_s)
+    pairs = evolve(pairs, track=rows[pairs.track])
+    return pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))
