@@ -12,7 +12,6 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
@@ -28,15 +27,15 @@ from opir_trackers.gating import GatedPairs
 from opir_trackers.imm import crowds as crowd, registering, track_management
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate
 from opir_trackers.imm.renewal import renewed
-from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import duplicates, sighting_memory_s
 from opir_trackers.launch_points import LaunchDelayPrior, LaunchPoints, delays_at_once, launches, updated_points
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s, no_measurements
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
-from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
-from opir_trackers.onset.posterior import RARE, GroupPosterior
+from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.sensors import Biases, clutter_per_sr
 from opir_trackers.track_priors import filter_of, first_motion, prior_estimates, standing_estimates
@@ -351,7 +350,7 @@ class ImmTracking:
             order = np.argsort(last.table.number, kind="stable")
             estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
-        state, covariance = self._with_static_states(*self.association.moments(estimates), motion, now.time_s)
+        state, covariance = self.association.moments(estimates)
         added = registering.shared_covariance(self.association, now, estimates, table)
         if added is not None:
             covariance = covariance + added
@@ -359,20 +358,6 @@ class ImmTracking:
         types = type_evidence(table.reports, self.type_log_likelihood)
         reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
         return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
-
-    def _with_static_states(
-        self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return inertial states (n, 6) and covariances (n, 6, 6), as mixtures with those of sources that stand."""
-        rows = (motion.probability[:, GROUND] > RARE).nonzero()[0]
-        if not len(rows):
-            return state, covariance
-        position, spread = self._static_estimates(motion.take(rows), time_s)
-        still, around = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6))
-        still[:, :3], around[:, :3, :3] = position, spread
-        still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
-        around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
-        return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
 
     def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight, -1 for none.
