@@ -70,3 +70,19 @@ def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows()
         squares += nees(away, told.state_covariance).tolist()
     assert len(squares) == 4
     assert max(squares) < RARE
+
+
+def test_the_state_of_a_launch_is_as_sure_as_it_says_before_it_is_recognised() -> None:
+    """A mixture with a source that stands held one in ten: a thousand fires are expected for one launch."""
+    squares = []
+    for seed in (12, 14):
+        plan = compile_plan(
+            load_scene(EXAMPLES / "first_light.yaml", overrides=["duration_s=60", "tracker=imm", f"seed={seed}"])
+        )
+        tracks = run_of_plan(plan).tracks
+        told = tracks.take(np.flatnonzero(tracks.probability_launch < 0.5))
+        away = told.state - true_states_ecef(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
+        squares += nees(away, told.state_covariance).tolist()
+    assert len(squares) > 30
+    assert np.mean(np.array(squares) < 12.59) >= 0.9
+    assert np.mean(squares) / 6.0 < 1.5

@@ -1,8 +1,8 @@
 """Ascents drawn from the tracker's law of boosts: where a vehicle is, and how it moves, at times since its ignition.
 
 Missiles, gliders and vehicles unlike both fly the law's program of pitch-over and slow steering; space launchers are
-steered to an orbit. Weights are those of the forecast's hypotheses: ranges and greatest heights of missiles, and low
-and level ends of the burns of gliders.
+steered to an orbit. Weights are those of the forecast's hypotheses: ranges of missiles and elevations at the ends
+of their boosts, low and level ends of those of gliders.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_trackers.forecast.burning_on import drawn_steering
-from opir_trackers.forecast.marginals import as_inertial, ranges_m
+from opir_trackers.forecast.marginals import elevations, ranges_m
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.planar_boost import RADIUS_M, PlanarBoost, drawn_stages
 from opir_trackers.forecast.vehicles import MISSILE, NONE, SPACE, VehicleModel
@@ -33,12 +33,6 @@ TABLE_S, LONGEST_S = 3.0, 700.0
 
 #: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
 ORBITS_M = (180e3, 400e3)
-
-#: Share of missiles whose greatest heights are as the law of vehicles has them, whatever their range; the forecast
-#: thinks that few fly far from the arc of least energy. Of 16 steep boosts with three stages, 5 s after the last
-#: burnout, its share and 0.3 hold 12 states, 0.7 holds 15, as the filter alone does. The price: IRBMs of the class
-#: profiles, which are flat, are off by 1.3 times as much as the Stone Soup tracker's, with 0.3 by 1.1.
-ANY_HEIGHT = 0.7
 
 #: Rows of an ascent: angle over the ground, rad; height, m; level and vertical velocity, m/s; level and vertical
 #: specific force, m/s²; integrals of distance over the ground and of height over time, m s.
@@ -97,7 +91,7 @@ def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray,
 
 
 def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArray]]:
-    """Yield rows (8, n), which ascents burn, and states (4, n), at intervals."""
+    """Yield rows (8, n), which ascents burn, and states (4, n), nan once on the ground again, at intervals."""
     state = boost.at_rest()
     flies, behind = np.ones(len(boost.orbit_m), dtype=np.bool_), np.zeros((2, len(boost.orbit_m)))
     sums = np.zeros_like(behind)
@@ -114,7 +108,7 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
         behind = away
         motion = [np.sum(each * axis, axis=0) for each in (state[2:], force) for axis in (level, up)]
         rows = np.array([away[0] / RADIUS_M, away[1], *motion, *sums])
-        yield rows, flies & np.any(force, axis=0), state
+        yield rows, flies & np.any(force, axis=0), np.where(flies, state, np.nan)
         state = boost.stepped(state, now, TABLE_S)
 
 
@@ -127,18 +121,20 @@ def _heights_m(model: VehicleModel, family: int, rng: np.random.Generator) -> Fl
 
 
 def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray:
-    """Return the logarithms of the weights (n,) of a family's ascents with states (4, n) at the ends of boosts."""
+    """Return the logarithms of the weights (n,) of a family's ascents with states (4, n) at the ends of boosts.
+
+    A program that ends in the ground is a bad draw: before it does, it leads lower than any boost.
+    """
     missile, orbit, glide, none = outcomes.groups.tolist()
     weight = np.ones(end.shape[1])
     if family == MISSILES:
         with np.errstate(divide="ignore", invalid="ignore"):
             range_m = ranges_m(end)
-            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.lofting(range_m, as_inertial(end), ANY_HEIGHT)
-        weight = np.where(np.isfinite(range_m), weight, 0.0)
+            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.climbing(range_m, elevations(end))
     elif family == GLIDERS:
         radius, speed = np.hypot(end[0], end[1]), np.hypot(end[2], end[3])
-        steep = np.arcsin(np.clip((end[0] * end[2] + end[1] * end[3]) / (radius * speed), -1.0, 1.0))
-        weight = outcomes.gliding(radius - RADIUS_M, steep, speed)
+        weight = outcomes.gliding(radius - RADIUS_M, elevations(end), speed)
+    weight = np.where(np.isfinite(end[0]) & np.isfinite(weight), weight, 0.0)
     share = (missile, glide, orbit, none + outcomes.odd)[family]
     return np.asarray(np.log(np.maximum(share * weight / max(float(weight.sum()), 1e-9), _LEAST)))
 

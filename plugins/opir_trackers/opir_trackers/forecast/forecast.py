@@ -102,12 +102,13 @@ def _hypotheses(
     if missile + glide > 0.0:
         share = missile / (missile + glide)
         unknown = np.isnan(fates.range_m) & np.isfinite(fates.when_s)
-        by_class = outcomes.missiles(fates.range_m) * outcomes.lofting(fates.range_m, fates.state)[:, None]
+        ends = features(fates.burnt)
+        by_class = outcomes.missiles(fates.range_m) * outcomes.climbing(fates.range_m, ends[1])[:, None]
         by_class[unknown] = outcomes.unknown_range
         weight[np.ix_(first, columns["missile"])] = share * by_class[first]
         weight[np.ix_(broad, columns["missile"])] = odd * missile * by_class[broad]
         if columns["glide"]:
-            each = outcomes.gliding(*features(fates.burnt)) * (1.0 - share) / len(columns["glide"])
+            each = outcomes.gliding(*ends) * (1.0 - share) / len(columns["glide"])
             weight[np.ix_(first, columns["glide"])] = each[first, None]
     if columns["orbit"]:
         # A stage that has gone out may have been the last one of a failure.

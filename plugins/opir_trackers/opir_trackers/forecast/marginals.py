@@ -11,7 +11,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
-from opir_trackers.forecast.outcomes import log_lofting
+from opir_trackers.forecast.outcomes import LEVEL, log_elevation
 from opir_trackers.forecast.planar_boost import MU, RADIUS_M, PlanarBoost, drawn_stages
 from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel
 
@@ -55,11 +55,10 @@ def ranges_m(state: FloatArray) -> FloatArray:
     return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
 
 
-def as_inertial(state: FloatArray) -> FloatArray:
-    """Return planar states (4, n) as positions and velocities (n, 6)."""
+def elevations(state: FloatArray) -> FloatArray:
+    """Return the elevations (n,), rad, of the velocities of planar states (4, n)."""
     x, y, u, v = state
-    none = np.zeros(len(x))
-    return np.stack([x, y, none, u, v, none], axis=1)
+    return np.arctan2(x * u + y * v, np.abs(y * u - x * v))
 
 
 def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
@@ -72,15 +71,17 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     range_m = ranges_m(end)
     log = np.log(range_m / 1e3)
     flies = np.isfinite(range_m) & (range_m > 1e3 * NODES_KM[0])
-    loft = log_lofting(range_m[flies], as_inertial(end[:, flies]))
+    angle = elevations(end)
+    climbs = flies & (angle > LEVEL)
+    steep = log_elevation(range_m[climbs], angle[climbs])
     away = (np.log(NODES_KM)[:, None] - log[np.isfinite(log)]) / WIDTH
     density = np.exp(-0.5 * away**2).sum(axis=1) / (WIDTH * np.sqrt(2.0 * np.pi) * len(log))
     box = model.data["glide"]
     x, y, u, v = end
     height, speed = np.hypot(x, y) - RADIUS_M, np.hypot(u, v)
-    angle = np.degrees(np.arcsin(np.clip((x * u + y * v) / (np.hypot(x, y) * speed), -1.0, 1.0)))
     low, high = np.multiply(box["height_km"], 1e3)
-    level = (angle > box["angle_deg"][0]) & (angle < box["angle_deg"][1])
+    least, most = np.radians(box["angle_deg"])
+    level = (angle > least) & (angle < most)
     glide = np.mean((height > low) & (height < high) & level & (speed > box["least_m_s"]))
     space = drawn_stages(model, SPACE, draws, rng)
     growth = np.maximum(space["growth"], 1e-9)
@@ -88,7 +89,7 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     return {
         "range_km": [round(value, 1) for value in NODES_KM.tolist()],
         "density": [float(f"{value:.3g}") for value in np.maximum(density, 1e-3).tolist()],
-        "loft": [float(f"{value:.2g}") for value in (loft.mean(), loft.std())],
+        "elevation": [float(f"{value:.2g}") for value in (steep.mean(), steep.std(), climbs.sum() / flies.sum())],
         "glide": float(f"{glide:.2g}"),
         "orbit": float(f"{np.mean(gained > ORBIT_M_S):.2g}"),
     }

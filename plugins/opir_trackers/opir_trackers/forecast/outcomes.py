@@ -95,20 +95,18 @@ class Outcomes:
         weights: FloatArray = share * np.exp(-at)[:, None]
         return weights
 
-    def lofting(self, range_m: FloatArray, state: FloatArray, any_share: float | None = None) -> FloatArray:
-        """Return the density (p,) of the greatest heights of missiles over that of all boosts; 1 without a range.
+    def climbing(self, range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
+        """Return the density (p,) of missiles that end their boosts at an elevation over that of all boosts.
 
-        Missiles fly near the arc of least energy, more of them lofted than depressed: the logarithm of the ratio of
-        greatest heights is a normal law of two pieces, but for a share of any, `any_share` or that of the law. `state`
-        (p, 6) are inertial states at the ends of burns.
+        They end them near the elevation of the arc of least energy, more of them lofted than depressed: the logarithm
+        of the ratio of tangents is a normal law of two pieces, but for a share of any. 1 without a range.
         """
-        law, (mean, sigma) = self.model.data["loft"], self.model.data["marginal"]["loft"]
-        log = log_lofting(range_m, state)
+        law, (mean, sigma, climb) = self.model.data["elevation"], self.model.data["marginal"]["elevation"]
+        log = log_elevation(range_m, angle_rad)
         side = np.where(log < 0.0, law["below"], law["above"])
         own = 2.0 / (law["below"] + law["above"]) * np.exp(-0.5 * np.square(log / side))
-        every = np.exp(-0.5 * np.square((log - mean) / sigma)) / sigma
-        odd = law["any"] if any_share is None else any_share
-        share = (1.0 - odd) * own / np.maximum(every, 1e-3) + odd
+        every = climb / sigma * np.exp(-0.5 * np.square((log - mean) / sigma))
+        share = (1.0 - law["any"]) * own / np.maximum(every, 1e-3) + law["any"]
         return np.where(np.isnan(range_m), 1.0, share)
 
     @property
@@ -145,33 +143,18 @@ class Outcomes:
 EARTH_RADIUS_M = 6371e3
 
 
-def log_lofting(range_m: FloatArray, state: FloatArray) -> FloatArray:
-    """Return the logarithms (p,) of greatest heights over those of the arcs of least energy over ranges (p,), m."""
-    least = least_energy_apogee_m(np.nan_to_num(range_m, nan=1e6))
-    return np.log(np.clip(apogee_m(state), 1e3, 1e9) / least)
+#: Tangent of the elevation of boosts that end level or descend.
+LEVEL = 1e-3
 
 
-def apogee_m(state: FloatArray) -> FloatArray:
-    """Return the greatest heights (p,), m, of free flights from inertial states (p, 6), inf for those that escape."""
-    place, velocity = state[:, :3], state[:, 3:6]
-    radius, square = np.sqrt(dot(place, place)), dot(velocity, velocity)
-    energy = 0.5 * square - EARTH_MU_M3_S2 / radius
-    turn = radius * radius * square - np.square(dot(place, velocity))
-    axis = -0.5 * EARTH_MU_M3_S2 / np.where(energy < 0.0, energy, -np.inf)
-    eccentricity = np.sqrt(np.maximum(1.0 + 2.0 * energy * turn / EARTH_MU_M3_S2**2, 0.0))
-    return np.where(energy < 0.0, axis * (1.0 + eccentricity) - EARTH_RADIUS_M, np.inf)
+def log_elevation(range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Return the logarithms (p,) of tangents of elevations over those of the arcs of least energy over ranges, m.
 
-
-def least_energy_apogee_m(range_m: FloatArray) -> FloatArray:
-    """Return the greatest heights (p,), m, of the arcs of least energy over ranges (p,), on a sphere.
-
-    R ((1 + sin ψ) (1 + e) / 2 - 1), with ψ half of the angle of the range and e = (1 - sin ψ) / cos ψ (Bate, Mueller
-    and White, Fundamentals of Astrodynamics, 1971, 6.2).
+    The latter are at (π - ψ) / 4, with ψ the angle of the range (Bate, Mueller and White, Fundamentals of
+    Astrodynamics, 1971, 6.2). What descends counts as level.
     """
-    half = np.minimum(0.5 * range_m / EARTH_RADIUS_M, 0.499 * np.pi)
-    sine, cosine = np.sin(half), np.cos(half)
-    height: FloatArray = EARTH_RADIUS_M * (0.5 * (1.0 + sine) * (1.0 + (1.0 - sine) / cosine) - 1.0)
-    return np.maximum(height, 1e3)
+    swept = np.minimum(np.nan_to_num(range_m, nan=1e6) / EARTH_RADIUS_M, 0.99 * np.pi)
+    return np.log(np.maximum(np.tan(angle_rad), LEVEL) / np.tan(0.25 * (np.pi - swept)))
 
 
 def _limits_m(hypothesis: Hypothesis) -> tuple[float, float]:

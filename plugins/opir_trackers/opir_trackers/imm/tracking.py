@@ -12,7 +12,6 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
@@ -23,13 +22,12 @@ from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.prune import prune
 from opir_trackers.imm.renewal import renewed
-from opir_trackers.imm.report import ReportedTracks, mixed_with, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
-from opir_trackers.onset.motion_statistics import GROUND, MotionStatistics
-from opir_trackers.onset.posterior import RARE
+from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.track_priors import standing_estimates
 
@@ -152,7 +150,7 @@ class ImmTracking:
             order = np.argsort(last.table.number, kind="stable")
             estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
-        state, covariance = self._with_static_states(*self.models.moments(estimates), motion, now.time_s)
+        state, covariance = self.models.moments(estimates)
         added = self.models.shared_covariance(now, estimates, table)
         if added is not None:
             covariance = covariance + added
@@ -160,20 +158,6 @@ class ImmTracking:
         types = type_evidence(table.reports, self.type_log_likelihood)
         reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
         return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
-
-    def _with_static_states(
-        self, state: FloatArray, covariance: FloatArray, motion: MotionStatistics, time_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return inertial states (n, 6) and covariances (n, 6, 6), as mixtures with those of sources that stand."""
-        rows = (motion.probability[:, GROUND] > RARE).nonzero()[0]
-        if not len(rows):
-            return state, covariance
-        position, spread = self._static_estimates(motion.take(rows), time_s)
-        still, around = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6))
-        still[:, :3], around[:, :3, :3] = position, spread
-        still[:, 3], still[:, 4] = -EARTH_ROTATION_RAD_S * position[:, 1], EARTH_ROTATION_RAD_S * position[:, 0]
-        around[:, range(3, 6), range(3, 6)] = self.config.hypotheses.ground_drift_m_s**2
-        return mixed_with(state, covariance, rows, (still, around), motion.probability[rows, GROUND])
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:

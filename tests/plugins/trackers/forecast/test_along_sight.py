@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from opir_trackers.forecast.along_sight import Sighting, along_sight
-from opir_trackers.forecast.ascents import HEIGHT, LAUNCHERS, NUMBERS, ascents_of
+from opir_trackers.forecast.ascents import CLIMB, HEIGHT, LAUNCHERS, LEVEL, MISSILES, NUMBERS, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.vehicles import vehicle_model
 
@@ -103,3 +103,17 @@ def test_launchers_are_steered_to_heights_of_orbits():
     height = ASCENTS.path[last, HEIGHT, np.arange(own.start, own.stop)]
     assert np.median(height) > 150e3
     assert np.mean(height < 450e3) > 0.9
+
+
+def test_missiles_end_their_boosts_climbing_and_above_the_ground():
+    """Those whose program leads into the ground look, until then, like boosts that climb less than any."""
+    own = slice(0, NUMBERS[MISSILES])
+    lit, path, share = ASCENTS.burns[:, own], ASCENTS.path[:, :, own], np.exp(ASCENTS.log_weight[own])
+    last = np.array([np.flatnonzero(each)[-1] for each in lit.T])
+    climb, level = (path[last, row, np.arange(len(last))] for row in (CLIMB, LEVEL))
+    angle, near = np.degrees(np.arctan2(climb, level)), path[last, HEIGHT, np.arange(len(last))] < 200.0
+    share /= share.sum()
+    assert np.mean(near) > 0.1
+    assert share[near].sum() < 0.01
+    assert share[angle < 5.0].sum() < 0.1
+    assert 25.0 < np.sort(angle)[np.searchsorted(np.cumsum(share[np.argsort(angle)]), 0.5)] < 55.0

@@ -84,6 +84,6 @@ def test_the_marginal_law_of_ranges_is_that_of_fresh_flights() -> None:
     assert found["range_km"] == kept["range_km"]
     # 20 000 boosts: 4 % of a density of 0.2 in kernels of 0.2.
     assert found["density"] == pytest.approx(kept["density"], rel=0.25)
-    assert found["loft"] == pytest.approx(kept["loft"], rel=0.1)
+    assert found["elevation"] == pytest.approx(kept["elevation"], rel=0.1)
     assert found["glide"] == pytest.approx(kept["glide"], rel=0.15)
     assert found["orbit"] == pytest.approx(kept["orbit"], rel=0.05)
