@@ -12,11 +12,14 @@ from attrs import frozen
 from scipy.stats import chi2, kstest, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, SPEED_OF_LIGHT_M_S
 from opir_core.estimation import matvec, tangent_axes
 from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
 from opir_core.plugin import Tracks
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
+
+#: No two points on the ground are farther apart, m: half of the equator.
+FARTHEST_M = float(np.pi * EARTH_EQUATORIAL_RADIUS_M)
 
 #: Nominal containments of a containment curve.
 CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
@@ -205,10 +208,10 @@ def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatA
 _GROUND_FREEDOM = 2
 
 
-def rms(error: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
-    """Return the root mean square of errors (n,), dependent within a cluster (n,), with its interval."""
+def rms(error: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
+    """Return the root mean square of errors (n,), at most `most`, dependent within a cluster (n,), with its interval."""
     value, lower, upper = root_mean_square(error, cluster)
-    return {"value": value, "interval_95": [lower, upper]}
+    return {"value": value, "interval_95": [lower, min(upper, most)]}
 
 
 def energy(score: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import containment_ellipse
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS, Columns
 from opir_core.plugin import ImpactRegion, Tracks
-from opir_scoring.containments import energy, mean, proportion, rms, share
+from opir_scoring.containments import FARTHEST_M, energy, mean, proportion, rms, share
 from opir_scoring.errors import ground_error, place_of
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
 from opir_scoring.proper_scores import energy_scores
@@ -115,7 +115,7 @@ def _figures(scores: ImpactScores) -> dict[str, Any]:
     return {
         "targets": len(landing),
         "predicted": share(*proportion(int(np.count_nonzero(landing.is_predicted)), len(landing))),
-        "impact_m": rms(landing.impact_m),
+        "impact_m": rms(landing.impact_m, most=FARTHEST_M),
         "energy_m": energy(landing.energy_m),
         "regions": _region_figures(landing.contained, landing.area_km2),
         "regions_given_condition": _region_figures(landing.contained_given, landing.area_given_km2),

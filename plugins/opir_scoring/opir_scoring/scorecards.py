@@ -10,6 +10,7 @@ from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, TargetClass
 from opir_scoring.containments import (
+    FARTHEST_M,
     Innovations,
     consistency,
     consistent,
@@ -218,10 +219,10 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
         "targets": len(points),
         "launches_reported": int(np.count_nonzero(np.isfinite(points.launch_m))),
         "impacts_reported": int(np.count_nonzero(np.isfinite(points.impact_m))),
-        "launch_m": rms(points.launch_m),
+        "launch_m": rms(points.launch_m, most=FARTHEST_M),
         "launch_energy_m": energy(points.launch_energy_m),
         "launch_time_s": rms(points.launch_time_s),
-        "impact_m": rms(points.impact_m),
+        "impact_m": rms(points.impact_m, most=FARTHEST_M),
         "impact_time_s": rms(points.impact_time_s),
         "launch_containment": contained(points.launch_nees),
         "impact_containment": contained(points.impact_nees),
@@ -247,7 +248,7 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
         "velocity_energy_m_s": energy(states.velocity_energy_m_s, track),
         **_over_bounds(states, track, "", states.position_bound_m, states.velocity_bound_m_s),
         **_over_bounds(states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s),
-        "impact_m": rms(states.impact_m, track),
+        "impact_m": rms(states.impact_m, track, FARTHEST_M),
         "nees": consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
     }
 

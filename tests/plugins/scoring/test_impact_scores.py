@@ -8,6 +8,7 @@ import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
 from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
+from opir_scoring.containments import FARTHEST_M, rms
 from opir_scoring.impacts import PHASES
 from opir_scoring.region_points import region_energy_m
 from opir_testing.doubles import stub_estimates
@@ -290,3 +291,12 @@ def test_a_target_of_unknown_impact_is_not_scored(tmp_path):
     told = evidence_of(np.array([20.0, 20.0]), [0, 1], impact_regions=[regions_at(20.0)] * 2)
     evidence = evolve(told, plan=compile_plan(scene_from_mapping(scene)))
     assert impact_scores(evidence, ownership(evidence)).target.tolist() == [1]
+
+
+def test_no_interval_of_an_impact_error_is_longer_than_half_the_equator() -> None:
+    two = np.array([5e3, 4.6e6])
+    low, high = rms(two)["interval_95"]
+    assert (low < 1e3, high > 1e9) == (True, True)
+    assert rms(two, most=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
+    few = np.array([1e3, 1.1e3, 0.9e3])
+    assert rms(few, most=FARTHEST_M) == rms(few)

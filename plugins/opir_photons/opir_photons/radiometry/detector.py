@@ -11,8 +11,8 @@ ELECTRON_C, BOLTZMANN_J_K = 1.602176634e-19, 1.380649e-23
 
 #: Rule 07: W. E. Tennant et al., J. Electron. Mater. 37 (2008) 1406; "Rule 07 revisited", 39 (2010) 1030. Current
 #: density, A/cm², the factor of the exponent, and the wavelengths, um, and the power of the correction for short
-#: cut-offs, as open programs quote them from the paper of 2008, which was not at hand. Others have -1.162972237 for the
-#: factor: 1 % less current at 10 um and 77 K.
+#: cut-offs, as `rule07_dark_current` of the open program lentil and others quote them from the paper of 2008, which was
+#: not at hand. One has -1.162972237 for the factor: 1 % less current at 10 um and 77 K.
 _DENSITY_A_CM2, _FACTOR = 8367.00001853855, -1.16239134096245
 _SCALE_UM, _THRESHOLD_UM, _POWER = 0.200847413564122, 4.63513642316149, 0.544071281108481
 #: Photon energy times wavelength, eV um, as in Rule 07.
