@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import asdict, evolve, frozen
+from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, kind_of, number_of
@@ -87,6 +87,8 @@ class Plan(PlanParts):
     scan_generations: tuple[int, ...] = ()
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
+    #: What runs have computed from this plan that no seed changes, by subject; `reseeded` plans share it.
+    kept: dict[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:
         """Return the plan in one line."""
