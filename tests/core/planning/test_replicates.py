@@ -71,6 +71,14 @@ def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_thei
     assert all(len(run.detections) for run in runs)
 
 
+def test_replicates_ask_the_plugins_for_their_classes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = opir.compile_plan(scene_of("constant"))
+    opir.run_of_plan(plan)
+    monkeypatch.setattr("opir_core.planning.plan.offered_hypotheses", lambda _host: pytest.fail("asked again"))
+    for seed in (5, 6):
+        assert len(opir.run_of_plan(reseeded(plan, seed)).plan.hypotheses) > 1
+
+
 def test_another_model_does_not_get_the_knots_of_the_first() -> None:
     plan = opir.compile_plan(scene_of("signals"))
     dim = opir.compile_plan(
