@@ -130,7 +130,7 @@ def main() -> None:
     grown = max(part.peak_mib[-1] - part.peak_mib[0] for part in first[0])
     page = PAGE.format(
         answer=f"At the rate of this page a million replicates of `first_light` take {60.0 * hours:.0f} minutes on"
-        f" {chosen.workers} cores. From the first quarter of its runs to the last a worker grows by {grown:.1f} MiB.",
+        f" {chosen.workers} cores.\nFrom the first quarter of its runs to the last a worker grows by {grown:.1f} MiB.",
         workers=chosen.workers,
         rows="\n".join(rows),
         runs=len(latency_s),
@@ -139,7 +139,7 @@ def main() -> None:
     )
     print(page)
     if chosen.write:
-        (chosen.write / "replicates.md").write_text(page, encoding="utf-8")
+        (chosen.write / "replicates.md").write_text(page.rstrip() + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

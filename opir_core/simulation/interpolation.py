@@ -65,9 +65,8 @@ class _LookIntervals(NamedTuple):
 class KnotCurves:
     """Curves of P_d quantiles, one per piece, and lines of signals, one per interval, by pairs and places of knots.
 
-    They do not depend on the phases of scans. `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for
-    others; in `rough` (p,) pieces looks are evaluated. `at` and `rise` (2 B + 1, k) are signals, noise and the sine of
-    the elevation at an interval's start, and their increase per unit.
+    They do not depend on the phases of scans. In `rough` (p,) pieces looks are evaluated; `rise` is per unit, the rest
+    as in `ProbabilityInterpolant`.
     """
 
     model: DetectionProbability
@@ -128,7 +127,8 @@ def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
 class ProbabilityInterpolant:
     """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval between knots.
 
-    As `KnotCurves`, over the scans of pairs: `at` (2 B + 1, k) is at an interval's first scan, `rise` per scan.
+    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2 B + 1, k) are
+    signals, noise and the sine of the elevation at an interval's first scan, and their increase per scan.
     """
 
     model: DetectionProbability
