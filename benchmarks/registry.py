@@ -124,6 +124,13 @@ BENCHMARKS = (
         needs=("opir_studies", "opir_dask"),
     ),
     Benchmark(
+        "replicates",
+        "How long do a million replicates of one launch take, and how exact are they?",
+        "replicates.py",
+        words("--runs 80 --workers 1"),
+        needs=("opir_photons",),
+    ),
+    Benchmark(
         "live",
         "How old are events of a live run, and how many targets can it follow?",
         "live_pace.py",

@@ -151,7 +151,7 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     lines = []
     for tolerance in options.tolerances:
         plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)
-        knots = interpolant_of(plan.detection, plan.look_geometry())
+        knots = interpolant_of(plan, plan.look_geometry())
         assert knots is not None
         off = np.abs(knots.over(looks).probability()[rows] - true)
         own = found(plan)

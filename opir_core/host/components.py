@@ -54,6 +54,7 @@ class NoConfig:
 class Component:
     """A component that a scene can choose.
 
+    A kind without fields of its own is a plain subclass: attrs would build its methods anew in each process.
     `build(config, context)` returns the working part, of the contract that each kind names. `presets` are named sets of
     configuration values: a block with `preset: NAME` starts from them instead of the defaults.
 
@@ -81,7 +82,6 @@ class Component:
     presets: Mapping[str, Mapping[str, Any]] = field(factory=dict)
 
 
-@frozen(kw_only=True)
 class SensorModel(Component):
     """`build(config, context) -> Sensor`: scan times, field of regard, bands and noise."""
 
@@ -102,7 +102,6 @@ class DetectionModel(Component):
     classifier: str = ""
 
 
-@frozen(kw_only=True)
 class ConfidenceModel(Component):
     """`build(config, context) -> Confidence`: detections and their history to a confidence in [0, 1]."""
 
@@ -110,7 +109,6 @@ class ConfidenceModel(Component):
     kind = "confidence model"
 
 
-@frozen(kw_only=True)
 class ClassifierModel(Component):
     """`build(config, context) -> Classifier`: measurements to the reported target type."""
 
@@ -118,7 +116,6 @@ class ClassifierModel(Component):
     kind = "classifier"
 
 
-@frozen(kw_only=True)
 class TrackerModel(Component):
     """`build(config, context) -> Tracker`: detections to tracks."""
 
@@ -126,7 +123,6 @@ class TrackerModel(Component):
     kind = "tracker"
 
 
-@frozen(kw_only=True)
 class TargetModel(Component):
     """`build(configs, context) -> Trajectories`: the trajectories of all targets of the model."""
 
@@ -134,7 +130,6 @@ class TargetModel(Component):
     kind = "target model"
 
 
-@frozen(kw_only=True)
 class SignatureModel(Component):
     """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the model."""
 
@@ -142,7 +137,6 @@ class SignatureModel(Component):
     kind = "signature model"
 
 
-@frozen(kw_only=True)
 class SourceModel(Component):
     """`build(config, context) -> Sources`: emitters other than targets, any number from one block."""
 
@@ -150,7 +144,6 @@ class SourceModel(Component):
     kind = "source model"
 
 
-@frozen(kw_only=True)
 class AtmosphereModel(Component):
     """`build(config, context) -> Transmittance`: in-band transmittance along a path."""
 
@@ -158,7 +151,6 @@ class AtmosphereModel(Component):
     kind = "atmosphere model"
 
 
-@frozen(kw_only=True)
 class BackgroundModel(Component):
     """`build(config, context) -> Background`: background radiance and clutter."""
 
@@ -203,7 +195,6 @@ class SinkModel(Component):
     read_truth: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
 
 
-@frozen(kw_only=True)
 class RendererModel(Component):
     """`build(config, context) -> Renderer`: lines of events and truth, joined from columns.
 
@@ -235,7 +226,6 @@ class FileReader(Component):
     fleet: type | None = None
 
 
-@frozen(kw_only=True)
 class MetricModel(Component):
     """`build(config, context) -> Metric`: figures of a finished run, for studies."""
 
@@ -243,7 +233,6 @@ class MetricModel(Component):
     kind = "metric"
 
 
-@frozen(kw_only=True)
 class ExecutorModel(Component):
     """`build(config, context) -> Executor`: runs the tasks of a study."""
 
@@ -251,7 +240,6 @@ class ExecutorModel(Component):
     kind = "executor"
 
 
-@frozen(kw_only=True)
 class ExporterModel(Component):
     """`build(config, context) -> Exporter`: writes a finished run in a format of other programs."""
 
@@ -259,7 +247,6 @@ class ExporterModel(Component):
     kind = "exporter"
 
 
-@frozen(kw_only=True)
 class RunView(Component):
     """`build(run)`: a finished run in another form, which `run.view(NAME)` returns."""
 

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import asdict, evolve, frozen
+from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, kind_of, number_of
@@ -87,6 +87,8 @@ class Plan(PlanParts):
     scan_generations: tuple[int, ...] = ()
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
+    #: What runs have computed from this plan that no seed changes, by subject; `reseeded` plans share it.
+    kept: dict[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:
         """Return the plan in one line."""
@@ -102,7 +104,9 @@ class Plan(PlanParts):
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What a hot object may be, from all target classes that plugins offer."""
-        return offered_hypotheses(self.host)
+        if "hypotheses" not in self.kept:
+            self.kept["hypotheses"] = offered_hypotheses(self.host)
+        return self.kept["hypotheses"]
 
     @property
     def hypothesis_names(self) -> tuple[str, ...]:
@@ -195,7 +199,7 @@ def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
     places = _rows_by_model(scene)
     targets = _joined(scene, plan.targets.trajectories[: len(places)], places, sources)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
-    make_tracker = partial(_tracker, scene, host, sensors, detection)
+    make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     models = {"detection": detection, "classifier": classifier, "confidence": confidence}
     return {**models, "sources": sources, "targets": targets, "make_tracker": make_tracker}
 
@@ -216,7 +220,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources, problems)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
-    make_tracker = partial(_tracker, scene, host, sensors, detection)
+    make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
     return PlanParts(
@@ -301,10 +305,12 @@ def _models(
     return detection, classifier, confidence
 
 
-def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability) -> Tracker:
-    """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
+def _tracker_context(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability
+) -> TrackerContext:
+    """Return what all trackers of a scene are built from."""
     rates = detection.rate_per_scan
-    context = TrackerContext(
+    return TrackerContext(
         sensors=with_paper_types(sensors, host),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
@@ -313,6 +319,10 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: D
         hypotheses=offered_hypotheses(host),
         false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
     )
+
+
+def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
+    """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
     tracker: Tracker = built(host, scene.tracker, context)
     fault = _tracker_fault(tracker)
     if fault:

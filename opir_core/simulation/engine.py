@@ -52,7 +52,7 @@ class Engine:
         """Return the stages of a window, in order. What does not happen in the scene is not among them."""
         pairs, geometry = plan.pairs, plan.look_geometry()
         find_looks = FindLooks(pairs, self._streams)
-        curves = interpolant_of(plan.detection, geometry)
+        curves = interpolant_of(plan, geometry)
         build = BuildDetections.of(plan, geometry, self._streams)
         draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry)
         stages: list[Stage | None] = [

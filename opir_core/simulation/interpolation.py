@@ -2,9 +2,9 @@
 
 Signals vary slowly along a track, except at breakpoints that models may know (`breakpoints_s`). Between these, pieces
 have five knots (`opir_core.simulation.refinement`), or three if P_d is 0 or 1 throughout. The quantile of P_d is a
-polynomial over the scan number through the knots; each band's signal and noise are linear between knots. A piece is
-halved until the error of the curve is within the tolerance of P_d; at jumps of the quantile halving ends at adjacent
-scans, which are exact. Knots belong to pairs and scans, so they do not depend on the windows.
+polynomial through the knots; each band's signal and noise are linear between knots. A piece is halved until the error
+of the curve is within the tolerance of P_d; where knots come as near to each other as looks, each look is evaluated.
+Knots belong to pairs and times: they depend neither on windows nor on the phases of scans, and replicates share them.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,20 @@ from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response
-from opir_core.planning.looks import LookGeometry, Looks
+from opir_core.planning.looks import LookGeometry, Looks, blocks
+from opir_core.planning.sightlines import Pairs
 from opir_core.simulation.refinement import (
     KNOTS,
+    MARGIN,
+    UNIT_NS,
     Curves,
     GridRefiner,
     Intervals,
     RefinedGrid,
     certain_beyond,
     error_terms,
+    knot_places,
+    values_of,
 )
 
 #: Rows whose curves are evaluated at once.
@@ -57,6 +62,68 @@ class _LookIntervals(NamedTuple):
 
 
 @frozen(eq=False)
+class KnotCurves:
+    """Curves of P_d quantiles, one per piece, and lines of signals, one per interval, by pairs and places of knots.
+
+    They do not depend on the phases of scans. In `rough` (p,) pieces looks are evaluated; `rise` is per unit, the rest
+    as in `ProbabilityInterpolant`.
+    """
+
+    model: DetectionProbability
+    tolerance: float
+    pieces: Intervals
+    curves: Curves
+    certain: FloatArray
+    rough: BoolArray
+    intervals: Intervals
+    at: FloatArray
+    rise: FloatArray
+
+    @classmethod
+    def of(cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> "KnotCurves":
+        """Return the curves of all pairs that may have looks."""
+        grid = GridRefiner(geometry, model, tolerance).refined()
+        pieces, curves, certain, rough = _curved(grid, certain_beyond(tolerance))
+        lines = Intervals.joined([_lines(grid.settled), _lines(grid.curved)])
+        lines = lines.take(_in_order(lines.pair, lines.scan[0]))
+        light = grid.values[1:]
+        at = light.take(lines.row[0], axis=1)
+        rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
+        return cls(model, tolerance, pieces, curves, certain, rough, lines, at, rise)
+
+    def at_scans(self, geometry: LookGeometry) -> "ProbabilityInterpolant":
+        """Return the interpolant over scan numbers, for the phases of a geometry's pairs."""
+        pairs = geometry.pairs
+        ahead_ns, period_ns = knot_places(pairs).phase_ns - pairs.phase_ns, pairs.period_ns
+        pair, of_line = self.pieces.pair, self.intervals.pair
+        pieces = _first_scans(self.pieces, pairs)
+        lines = _first_scans(self.intervals, pairs)
+        units = period_ns / UNIT_NS
+        middle = (self.curves.middle * UNIT_NS + ahead_ns[pair]) / period_ns[pair]
+        curves = Curves(middle, self.curves.per_scan * units[pair], self.curves.coefficients)
+        since = (lines * period_ns[of_line] - ahead_ns[of_line]) / UNIT_NS - self.intervals.scan[0]
+        whole = ProbabilityInterpolant(
+            self.model,
+            _LookIntervals.of(pairs.last_scan, pair, pieces),
+            curves,
+            self.certain,
+            _LookIntervals.of(pairs.last_scan, of_line, lines),
+            self.at + self.rise * since,
+            self.rise * units[of_line],
+        )
+        return whole.with_looks(geometry, np.flatnonzero(self.rough), self.tolerance)
+
+
+def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
+    """Return the first scans (k,) of pieces: at or after their starts, of the first ones the first of the pair."""
+    # Looks within the margin before a piece's first knot are its own: a breakpoint may be there.
+    pair, start = pieces.pair, np.maximum(pieces.scan[0] - MARGIN, 0)
+    since_ns = start * UNIT_NS + (knot_places(pairs).phase_ns - pairs.phase_ns)[pair]
+    first = np.maximum(-(-since_ns // pairs.period_ns[pair]), 0)
+    return np.where(start == 0, np.minimum(first, pairs.first_scan[pair]), first)
+
+
+@frozen(eq=False)
 class ProbabilityInterpolant:
     """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval between knots.
 
@@ -75,16 +142,35 @@ class ProbabilityInterpolant:
     @classmethod
     def of(cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> "ProbabilityInterpolant":
         """Return the interpolant of all pairs with looks."""
-        grid = GridRefiner(geometry, model, tolerance).refined()
-        last_scan = geometry.pairs.last_scan
-        pieces, curves, certain = _curved(last_scan, grid, certain_beyond(tolerance))
-        lines = Intervals.joined([_lines(grid.settled), _lines(grid.curved)])
-        lines = lines.take(_in_order(lines.pair, lines.scan[0]))
-        light = grid.values[1:]
-        at = light.take(lines.row[0], axis=1)
-        rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
-        intervals = _LookIntervals.of(last_scan, lines.pair, lines.scan[0])
-        return cls(model, pieces, curves, certain, intervals, at, rise)
+        return KnotCurves.of(geometry, model, tolerance).at_scans(geometry)
+
+    def with_looks(self, geometry: LookGeometry, rough: IntArray, tolerance: float) -> "ProbabilityInterpolant":
+        """Return the interpolant with each look of rough pieces, given by their rows, evaluated."""
+        pairs, pair = geometry.pairs, self.pieces.pair[rough]
+        first = np.maximum(self.pieces.first[rough], pairs.first_scan[pair])
+        count = np.maximum(np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first, 0)
+        pair = np.repeat(pair, count)
+        if not len(pair):
+            return self
+        scan = np.arange(len(pair)) + np.repeat(first - (np.cumsum(count) - count), count)
+        every = [geometry.exposures(pair[rows], scan[rows]) for rows in blocks(len(pair))]
+        values = np.concatenate([values_of(self.model, exposed, tolerance) for exposed in every], axis=1)
+        both = np.concatenate([self.pieces.pair, pair]), np.concatenate([self.pieces.first, scan])
+        order = _in_order(*both)
+        curves = self.curves.joined(Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS), order)
+        beyond = certain_beyond(tolerance)
+        certain = np.where(values[0] > beyond, 1.0, np.where(values[0] < -beyond, 0.0, np.nan))
+        of_lines = np.concatenate([self.intervals.pair, pair]), np.concatenate([self.intervals.first, scan])
+        in_lines = _in_order(*of_lines)
+        return ProbabilityInterpolant(
+            self.model,
+            _LookIntervals.of(pairs.last_scan, *(each[order] for each in both)),
+            curves,
+            np.concatenate([self.certain, certain])[order],
+            _LookIntervals.of(pairs.last_scan, *(each[in_lines] for each in of_lines)),
+            np.concatenate([self.at, values[1:]], axis=1)[:, in_lines],
+            np.concatenate([self.rise, np.zeros_like(values[1:])], axis=1)[:, in_lines],
+        )
 
     def over(self, looks: Looks) -> "WindowInterpolant":
         """Return the interpolant of a window's looks."""
@@ -155,24 +241,22 @@ def _lines_at(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArr
     return columns
 
 
-def _curved(last_scan: IntArray, grid: RefinedGrid, beyond: float) -> tuple[_LookIntervals, Curves, FloatArray]:
-    """Return pieces with curves and certain P_d; lines from look to look where all looks are knots."""
-    settled, quantile = grid.settled, grid.values[0]
-    is_dense = np.all(np.diff(grid.curved.scan, axis=0) <= 1, axis=0)
-    dense, smooth = _lines(grid.curved.take(is_dense)), grid.curved.take(~is_dense)
-    # Settled pieces need no curve: a line fills the row.
-    straight = Intervals.joined([dense, settled.knots(slice(0, 3, 2))])
+def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatArray, BoolArray]:
+    """Return all pieces in order, with their curves, certain P_d, and which are rough."""
+    quantile, smooth = grid.values[0], grid.curved
+    # Settled pieces need no curve: a line fills the row; rough ones get none.
+    straight = Intervals.joined([each.knots(slice(0, None, len(each.scan) - 1)) for each in (grid.settled, grid.rough)])
     inner, ends = quantile[smooth.row], quantile[straight.row]
-    pair = np.concatenate([smooth.pair, straight.pair])
-    first = np.concatenate([smooth.scan[0], straight.scan[0]])
-    order = _in_order(pair, first)
+    pieces = Intervals.joined([smooth.knots(slice(0, None, KNOTS - 1)), straight])
+    order = _in_order(pieces.pair, pieces.scan[0])
     through = Curves.through(smooth.scan, inner)
     curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
     error = sum(error_terms(smooth.scan.astype(np.float64), inner))
-    least = np.concatenate([inner.min(axis=0) - error, ends.min(axis=0)])[order]
-    most = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])[order]
+    least = np.concatenate([inner.min(axis=0) - error, ends.min(axis=0)])
+    most = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])
     certain = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
-    return _LookIntervals.of(last_scan, pair[order], first[order]), curves, certain
+    is_rough = np.arange(len(order)) >= len(order) - len(grid.rough.pair)
+    return pieces.take(order), curves, certain[order], is_rough[order]
 
 
 def _in_order(pair: IntArray, scan: IntArray) -> IntArray:

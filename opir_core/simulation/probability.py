@@ -8,6 +8,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray
 from opir_core.interfaces.protocols import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks
+from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_probability
 
@@ -67,10 +68,19 @@ class VisibilityTest:
             window.probability[part] *= self.geometry.visible(looks.pair[part], looks.scan[part])
 
 
-def interpolant_of(model: DetectionProbability, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
-    """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation."""
+def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
+    """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation.
+
+    The curves are computed once for all replicates of a plan.
+    """
+    model = plan.detection
     if model.probability_tolerance is None:
         return None
-    from opir_core.simulation.interpolation import ProbabilityInterpolant
+    from opir_core.simulation.interpolation import KnotCurves
 
-    return ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
+    of = model, plan.sightlines, plan.sensors
+    known, curves = plan.kept.get("curves", ((), None))
+    if curves is None or any(one is not other for one, other in zip(known, of, strict=True)):
+        curves = KnotCurves.of(geometry, model, model.probability_tolerance)
+        plan.kept["curves"] = of, curves
+    return curves.at_scans(geometry)

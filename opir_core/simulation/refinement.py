@@ -4,14 +4,26 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from attrs import evolve
 from scipy.special import ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.records import Exposures
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
+from opir_core.planning.sightlines import Blocked, Pairs
 
-#: First pieces of smooth intervals: longest duration, s, and largest number.
-FIRST_PIECE_S, MOST_FIRST_PIECES = 16.0, 64
+#: Unit of the places of knots, ns. Knots are not at looks: whatever the phases of scans, they stay.
+UNIT_NS = 1000
+
+#: Distance, in these units, of knots from breakpoints, whose times are those of models to some light time · speed / c.
+MARGIN = 50
+
+#: First pieces of smooth intervals: longest duration, s, or in scan periods, and largest number.
+FIRST_PIECE_S, FIRST_PIECE_SCANS, MOST_FIRST_PIECES = 16.0, 8, 64
+
+#: Least distance of the knots of a curve, in scan periods: where that is too far, each look is evaluated.
+LEAST_SCANS = 2
 
 #: Tolerance of signals and noise midway between neighbouring knots: relative, or in standard deviations of noise.
 SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
@@ -116,14 +128,27 @@ class Intervals(NamedTuple):
 
 
 class RefinedGrid(NamedTuple):
-    """Pieces of three knots with P_d 0 or 1, pieces of five knots with curves, and the values at the knots.
+    """Settled pieces with three knots, pieces of five knots with curves and `rough` ones without, and the values at the
+    knots.
 
-    `values` (2 + 2 B, knots) are quantile, signals, noise and the sine of the elevation.
+    `values` (2 + 2 B, knots) are quantile, signals, noise and the sine of the elevation; places are those of
+    `knot_places`.
     """
 
     settled: Intervals
     curved: Intervals
+    rough: Intervals
     values: FloatArray
+
+
+def knot_places(pairs: Pairs) -> Pairs:
+    """Return pairs that look every `UNIT_NS` while looks are possible: the places of knots are the scans of these."""
+    # After the light of an ignition: a breakpoint there cuts nothing off.
+    start_ns = -(-(pairs.from_ns + 1) // UNIT_NS) * UNIT_NS
+    can_look = (pairs.blocked == Blocked.NOT) | (pairs.blocked == Blocked.NO_LOOK)
+    last = np.where(can_look & (pairs.to_ns > pairs.from_ns), np.maximum(pairs.to_ns - start_ns, 0) // UNIT_NS, -1)
+    unit_ns = np.full_like(pairs.period_ns, UNIT_NS)
+    return evolve(pairs, period_ns=unit_ns, phase_ns=start_ns, first_scan=np.zeros_like(last), last_scan=last)
 
 
 class GridRefiner:
@@ -135,30 +160,36 @@ class GridRefiner:
         self._known, self._count = np.empty((1, 0)), 0
 
     def refined(self) -> RefinedGrid:
-        """Return the refined grid."""
-        pieces = self._first_pieces()
-        settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
+        """Return the refined grid, which does not depend on the phases of scans."""
+        period_ns = self._geometry.pairs.period_ns
+        self._geometry = evolve(self._geometry, pairs=knot_places(self._geometry.pairs))
+        pieces = self._first_pieces(period_ns)
+        settled = [pieces.take(slice(0, 0)).knots(_SPARE)]
+        curved, rough = [pieces.take(slice(0, 0))], [pieces.take(slice(0, 0))]
         while len(pieces.pair):
             is_settled = self._is_settled(pieces.knots(_SPARE))
             settled.append(pieces.take(is_settled).knots(_SPARE))
             pieces = self._filled(pieces.take(~is_settled))
-            # Pieces of neighbouring scans are exact.
-            fine = np.all(np.diff(pieces.scan, axis=0) <= 1, axis=0)
-            open_ = np.flatnonzero(~fine)
-            fine[open_] = self._is_fine(pieces.take(open_))
+            gaps = np.diff(pieces.scan, axis=0)
+            fine = np.all(gaps > 0, axis=0)
+            distinct = np.flatnonzero(fine)
+            fine[distinct] = self._is_fine(pieces.take(distinct))
             curved.append(pieces.take(fine))
-            pieces = _halved(pieces.take(~fine), self._values()[0])
-        return RefinedGrid(Intervals.joined(settled), Intervals.joined(curved), self._values())
+            is_rough = ~fine & (gaps.max(axis=0) * UNIT_NS <= np.maximum(LEAST_SCANS * period_ns[pieces.pair], UNIT_NS))
+            rough.append(pieces.take(is_rough))
+            pieces = _halved(pieces.take(~fine & ~is_rough), self._values()[0])
+        all_settled, all_curved, all_rough = (Intervals.joined(each) for each in (settled, curved, rough))
+        return RefinedGrid(all_settled, all_curved, all_rough, self._values())
 
-    def _first_pieces(self) -> Intervals:
+    def _first_pieces(self, period_ns: IntArray) -> Intervals:
         """Return the first pieces, with first, middle and last knots evaluated."""
         pair, first, last = _smooth_intervals(self._geometry, self._model)
-        period_s = self._geometry.pairs.period_ns[pair] * 1e-9
-        wanted = np.ceil((last - first) * period_s / FIRST_PIECE_S)
+        longest_ns = np.maximum(FIRST_PIECE_S * 1e9, FIRST_PIECE_SCANS * period_ns[pair])
+        wanted = np.ceil((last - first) * UNIT_NS / longest_ns)
         count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        pair, first, looks, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
-        start, stop = first + looks * number // count, first + looks * (number + 1) // count
+        pair, first, span, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
+        start, stop = first + span * number // count, first + span * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
         row = np.full(scan.shape, -1)
         row[::2] = self._rows(np.broadcast_to(pair, (3, len(pair))), scan[::2])
@@ -183,15 +214,9 @@ class GridRefiner:
 
     def _evaluate(self, pair: IntArray, scan: IntArray) -> None:
         """Evaluate looks, sorted by pair, and append their values."""
-        slack = self._tolerance * _SLACK_SHARE
         for rows in blocks(len(pair)):
             exposed = self._geometry.exposures(pair[rows], scan[rows])
-            response = self._model.response(exposed, slack=slack)
-            assert response is not None
-            assert response.probit is not None
-            quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
-            sine = np.zeros(len(quantile)) if response.elevation_sine is None else response.elevation_sine
-            self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T, sine[None]]))
+            self._keep(values_of(self._model, exposed, self._tolerance))
 
     def _keep(self, values: FloatArray) -> None:
         """Append the values (2 + 2 B, n) of looks (n,)."""
@@ -260,6 +285,16 @@ class GridRefiner:
         return straight
 
 
+def values_of(model: DetectionProbability, exposed: Exposures, tolerance: float) -> FloatArray:
+    """Return what is interpolated (2 + 2 B, n) of looks: quantile, signals, noise, and the sine of the elevation."""
+    response = model.response(exposed, slack=tolerance * _SLACK_SHARE)
+    assert response is not None
+    assert response.probit is not None
+    quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
+    sine = np.zeros(len(quantile)) if response.elevation_sine is None else response.elevation_sine
+    return np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T, sine[None]])
+
+
 def certain_beyond(tolerance: float) -> float:
     """Return the quantile beyond which P_d is rounded to 1, and below minus which to 0."""
     return -float(ndtri(CERTAIN_SHARE * tolerance))
@@ -301,7 +336,7 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tuple[IntArray, IntArray, IntArray]:
-    """Return intervals of looks between breakpoints of the model: pairs, first and last scans."""
+    """Return intervals between breakpoints of the model, less the margin: pairs, first and last places of knots."""
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first, last = pairs.first_scan[looking], pairs.last_scan[looking]
@@ -313,7 +348,8 @@ def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tu
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
     stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)
     row, place = np.nonzero(starts < stops)
-    return looking[row], starts[row, place], stops[row, place] - 1
+    start, last = starts[row, place], stops[row, place] - 1
+    return looking[row], np.minimum(start + MARGIN, (start + last) // 2), np.maximum(last - MARGIN, (start + last) // 2)
 
 
 def _scans_from(geometry: LookGeometry, pair: IntArray, emission_s: FloatArray) -> IntArray:

@@ -17,6 +17,9 @@ VERSION_BUDGET = 30
 #: together; work, ranges, input files, plugins and columns are checked.
 FIRST_RUN_BUDGET = 278
 
+#: How many classes attrs may build for a first run: each costs half a millisecond.
+CLASSES_BUDGET = 170
+
 HEAVY = ("scipy", "litestar", "aiokafka", "matplotlib", "pyarrow", "rich", "pyproj", "sgp4", "pandas", "numba")
 
 
@@ -31,7 +34,7 @@ def command(*words: str) -> str:
     return (
         "from opir_core.cli.main import main\n"
         f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code = stop.code\n"
-        "assert not code, code"
+        "assert not code, code\n"
     )
 
 
@@ -57,6 +60,16 @@ def test_a_first_run_stays_within_its_budget(tmp_path: Path) -> None:
     scene = str(EXAMPLES / "first_light.yaml")
     extra = modules_of(command("run", scene, "--quiet"), tmp_path) - numpy
     assert len(extra) <= FIRST_RUN_BUDGET, sorted(extra)
+
+
+def test_a_first_run_builds_few_classes(tmp_path: Path) -> None:
+    counted = (
+        "import sys\n"
+        "own = {each for name, module in list(sys.modules.items()) if name.startswith('opir_')"
+        " for each in vars(module).values() if isinstance(each, type) and '__attrs_attrs__' in vars(each)}\n"
+        f"assert 100 < len(own) <= {CLASSES_BUDGET}, len(own)"
+    )
+    modules_of(command("run", str(EXAMPLES / "first_light.yaml"), "--quiet") + counted, tmp_path)
 
 
 def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_heavy(tmp_path: Path) -> None:

@@ -215,7 +215,10 @@ class RadiometricEnvironment:
             own_s = trajectories.course_breakpoints_s
             if own_s is not None:
                 turning = np.flatnonzero(self.targets.group == number)
-                times_s.append(self._of_all(turning, own_s[self.targets.place[turning]]))
+                turns_s = own_s[self.targets.place[turning]]
+                # The direction of flight is that over a step about each look.
+                ends_s = np.concatenate([turns_s - _HALF_STEP_S, turns_s + _HALF_STEP_S], axis=1)
+                times_s.append(self._of_all(turning, ends_s))
         if self.sunlight is not None:
             times_s.append(shadow_times_s(self.targets, self.epoch_us))
         return np.concatenate(times_s, axis=1)

@@ -49,6 +49,48 @@ def test_a_replicate_builds_no_sensor_no_trajectory_and_no_model() -> None:
     assert other.detection is plan.detection
 
 
+def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_their_scans() -> None:
+    plan = opir.compile_plan(scene_of("signals"))
+    asked: list[int] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(plan.detection, name)
+
+        def response(self, exposures: Any, *, slack: float = 0.0) -> Any:
+            asked.append(len(exposures))
+            return plan.detection.response(exposures, slack=slack)
+
+    counted = evolve(plan, detection=Counting())
+    runs = [opir.run_of_plan(reseeded(counted, seed)) for seed in range(4)]
+    assert len({run.plan.pairs.phase_ns.tobytes() for run in runs}) == 4
+    first, others = asked[: len(asked) - 3], asked[len(asked) - 3 :]
+    # The first finds the knots, round by round; each evaluates its looks near bends once more.
+    assert len(first) > 4
+    assert max(others) < 0.3 * sum(first)
+    assert all(len(run.detections) for run in runs)
+
+
+def test_replicates_ask_the_plugins_for_their_classes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = opir.compile_plan(scene_of("constant"))
+    opir.run_of_plan(plan)
+    monkeypatch.setattr("opir_core.planning.plan.offered_hypotheses", lambda _host: pytest.fail("asked again"))
+    for seed in (5, 6):
+        assert len(opir.run_of_plan(reseeded(plan, seed)).plan.hypotheses) > 1
+
+
+def test_another_model_does_not_get_the_knots_of_the_first() -> None:
+    plan = opir.compile_plan(scene_of("signals"))
+    dim = opir.compile_plan(
+        opir.scene_from_mapping(
+            bench_scene(**SCENES["signals"] | {"detection": {"model": "snr", "probability_tolerance": 0.01}})
+        )
+    )
+    alone = bench_run_of(dim).lines
+    bench_run_of(plan)
+    assert bench_run_of(evolve(plan, scene=dim.scene, detection=dim.detection)).lines == alone
+
+
 def test_clouds_are_drawn_anew() -> None:
     plan = opir.compile_plan(scene_of("clouds"))
     other = reseeded(plan, 7)

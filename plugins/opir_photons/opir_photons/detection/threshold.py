@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 
-
 #: Q(-x) is above the least normal double, 2.2e-308, from here on.
 _LEAST_NORMAL = -37.5
 

@@ -1,5 +1,7 @@
 """Boosts of a law of vehicles from the ground, in a plane through the Earth's centre, without rotation or drag."""
 
+from functools import cached_property
+
 import numpy as np
 from attrs import frozen
 
@@ -50,13 +52,13 @@ class PlanarBoost:
     steering: Steering
     orbit_m: FloatArray
 
-    @property
+    @cached_property
     def starts_s(self) -> FloatArray:
         """Return the ignitions (n, STAGES)."""
         starts: FloatArray = np.cumsum(self.stages["gap"] + self.stages["burn"], axis=1) - self.stages["burn"]
         return starts
 
-    @property
+    @cached_property
     def over_s(self) -> FloatArray:
         """Return the times (n,) of the last burnout."""
         over: FloatArray = (self.starts_s + self.stages["burn"]).max(axis=1)
@@ -80,26 +82,32 @@ class PlanarBoost:
         return np.array([u, v, pull * x + ahead, pull * y + up])
 
     def force(self, state: FloatArray, now: float) -> FloatArray:
-        """Return the specific force (2, n), m/s²."""
-        since = now - self.starts_s
-        stages = self.stages
-        on = (since >= 0.0) & (since < stages["burn"])
-        size = np.sum(np.where(on, stages["first"] / np.maximum(1.0 - stages["growth"] * since, 0.02), 0.0), axis=1)
-        speed = np.hypot(state[2], state[3])
-        rising = (now < self.steering.rise_s) | (speed < 1.0)
+        """Return the specific force (2, n), m/s²: nothing after the last burnout, and nothing is computed there."""
+        thrust = np.zeros((2, len(self.orbit_m)))
+        rows = np.flatnonzero(now < self.over_s)
+        if len(rows):
+            thrust[:, rows] = self._thrust(state[:, rows], now, rows)
+        return thrust
+
+    def _thrust(self, state: FloatArray, now: float, rows: IntArray) -> FloatArray:
+        """Return the specific force (2, m), m/s², of some vehicles, given by their rows."""
+        since = now - self.starts_s[rows]
+        burn, first, growth = (self.stages[name][rows] for name in ("burn", "first", "growth"))
+        on = (since >= 0.0) & (since < burn)
+        size = np.sum(np.where(on, first / np.maximum(1.0 - growth * since, 0.02), 0.0), axis=1)
+        speed, steering = np.hypot(state[2], state[3]), self.steering.take(rows)
+        rising = (now < steering.rise_s) | (speed < 1.0)
         ahead, up = (
             np.where(rising, rest, part / np.maximum(speed, 1.0)) for rest, part in ((0.0, state[2]), (1.0, state[3]))
         )
-        lead = self.steering.leads(np.full(len(speed), now))
+        lead = steering.leads(np.full(len(speed), now))
         cosine, sine = np.cos(lead), np.sin(lead)
         unit = np.array([ahead * cosine + up * sine, up * cosine - ahead * sine])
-        steered = np.isfinite(self.orbit_m) & ~rising
-        if steered.any():
-            rows = np.flatnonzero(steered)
-            unit[:, rows], cut_off = self._to_orbit(state[:, rows], now, size[rows], rows)
-            size[rows[cut_off]] = 0.0
-        thrust: FloatArray = size * unit
-        return thrust
+        steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
+        if len(steered):
+            unit[:, steered], cut_off = self._to_orbit(state[:, steered], now, size[steered], rows[steered])
+            size[steered[cut_off]] = 0.0
+        return size * unit
 
     def _to_orbit(
         self, state: FloatArray, now: float, size: FloatArray, rows: IntArray
