@@ -2,16 +2,19 @@
 
 import re
 from collections.abc import Callable, Sequence
-from io import StringIO
+from io import BytesIO, StringIO
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
+from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullFormatter
 
 from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
 
@@ -48,8 +51,8 @@ STYLE: Any = {
     "ytick.labelcolor": INK,
 }
 
-#: Width of a figure over the text column of a page, inches.
-WIDTH_IN = 8.6
+#: Width of a figure over the text column of a page, inches, and of a file for a paper: two columns of a journal.
+WIDTH_IN, PRINT_WIDTH_IN = 8.6, 7.2
 
 _PLACES = re.compile(r"(-?\d+\.\d{2})\d+")
 _GEOMETRY = re.compile(r' (?:d|x|y|width|height)="[^"]*"')
@@ -59,7 +62,8 @@ _GLOBAL_STYLE = re.compile(r"\s*<defs>\s*<style[^>]*>.*?</style>\s*</defs>", re.
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 
-def _layout() -> ConstrainedLayoutEngine:
+def new_layout() -> ConstrainedLayoutEngine:
+    """Return the layout of figures."""
     return ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06)
 
 
@@ -68,7 +72,7 @@ def new_axes(height_in: float) -> Axes:
     from matplotlib import pyplot
 
     with matplotlib.rc_context(STYLE):
-        _, axes = pyplot.subplots(figsize=(WIDTH_IN, height_in), layout=_layout())
+        _, axes = pyplot.subplots(figsize=(WIDTH_IN, height_in), layout=new_layout())
     return axes
 
 
@@ -83,10 +87,58 @@ def without_data(axes: Axes, words: str) -> Axes:
     return axes
 
 
-def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = (), **where: Any) -> None:
-    """Draw a legend of the series' hues and of other marks."""
+#: Widths of a letter and of a line with its gaps in a legend, inches; height of a row, points.
+_LETTER_IN, _HANDLE_IN, _ROW_PT = 0.066, 0.6, 13.0
+
+
+def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
+    """Draw a legend of the series' hues and of other marks above the axes."""
     lines = [Line2D([], [], color=hue.colour, linestyle=hue.dashes, label=hue.label) for hue in hues]
-    axes.legend(handles=[*lines, *marks], **{"loc": "best", **where})
+    legend_above(axes, [*lines, *marks])
+
+
+def legend_beside(axes: Axes, hues: Sequence[Hue], title: str = "", *, whole: bool = False, marker: str = "o") -> None:
+    """Draw a legend of series with marks above the axes, or above their whole figure."""
+    lines = [
+        Line2D([], [], color=hue.colour, linestyle=hue.dashes or "", marker=marker, markersize=4, label=hue.label)
+        for hue in hues
+    ]
+    legend_above(axes, lines, title, whole=whole)
+
+
+def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole: bool = False) -> None:
+    """Draw a legend of lines above the axes, off the data, or above the whole figure; a title of the axes moves up."""
+    figure, part = axes.figure, axes.get_subplotspec()
+    panels = 1 if whole or part is None else part.get_geometry()[1]
+    width_in = figure.bbox.width / figure.dpi / panels - 0.9
+    longest_in = _HANDLE_IN + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
+    columns = int(min(max(width_in // longest_in, 1), len(lines)))
+    style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": 3.2}
+    if title:
+        style |= {"title": title, "title_fontsize": 8, "alignment": "left"}
+    if whole:
+        figure.legend(loc="outside upper left", **style)
+        return
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, **style)
+    if axes.get_title("left"):
+        rows = -(-len(lines) // columns) + bool(title)
+        axes.set_title(axes.get_title("left"), loc="left", pad=14.0 + _ROW_PT * rows)
+
+
+def log_ticks(axis: Axis) -> None:
+    """Write the ticks of a logarithmic axis as numbers, or as powers of ten where they span many decades."""
+    low, high = sorted(axis.get_view_interval())
+    decades = float(np.log10(high / low))
+    digits = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.2 else (1.0, 2.0, 5.0)
+    axis.set_major_locator(LogLocator(subs=digits, numticks=12))
+    axis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0)), numticks=200))
+    axis.set_minor_formatter(NullFormatter())
+    if low >= 1e-3 and high <= 1e6:
+        axis.set_major_formatter(
+            FuncFormatter(lambda value, _place: f"{value:,.10g}".replace(",", "\N{NARROW NO-BREAK SPACE}"))
+        )
+    else:
+        axis.set_major_formatter(LogFormatterSciNotation())
 
 
 def svg_of(draw: Callable[[Figure], object], size_in: tuple[float, float], name: str, alt: str) -> str:
@@ -96,7 +148,7 @@ def svg_of(draw: Callable[[Figure], object], size_in: tuple[float, float], name:
     """
     stream = StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
-        figure = Figure(figsize=size_in, layout=_layout())
+        figure = Figure(figsize=size_in, layout=new_layout())
         FigureCanvasSVG(figure)
         draw(figure)
         figure.savefig(stream, format="svg", metadata={"Date": None})
@@ -107,3 +159,14 @@ def svg_of(draw: Callable[[Figure], object], size_in: tuple[float, float], name:
     text = _GEOMETRY.sub(lambda found: _PLACES.sub(r"\1", found[0]), text)
     label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+
+
+def print_bytes(draw: Callable[[Figure], object], height_in: float, form: str) -> bytes:
+    """Return a figure as a file for a paper, `png`, `svg` or `pdf`: fonts of 8 pt or more at the width of the page."""
+    stream = BytesIO()
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "opir", "svg.fonttype": "path", "pdf.fonttype": 42}):
+        figure = Figure(figsize=(PRINT_WIDTH_IN, height_in), layout=new_layout())
+        draw(figure)
+        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form, {"Software": None})
+        figure.savefig(stream, format=form, dpi=200, metadata=undated)
+    return stream.getvalue()

@@ -1,34 +1,58 @@
-"""What `opir report` does: read a run or a study, write its report, list the files."""
+"""What `opir report` does: read a run or studies, write their report, list the files."""
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from opir_core import load_run
 from opir_core.errors import Problem, SceneError
-from opir_report.pages.run_report import write_run_report
-from opir_report.pages.study_report import write_study_report
+from opir_report.pages.files import write_page
+from opir_report.pages.page import ReportPage
+from opir_report.pages.paper import FORMS, write_figures
+from opir_report.pages.run_report import run_page
+from opir_report.pages.study_report import studies_in, study_page
 from opir_report.saved_study import is_study
 
 _SCENES = {".yaml", ".yml"}
+_HERE = "command line"
 
 
 def report(arguments: argparse.Namespace) -> int:
-    """Write the report of the arguments' run or study."""
-    path, out = Path(arguments.path), Path(arguments.out)
-    if path.suffix in _SCENES:
-        words = f"is a scene: run it first, `opir run {path}`, then give the events, `opir report events.jsonl`"
-        raise SceneError([Problem("", words)], source=str(path))
+    """Write the report of the arguments' run or studies."""
+    out = Path(arguments.out)
     if not out.name or out.is_dir():
         raise SceneError([Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")], source=_HERE)
-    if is_study(path):
-        written = write_study_report(path, out, with_data=not arguments.no_data)
-    else:
-        written = write_run_report(load_run(path), out, with_data=not arguments.no_data)
+    page = _page([Path(each) for each in arguments.paths])
+    written = write_page(page, out, with_data=not arguments.no_data)
     sys.stdout.write(f"{written[0]}: report\n")
     if len(written) > 1:
         sys.stdout.write(f"{written[1].parent}: data of {len(written) - 1} figures\n")
+    if arguments.figures is not None:
+        files = write_figures(page, Path(arguments.figures), _forms(arguments.formats))
+        tables = sum(each.suffix == ".tex" for each in files)
+        names = len({each.stem for each in files}) - tables
+        sys.stdout.write(f"{arguments.figures}: {names} figures, {tables} tables\n")
     return 0
 
 
-_HERE = "command line"
+def _page(paths: Sequence[Path]) -> ReportPage:
+    for path in paths:
+        if path.suffix in _SCENES:
+            words = f"is a scene: run it first, `opir run {path}`, then give the events, `opir report events.jsonl`"
+            raise SceneError([Problem("", words)], source=str(path))
+    if all(map(is_study, paths)):
+        return study_page(studies_in(paths))
+    if len(paths) > 1:
+        words = "several reports in one are of studies: give one run, or the folders of studies"
+        raise SceneError([Problem("", words)], source=_HERE)
+    return run_page(load_run(paths[0]))
+
+
+def _forms(text: str) -> Sequence[str]:
+    forms = [each.strip().lower() for each in text.split(",")]
+    unknown = [each for each in forms if each not in FORMS]
+    if unknown:
+        words = f"{unknown[0]!r} is no format; there are {', '.join(FORMS)}"
+        raise SceneError([Problem("--formats", words)], source=_HERE)
+    return forms

@@ -33,12 +33,23 @@ def opir_add_commands(commands: Any) -> None:
     """Add `opir report`."""
     parser = commands.add_parser("report", help=_SUMMARY)
     parser.add_argument(
-        "path", metavar="RUN_OR_STUDY", help="the events or the folder of a run, or the folder of a study"
+        "paths",
+        metavar="RUN_OR_STUDY",
+        nargs="+",
+        help="the events or the folder of a run, or the folder of a study; several studies are put side by side",
     )
     parser.add_argument(
         "-o", "--out", metavar="PATH", default="report.html", help="the report (default report.html; data beside it)"
     )
     parser.add_argument("--no-data", action="store_true", help="do not write the data of the figures")
+    parser.add_argument(
+        "--figures",
+        metavar="FOLDER",
+        help="write each figure for a paper, 7.2 inches wide, and the tables as LaTeX and Markdown",
+    )
+    parser.add_argument(
+        "--formats", metavar="LIST", default="png,svg,pdf", help="formats of the figures (default png,svg,pdf)"
+    )
     parser.set_defaults(run=_report)
 
 

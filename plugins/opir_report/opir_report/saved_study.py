@@ -1,7 +1,7 @@
 """A study as `opir sweep` wrote it: its definition, and a row per design and figure."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,11 @@ from attrs import frozen
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.output import FILES_KEY, file_digest, finish_interrupted
 from opir_report.figure_data import FigureData
+from opir_report.words import level_value, level_words, setting_words
 
-DEFINITION, RESULTS = "study.json", "results.parquet"
+DEFINITION, RESULTS, RUNS = "study.json", "results.parquet", "runs.parquet"
+#: The setting by which studies side by side differ.
+STUDY = "study"
 #: The version of the definition that is read.
 _VERSION = 1
 
@@ -23,6 +26,8 @@ class SavedStudy:
 
     definition: dict[str, Any]
     results: FigureData
+    #: A row per run, if the folder has them.
+    runs: FigureData | None = None
 
     @property
     def paths(self) -> list[str]:
@@ -43,21 +48,60 @@ class SavedStudy:
         }
         return {name: figures for name, figures in own.items() if figures}
 
-    def short(self, path: str) -> str:
-        """Return the last part of a path, or all of it where two paths end alike."""
-        ends = [each.rpartition(".")[2] for each in self.paths]
-        return path.rpartition(".")[2] if ends.count(path.rpartition(".")[2]) == 1 else path
+    @property
+    def requirements(self) -> list[dict[str, Any]]:
+        """The requirements on figures: `figure`, `limit`, and `is_least`, whether it is a lower bound."""
+        return list(self.definition.get("requirements", ()))
+
+    @property
+    def shown(self) -> list[str]:
+        """The figures that were asked for, by default the first of each metric; only those with a value."""
+        known = self.figures_of_metrics
+        every = {name for figures in known.values() for name in figures}
+        asked = [name for name in self.definition.get("shown", ()) if name in every]
+        return asked or [figures[0] for figures in known.values()]
+
+    def constant(self, figure: str) -> float | None:
+        """Return the value that a figure has in every run of every design, or None."""
+        rows = self.rows(figure)
+        known = np.isfinite(rows["mean"])
+        means = rows["mean"][known]
+        # Quantiles and mean of equal values are equal but for rounding.
+        spread = [rows[name][known] for name in ("q10", "median", "q90")]
+        if len(means) and all(np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)):
+            return float(means[0]) if not np.any(rows["sd"][known] > 1e-9 * abs(means[0])) else None
+        return None
 
     def rows(self, figure: str) -> FigureData:
         """Return the rows of a figure, one per design; raises `KeyError` for an unknown figure."""
         if figure not in self.units:
             raise KeyError(f"the study has no figure {figure!r}; it has {', '.join(self.units)}")
-        return self.results.where(self.results["figure"] == figure)
+        rows = self.results.where(self.results["figure"] == figure)
+        low, high = self._bounds(figure, rows)
+        columns = {name: np.clip(rows[name], low, high) for name in ("low_95", "high_95")}
+        return FigureData({**rows.columns, **columns})
+
+    def _bounds(self, figure: str, rows: FigureData) -> tuple[float, float]:
+        """Return the values between which a figure's mean lies: from 0 for what is never negative, to 1 for shares."""
+        values = np.array([rows[name] for name in ("mean", "q10", "q90")]) if len(rows) else np.empty(0)
+        known = values[np.isfinite(values)]
+        is_share = not self.units[figure] and bool(np.all(known <= 1.0))
+        return (0.0 if np.all(known >= 0.0) else -np.inf), (1.0 if is_share else np.inf)
 
     def labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:
-        """Return the values of what varies in rows (n,), `scan_period_ms 50, tracker imm`; by default of all paths."""
-        chosen = self.paths if paths is None else paths
-        columns = [[f"{self.short(path)} {level_text(value)}" for value in rows[path].tolist()] for path in chosen]
+        """Return the values of what varies in rows (n,), `scan period 50 ms, tracker imm`; by default of all paths."""
+        return self._labels(rows, self.paths if paths is None else paths, level_words)
+
+    def short_labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:
+        """Return the values of what varies in rows (n,) without the names, `50 ms, imm`; `names` has them."""
+        return self._labels(rows, self.paths if paths is None else paths, level_value)
+
+    def names(self, paths: Sequence[str] | None = None) -> str:
+        """Return the names of what varies, `scan period, tracker`."""
+        return ", ".join(setting_words(path)[0] for path in (self.paths if paths is None else paths))
+
+    def _labels(self, rows: FigureData, paths: Sequence[str], words: Callable[[str, str], str]) -> list[str]:
+        columns = [[words(path, level_text(value)) for value in rows[path].tolist()] for path in paths]
         return [", ".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * len(rows)
 
 
@@ -93,5 +137,52 @@ def read_study(path: Path) -> SavedStudy:
     if version != _VERSION:
         words = f"of study version {version}, where {_VERSION} is read: run the study anew"
         raise SceneError([Problem("study_version", words)], source=str(folder / DEFINITION))
-    columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
-    return SavedStudy(definition, FigureData(columns))
+    runs = parquet.read_table(folder / RUNS) if (folder / RUNS).is_file() else None
+    return SavedStudy(definition, _columns(table), None if runs is None else _columns(runs))
+
+
+def _columns(table: Any) -> FigureData:
+    return FigureData({name: np.array(table[name].to_pylist()) for name in table.column_names})
+
+
+def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
+    """Return studies side by side as one that varies the study too; raises `SceneError` if they vary other settings.
+
+    Only the figures that all have are kept. Differences stay those from the first design of each study.
+    """
+    first = studies[0]
+    if len(studies) == 1:
+        return first
+    for other in studies[1:]:
+        if set(other.paths) != set(first.paths):
+            ours, theirs = (", ".join(each.paths) or "nothing" for each in (first, other))
+            words = f"vary different settings: {first.definition['study']} {ours}; {other.definition['study']} {theirs}"
+            raise SceneError([Problem("", words)], source="the studies")
+    figures = [name for name in first.units if all(name in each.units for each in studies)]
+    names = _distinct([str(each.definition["study"]) for each in studies])
+    counts = np.cumsum([0, *(len(each.definition["designs"]) for each in studies)])
+    parts = [each.results.where(np.isin(each.results["figure"], figures)) for each in studies]
+    definition = {
+        **first.definition,
+        "study": " and ".join(names),
+        "vary": [STUDY, *first.paths],
+        "figures": {name: first.units[name] for name in figures},
+        "metrics": {
+            metric: [each for each in own if each in figures] for metric, own in first.definition["metrics"].items()
+        },
+        "designs": [design for each in studies for design in each.definition["designs"]],
+    }
+    return SavedStudy(definition, _joined(parts, names, counts))
+
+
+def _distinct(names: list[str]) -> list[str]:
+    return [f"{name} ({number})" if names.count(name) > 1 else name for number, name in enumerate(names, start=1)]
+
+
+def _joined(parts: Sequence[FigureData], names: Sequence[str], counts: Any) -> FigureData:
+    """Return the rows of studies one after another, with the study's name and designs numbered on."""
+    shared = [name for name in parts[0].columns if all(name in each.columns for each in parts)]
+    columns = {name: np.concatenate([each[name] for each in parts]) for name in shared}
+    columns["design"] = np.concatenate([each["design"] + add for each, add in zip(parts, counts, strict=False)])
+    columns[STUDY] = np.repeat(np.array(names), [len(each) for each in parts])
+    return FigureData(columns)

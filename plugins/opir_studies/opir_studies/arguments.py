@@ -44,7 +44,15 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FIGURE",
         action="append",
         default=[],
-        help="a figure to print; repeatable (default: the first of each metric)",
+        help="a figure that the table and the report begin with; repeatable (default: the first of each metric)",
+    )
+    parser.add_argument(
+        "--require",
+        metavar="'FIGURE >= VALUE'",
+        action="append",
+        default=[],
+        dest="requirements",
+        help="a bound of a figure's mean, with >= or <=: a line in plots, and which designs meet it; repeatable",
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")

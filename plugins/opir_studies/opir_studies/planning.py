@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from attrs import asdict, evolve, frozen
 
 from opir_core import Plan, Scene, compile_plan
@@ -20,12 +21,17 @@ from opir_core.reading import (
 )
 from opir_core.scene import Choice
 from opir_studies.axes import Design, designs_of, override_text
+from opir_studies.requirements import Requirement, require_figures, requirements_of
 from opir_studies.runs import identity_of, run_key
 from opir_studies.study import Study
 from opir_studies.until import Until, until_of
 
 #: The most problems that one message lists.
 _MOST_PROBLEMS = 20
+#: Metrics whose figures change when a burnout is recognised, and how long after it a scene should last, s: the phases
+#: of `impact_region` end 20 s after it.
+_OF_WHOLE_BURNS = {"impact_region", "warning_time"}
+AFTER_BURNOUT_S = 30.0
 
 
 @frozen
@@ -50,6 +56,9 @@ class PlannedStudy:
     names: tuple[str, ...]
     metrics: tuple[Metric, ...]
     until: Until | None
+    requirements: tuple[Requirement, ...] = ()
+    #: What a reader must know of the scenes, in sentences.
+    notes: tuple[str, ...] = ()
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -68,18 +77,38 @@ def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
     described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
-    designs, problems = list[PlannedDesign](), list[Problem]()
+    designs, problems, notes = list[PlannedDesign](), list[Problem](), list[str]()
     for design in designs_of(study):
         try:
             plan = _compiled(study, design, host)
             designs.append(PlannedDesign(design, plan.scene, identity_of(plan, described)))
+            notes += filter(None, [_end_note(plan)])
         except SceneError as error:
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
     if problems:
         raise SceneError(_cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}")
     figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
-    names = _numbered([choice.name for choice in choices])
-    return PlannedStudy(study, tuple(designs), names, metrics, until_of(study, figures))
+    names, source = _numbered([choice.name for choice in choices]), f"study {study.study}"
+    require_figures(study.show, "show", figures, source)
+    requirements = requirements_of(study.requirements, figures, source)
+    told = tuple(dict.fromkeys(notes)) if set(names) & _OF_WHOLE_BURNS else ()
+    return PlannedStudy(study, tuple(designs), names, metrics, until_of(study, figures), requirements, told)
+
+
+def _end_note(plan: Plan) -> str:
+    """Return what is wrong with the end of a scene for metrics of predicted impacts, "" for nothing."""
+    launches = len(plan.scene.targets)
+    if not launches:
+        return ""
+    last = int(np.argmax(plan.targets.burnout_s[:launches]))
+    after_s = plan.scene.duration_s - float(plan.targets.burnout_s[last])
+    if after_s >= AFTER_BURNOUT_S:
+        return ""
+    where = f"{-after_s:.0f} s before" if after_s < 0.0 else f"{after_s:.0f} s after"
+    return (
+        f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of {plan.targets.ids[last]}:"
+        f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s longer than the burn"
+    )
 
 
 def built_executor(study: Study, workers: int | None, host: Host | None = None) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from attrs import frozen
+from attrs import asdict, frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
@@ -123,6 +123,9 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "runs": study.runs,
         "until": study.until,
         "figures": dict(planned.units),
+        "shown": list(study.show),
+        "requirements": [asdict(each) for each in planned.requirements],
+        "notes": list(planned.notes),
         "metrics": {name: list(metric.units) for name, metric in zip(planned.names, planned.metrics, strict=True)},
         "designs": [
             {

@@ -72,6 +72,16 @@ class Study:
     metrics: tuple[Any, ...] = nested(
         help="metrics, by name, or {name: settings}", default=("latency", "detection_by_time"), source="arbitrary"
     )
+    show: tuple[str, ...] = nested(
+        help="figures that the table and the report begin with; by default the first of each metric",
+        default=(),
+        source="arbitrary",
+    )
+    requirements: tuple[str, ...] = nested(
+        help="bounds of means, `warning_time_s >= 900`: lines in plots, and which designs meet them",
+        default=(),
+        source="arbitrary",
+    )
     executor: Any = nested(
         help="where the runs are made: a name, or {name: settings}", default="processes", source="arbitrary"
     )

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from attrs import evolve
 
 from opir_core.cli import grouped, table
-from opir_core.errors import Problem, SceneError, nearest
+from opir_core.errors import Problem, SceneError
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
+from opir_studies.requirements import Requirement
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
@@ -42,7 +44,7 @@ def sweep(arguments: argparse.Namespace) -> int:
             raise
     if arguments.quiet:
         return 0
-    text = json.dumps(_plain(result), indent=2) if arguments.json else as_text(result, arguments.show)
+    text = json.dumps(_plain(result), indent=2) if arguments.json else as_text(result)
     sys.stdout.write(text + "\n")
     return 0
 
@@ -68,7 +70,8 @@ def study_of(arguments: argparse.Namespace) -> Study:
     metrics = tuple(_value("--metric", words) for words in arguments.metrics) or study.metrics
     if "executor" in changes:
         changes["executor"] = _value("--executor", changes["executor"])
-    study = evolve(study, vary=vary, overrides=overrides, metrics=metrics)
+    show, requirements = tuple(arguments.show) or study.show, tuple(arguments.requirements) or study.requirements
+    study = evolve(study, vary=vary, overrides=overrides, metrics=metrics, show=show, requirements=requirements)
     for name, value in changes.items():
         try:
             study = evolve(study, **{name: value})
@@ -109,37 +112,72 @@ def _progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
         )
 
 
-def as_text(result: StudyResult, figures: Sequence[str] = ()) -> str:
-    """Return a table with a row per design: the figures with their 95 % intervals; raises for an unknown figure."""
-    shown = _shown(result, figures)
-    rows = {name: result.rows(name) for name in shown}
+def as_text(result: StudyResult) -> str:
+    """Return a table with a row per design: the figures that were asked for, with their 95 % intervals.
+
+    Figures that have one value in all runs are a line of text below it.
+    """
+    shown, same = _shown(result)
+    rows = {name: result.rows(name) for name in result.units}
     designs = result.definition["designs"]
     head = [*map(_short, result.paths), "runs", *shown]
     body = [
         [
             *(str(design[path]) for path in result.paths),
-            str(rows[shown[0]][place]["runs"]),
-            *(_cell(rows[name][place]) for name in shown),
+            str(rows[next(iter(rows))][place]["runs"]),
+            *(_cell(_within(rows[name][place], rows[name])) for name in shown),
         ]
         for place, design in enumerate(designs[:_MOST_ROWS])
     ]
     more = len(designs) - len(body)
     return "\n\n".join(
         [
+            *map("note: {}".format, result.definition["notes"]),
             _heading(result),
             table(head, body) + (f"\nand {more} more designs" if more > 0 else ""),
+            *([f"In every run: {', '.join(same)}"] if same else []),
+            *_verdicts(result),
             *_differences(result, shown, rows),
             f"All figures: {result.folder / RESULTS_CSV}",
         ]
     )
 
 
-def _shown(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
-    for name in figures:
-        if name not in result.units:
-            words = f"no metric gives {name!r}{nearest(name, result.units)}; there are {', '.join(result.units)}"
-            raise _refused("--show", words)
-    return figures or [names[0] for names in result.definition["metrics"].values()][:_MOST_FIGURES]
+def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
+    """Return the figures of the table, and in words those that have one value in all runs."""
+    asked = result.definition["shown"]
+    if asked:
+        return asked, []
+    first = [names[0] for names in result.definition["metrics"].values()]
+    runs = result.runs
+    values = {name: {each for each in runs[name].to_pylist() if each == each} for name in first}
+    same = [name for name in first if len(values[name]) == 1 and len(result.definition["designs"]) > 1]
+    words = [f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in same]
+    varying = [name for name in first if name not in same][:_MOST_FIGURES]
+    return (varying, words) if varying else (first[:_MOST_FIGURES], [])
+
+
+def _verdicts(result: StudyResult) -> Sequence[str]:
+    """Return a line for each requirement: which designs meet it."""
+    designs, lines = result.definition["designs"], []
+    for each in result.definition["requirements"]:
+        required = Requirement(**each)
+        met = required.is_met(np.array([row["mean"] for row in result.rows(required.figure)])).tolist()
+        names = [", ".join(str(design[path]) for path in result.paths) for design in designs]
+        which = "; ".join(name for name, is_met in zip(names, met, strict=True) if is_met)
+        lines.append(
+            f"{required}: met by {sum(met)} of {len(designs)} designs{f' ({which})' if any(names) and which else ''}"
+        )
+    return ["\n".join(lines)] if lines else []
+
+
+def _within(row: Mapping[str, Any], every: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return a row whose interval is cut at 0 for what is never negative, and at 1 for shares."""
+    lows = [each["q10"] for each in every if math.isfinite(each["q10"])]
+    highs = [each["q90"] for each in every if math.isfinite(each["q90"])]
+    low = 0.0 if lows and min(lows) >= 0.0 else -math.inf
+    high = 1.0 if highs and max(highs) <= 1.0 and not row["unit"] else math.inf
+    return {**row, "low_95": max(row["low_95"], low), "high_95": min(row["high_95"], high)}
 
 
 def _heading(result: StudyResult) -> str:
@@ -168,13 +206,14 @@ def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, S
 
 
 def _short(path: str) -> str:
-    return path.rpartition(".")[2]
+    *_, before, last = ["", *path.split(".")]
+    return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
 
 
 def _cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95") -> str:
     if not math.isfinite(row[mean]):
         return "-"
-    if not math.isfinite(row[low]):
+    if not math.isfinite(row[low]) or row[low] == row[high]:
         return f"{row[mean]:.4g}"
     if abs(row[mean]) >= _LARGE:
         return f"{row[mean]:.3g} [{row[low]:.3g}, {row[high]:.3g}]"

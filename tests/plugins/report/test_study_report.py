@@ -41,9 +41,10 @@ def test_effects_are_drawn_over_the_numbers_that_vary(folder: Path) -> None:
     assert {round(float(y), 3) for y in bars[:, 1]} == {
         round(share * 2e-3 * period, 3) for period in PERIODS_MS for share in (0.9, 1.1)
     }
-    assert axes.get_xlabel() == "scan_period_ms"
+    assert axes.get_xlabel() == "scan period, ms"
     assert axes.get_ylabel() == "latency, s"
-    assert {text.get_text() for text in axes.get_legend().get_texts()} == {"tracker none", "tracker imm"}
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {"none", "imm"}
+    assert axes.get_legend().get_title().get_text() == "tracker"
 
 
 def test_effects_over_names_have_their_names(folder: Path) -> None:
@@ -61,7 +62,7 @@ def test_differences_are_paired_from_the_first_design(folder: Path) -> None:
     axes = StudyPlots(folder).difference("latency_s")
     (points,) = [line for line in axes.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(points.get_xdata(), [0.0, 0.1, 0.1, 0.3, 0.3], atol=1e-12)
-    assert axes.get_yticklabels()[0].get_text() == "scan_period_ms 50, tracker imm"
+    assert axes.get_yticklabels()[0].get_text() == "50 ms, imm"
 
 
 def test_unknown_figures_and_paths_are_named_with_those_there_are(folder: Path) -> None:
@@ -76,8 +77,8 @@ def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path
     assert main(["report", str(folder), "-o", str(tmp_path / "study.html")]) == 0
     assert "data of 4 figures" in capsys.readouterr().out
     text = (tmp_path / "study.html").read_text(encoding="utf-8")
-    assert "latency_s: from 0.1 s [0.09, 0.11] (scan_period_ms 50, tracker none) to 0.4 s [0.36, 0.44]" in text
-    assert "area_km2: 1e+04 km2 [9e+03, 1.1e+04] in all designs" in text
+    assert "latency: from 0.1 s [0.09, 0.11] (scan period 50 ms, tracker none) to 0.4 s [0.36, 0.44]" in text
+    assert "area: 10\N{NARROW NO-BREAK SPACE}000 km² [9000, 11\N{NARROW NO-BREAK SPACE}000] in all designs" in text
     assert PERIOD in text
     assert "60 runs" in text
     assert "seeds 3 to 12" in text

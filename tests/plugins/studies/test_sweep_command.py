@@ -54,7 +54,7 @@ def test_a_study_file_and_flags(scene, tmp_path, capsys):
         (["--design", "box"], 2, "'box' is not one of"),
         (["--executor", "dusk"], 3, "no executor is named 'dusk'"),
         (["--metric", "{latency: {x: 1}}"], 2, "metrics[0].latency.x: unknown key"),
-        (["--show", "latency"], 2, "no metric gives 'latency'"),
+        (["--show", "latency"], 2, "no metric of the study gives 'latency'"),
     ],
 )
 def test_invalid_words_are_refused(scene, capsys, flags, code, words):

@@ -24,7 +24,7 @@ _LINE_POINTS, _SAMPLES = 121, 25
 #: A map with more parallels has labels on them where the left edge has hardly any.
 _FEW_PARALLELS = 4
 #: Least distance of the labels below a map, as a share of its width.
-_APART = 0.07
+_APART = 0.2
 
 
 @cache
@@ -137,7 +137,7 @@ def _label_inside(axes: Axes, projection: RegionProjection, parallels: FloatArra
     centre = np.full(len(parallels), projection.centre[1])
     for place, latitude in zip(projection.points(np.radians(parallels), centre), parallels.tolist(), strict=True):
         if abs(latitude) < 90.0:
-            style: dict[str, Any] = {"fontsize": 7, "color": MUTED, "clip_on": True, "annotation_clip": True}
+            style: dict[str, Any] = {"fontsize": 8, "color": MUTED, "clip_on": True, "annotation_clip": True}
             axes.annotate(latitude_text(latitude), place, (3, 2), textcoords="offset points", **style)
 
 

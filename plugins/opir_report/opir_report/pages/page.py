@@ -1,10 +1,11 @@
 """An HTML page of sections with figures: self-contained, without scripts, light and dark, fit for print."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 
 from attrs import frozen
+from matplotlib.figure import Figure
 
 from opir_report.figure_data import FigureData
 from opir_report.pages.html_page import html_page
@@ -16,12 +17,14 @@ _COLOUR = re.compile("|".join(ROLES))
 
 @frozen(eq=False)
 class ReportFigure:
-    """A figure: its id, the SVG, a caption that says what it shows, and its data, if there are any."""
+    """A figure: its id, the SVG, a caption that says what it shows, its data, and how to draw it anew at a height."""
 
     name: str
     svg: str
     caption: str
     data: FigureData | None = None
+    draw: Callable[[Figure], object] | None = None
+    height_in: float = 0.0
 
 
 @frozen(eq=False)
@@ -56,6 +59,10 @@ class ReportPage:
     def figures(self) -> list[ReportFigure]:
         """Return all figures of the page."""
         return [part for section in self.sections for part in section.parts if isinstance(part, ReportFigure)]
+
+    def tables(self) -> list[ReportTable]:
+        """Return all tables of the page."""
+        return [part for section in self.sections for part in section.parts if isinstance(part, ReportTable)]
 
     def html(self, data_folder: str | None) -> str:
         """Return the page as HTML; the figures' data are linked in `data_folder`, if there is one."""

@@ -66,7 +66,7 @@ def figure_of(
     data: FigureData | None = None,
 ) -> ReportFigure:
     """Return a figure of a name and a height; `words` are the text for readers who do not see it, and the caption."""
-    return ReportFigure(name, svg_of(draw, (WIDTH_IN, height_in), name, words[0]), words[1], data)
+    return ReportFigure(name, svg_of(draw, (WIDTH_IN, height_in), name, words[0]), words[1], data, draw, height_in)
 
 
 def map_section(plots: RunPlots) -> ReportSection:
@@ -210,7 +210,7 @@ def impact_section(plots: RunPlots) -> ReportSection | None:
         f"Predicted impact regions of {', '.join(facts.ids[each] for each in shown)} against the true impacts",
         f"The last predicted regions that contain the impact with 50, 90 and 95 %, and the true impact.{more}",
     )
-    height_in = (3.3 if columns == 2 else 5.0) * rows
+    height_in = (4.4 if columns == 2 else 5.6) * rows
     regions = figure_of("impacts", draw, height_in, words, impact_points(facts))
     history = region_history(facts)
     words = ("Area of the 95 % impact regions over time, and whether they contain the true impact", _CONTAINMENT)

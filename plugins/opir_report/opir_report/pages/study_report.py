@@ -1,9 +1,10 @@
-"""The report of a study: what changes and by how much, first in sentences, then as effect plots and tables."""
+"""The report of a study: the figures that were asked for first, then trades, every metric, and how it was made."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from opir_core.cli import grouped
@@ -11,119 +12,207 @@ from opir_report.figure_data import FigureData
 from opir_report.pages.files import write_page
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable
 from opir_report.pages.run_sections import figure_of
-from opir_report.plots.effects import difference_plot, effect_plot
-from opir_report.saved_study import SavedStudy, level_text, read_study
-
-#: Figures of a metric that are drawn, designs whose differences are drawn, and rows of a table.
-_FIGURES_SHOWN, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 6, 16, 60
-_EFFECT = (
-    "Mean over runs with its 95 % interval. All designs see the same random numbers, so differences are more precise"
-    " than the intervals of the means suggest."
+from opir_report.plots.effects import difference_plot, effect_figure, effect_height_in
+from opir_report.plots.panels import effect_panels
+from opir_report.plots.trades import (
+    convergence_plot,
+    convergence_rows,
+    tornado_plot,
+    tornado_rows,
+    trade_plot,
 )
+from opir_report.saved_study import SavedStudy, joined_studies, level_text, read_study
+from opir_report.words import axis_label, figure_words, number_words, shown_unit
+
+#: Figures of the answer, designs whose differences are drawn, and rows of a table.
+_ANSWERS, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 4, 16, 60
+_EFFECT = (
+    "Mean over runs with its 95 % interval, cut where a figure cannot be: below 0, and for shares above 1. All designs"
+    " see the same random numbers, so differences are more precise than the intervals of the means suggest."
+)
+_TRADE = "Each point is a design. The line joins the designs that no other one beats in both figures."
+_TORNADO = (
+    "How far each setting moves the mean, over the values that it has in the study; the values at the ends are written"
+    " there."
+)
+_CONVERGENCE = "Mean over the first runs with its 95 % interval: more runs are needed where it has not settled."
 
 
-def write_study_report(folder: str | Path, path: Path, *, with_data: bool = True) -> list[Path]:
-    """Write the report of the study in a folder; return the files written.
+def write_study_report(folder: str | Path | Sequence[str | Path], path: Path, *, with_data: bool = True) -> list[Path]:
+    """Write the report of the study in a folder, or of several studies side by side; return the files written.
 
     The data of each figure are written as Parquet into a folder beside the report. Raises `SceneError` for a folder
-    without a study, and `SinkError` where a file cannot be written.
+    without a study or studies that vary different settings, and `SinkError` where a file cannot be written.
     """
-    return write_page(study_page(read_study(Path(folder))), path, with_data=with_data)
+    return write_page(study_page(studies_in(folder)), path, with_data=with_data)
+
+
+def studies_in(folder: str | Path | Sequence[str | Path]) -> SavedStudy:
+    """Return the study in a folder, or several as one that varies the study too; raises `SceneError`."""
+    folders = [folder] if isinstance(folder, str | Path) else folder
+    return joined_studies([read_study(Path(each)) for each in folders])
 
 
 def study_page(study: SavedStudy) -> ReportPage:
     """Return the page of a study."""
-    definition, metrics = study.definition, study.figures_of_metrics
+    definition = study.definition
     runs = int(sum(study.rows(next(iter(study.units)))["runs"].tolist())) if study.units else 0
-    sections = [_metric_section(study, name, figures) for name, figures in metrics.items()]
+    varied = study.names()
+    metrics = [_metric_section(study, name, figures) for name, figures in study.figures_of_metrics.items()]
+    sections = [_answer_section(study), _trade_section(study), *metrics, _design_section(study)]
     return ReportPage(
         title=f"Study {definition['study']}",
         subtitle=(
             f"{len(definition['designs'])} designs of the scene {definition['scene']}, {grouped(runs)} runs;"
-            f" varied: {', '.join(study.paths) or 'nothing'}"
+            f" varied: {varied or 'nothing'}"
         ),
-        summary=[_sentence(study, figures[0]) for figures in metrics.values()],
-        sections=[*sections, _design_section(study)],
+        summary=[*definition.get("notes", ()), *_verdicts(study), *(_sentence(study, each) for each in study.shown)],
+        sections=[each for each in sections if each.parts or each.text],
         footer="Written by opir-report. Unclassified textbook physics, notional numbers.",
     )
+
+
+def _words(study: SavedStudy, figure: str) -> str:
+    return figure_words(figure, study.units[figure])
 
 
 def _sentence(study: SavedStudy, figure: str) -> str:
     """Return where the mean of a figure is lowest and highest."""
     rows = study.rows(figure)
     rows = rows.where(np.isfinite(rows["mean"]))
-    labels, means = study.labels(rows), rows["mean"].tolist()
+    labels, means, words = study.labels(rows), rows["mean"].tolist(), _words(study, figure)
     low, high = int(np.argmin(means)), int(np.argmax(means))
     if low == high or means[low] == means[high]:
-        return f"{figure}: {_mean_text(study, rows, low)}{' in all designs' if len(rows) > 1 else ''}"
+        return f"{words}: {_mean_text(study, rows, low)}{' in all designs' if len(rows) > 1 else ''}"
     return (
-        f"{figure}: from {_mean_text(study, rows, low)} ({labels[low]}) to {_mean_text(study, rows, high)}"
+        f"{words}: from {_mean_text(study, rows, low)} ({labels[low]}) to {_mean_text(study, rows, high)}"
         f" ({labels[high]})"
     )
+
+
+def _verdicts(study: SavedStudy) -> list[str]:
+    """Return for each requirement the designs whose mean meets it."""
+    lines = []
+    for each in study.requirements:
+        rows = study.rows(each["figure"])
+        is_met = rows["mean"] >= each["limit"] if each["is_least"] else rows["mean"] <= each["limit"]
+        met = [label for label, good in zip(study.labels(rows), is_met.tolist(), strict=True) if good]
+        unit = shown_unit(study.units[each["figure"]], np.array([each["limit"]]))
+        value = axis_label(number_words(each["limit"] / unit.divisor), unit.unit).replace(", ", " ")
+        sign = "at least" if each["is_least"] else "at most"
+        which = f": {'; '.join(met[:6])}{' …' if len(met) > 6 else ''}" if met and any(met) else ""
+        words = f"{_words(study, each['figure'])} {sign} {value}: met by {len(met)} of {len(rows)} designs{which}"
+        lines.append(words)
+    return lines
 
 
 def _mean_text(study: SavedStudy, rows: FigureData, row: int, column: str = "mean") -> str:
     """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`."""
     low, high = ("low_95", "high_95") if column == "mean" else ("difference_low_95", "difference_high_95")
-    value, edges = float(rows[column][row]), (float(rows[low][row]), float(rows[high][row]))
+    every = study.rows(str(rows["figure"][row]))[column]
+    shown = shown_unit(study.units[str(rows["figure"][row])], every)
+    value, *edges = (float(rows[name][row]) / shown.divisor for name in (column, low, high))
     if not np.isfinite(value):
         return "-"
-    unit = study.units[str(rows["figure"][row])]
-    text = f"{value:.3g} {unit}".strip()
-    return f"{text} [{edges[0]:.3g}, {edges[1]:.3g}]" if np.isfinite(edges).all() else text
+    text = f"{number_words(value, 3)} {shown.unit}".strip()
+    is_interval = np.isfinite(edges).all() and edges[0] < edges[1]
+    return f"{text} [{', '.join(number_words(each, 3) for each in edges)}]" if is_interval else text
+
+
+def _answer_section(study: SavedStudy) -> ReportSection:
+    """Return the figures that were asked for: effects, a table, and differences of the first one."""
+    varying = [each for each in study.shown if study.constant(each) is None][:_ANSWERS]
+    parts: list[ReportFigure | ReportTable] = [_effect(study, each) for each in varying]
+    if study.shown:
+        parts.append(_answer_table(study, study.shown))
+    if varying and 1 < len(study.definition["designs"]) <= _DIFFERENCES_SHOWN:
+        words = f"{_words(study, varying[0])}: difference from the first design"
+        height_in = 1.1 + 0.26 * len(study.definition["designs"])
+        caption = f"{words}, paired over runs of the same seed, with 95 % intervals."
+        rows = study.rows(varying[0])
+        name = f"difference-{varying[0]}"
+        parts.append(_plot(name, lambda axes: difference_plot(axes, study, varying[0]), height_in, caption, rows))
+    return ReportSection("answer", "What was asked", _EFFECT, parts)
+
+
+def _plot(
+    name: str, draw: Callable[[Axes], object], height_in: float, caption: str, data: FigureData | None = None
+) -> ReportFigure:
+    return figure_of(name, lambda figure: draw(figure.add_subplot()), height_in, (caption, caption), data)
+
+
+def _effect(study: SavedStudy, figure: str) -> ReportFigure:
+    def draw(drawn: Figure) -> None:
+        effect_figure(drawn, study, figure)
+
+    caption = f"{_words(study, figure)} over {study.names() or 'runs'}, with 95 % intervals."
+    return figure_of(f"effect-{figure}", draw, effect_height_in(study, figure), (caption, caption), study.rows(figure))
+
+
+def _answer_table(study: SavedStudy, figures: Sequence[str]) -> ReportTable:
+    rows = {figure: study.rows(figure) for figure in figures}
+    first = rows[figures[0]]
+    cells = [
+        (label, str(first["runs"][row]), *(_mean_text(study, rows[figure], row) for figure in figures))
+        for row, label in enumerate(study.labels(first))
+    ]
+    more = f"; the first {_ROWS_SHOWN} of {len(cells)} designs" if len(cells) > _ROWS_SHOWN else ""
+    head = ("design", "runs", *(_words(study, figure) for figure in figures))
+    return ReportTable(f"Means with 95 % intervals{more}", head, cells[:_ROWS_SHOWN])
+
+
+def _trade_section(study: SavedStudy) -> ReportSection:
+    """Return what the designs trade: two figures against each other, the weight of each setting, and convergence."""
+    varying = [each for each in study.shown if study.constant(each) is None]
+    parts: list[ReportFigure | ReportTable] = []
+    if len(varying) > 1 and len(study.definition["designs"]) > 2:
+        figure = varying[0]
+        own = next(names for names in study.figures_of_metrics.values() if figure in names)
+        over = next((each for each in varying[1:] if each not in own), varying[1])
+        parts.append(_plot("trade", lambda axes: trade_plot(axes, study, over, figure), 4.4, _TRADE))
+    if varying and len(study.paths) > 1 and study.definition["design"] != "latin-hypercube":
+        data = tornado_rows(study, varying[0])
+        height_in = 1.0 + 0.4 * max(len(data), 1)
+        caption = f"{_words(study, varying[0])}. {_TORNADO}"
+        parts.append(_plot("tornado", lambda axes: tornado_plot(axes, study, varying[0]), height_in, caption, data))
+    data = convergence_rows(study, varying[0]) if varying else FigureData.of_rows(("runs",), ())
+    if len(data) and data["runs"].max() >= 3:
+        caption = f"{_words(study, varying[0])}. {_CONVERGENCE}"
+        parts.append(_plot("convergence", lambda axes: convergence_plot(axes, study, varying[0]), 4.0, caption, data))
+    return ReportSection("trades", "Trades and convergence", "", parts)
 
 
 def _metric_section(study: SavedStudy, metric: str, figures: Sequence[str]) -> ReportSection:
-    parts: list[ReportFigure | ReportTable] = [_effects(study, metric, figures[:_FIGURES_SHOWN])]
-    designs = len(study.definition["designs"])
-    if 1 < designs <= _DIFFERENCES_SHOWN:
-        parts.append(_differences(study, metric, figures[0]))
-    parts += [_table(study, figures[0])]
-    more = f" The first {_FIGURES_SHOWN} of {len(figures)} figures." if len(figures) > _FIGURES_SHOWN else ""
-    return ReportSection(f"metric-{metric}", metric.replace("_", " "), _EFFECT + more, parts)
-
-
-def _effects(study: SavedStudy, metric: str, figures: Sequence[str]) -> ReportFigure:
-    columns = min(len(figures), 2)
-    rows = -(-len(figures) // columns)
-
-    def draw(figure: Figure) -> None:
-        for place, name in enumerate(figures, start=1):
-            effect_plot(figure.add_subplot(rows, columns, place), study, name)
-
-    listed = ", ".join(figures)
-    words = (f"Effect of {', '.join(study.paths)} on {listed}, with 95 % intervals", f"Effects on {listed}.")
-    shown = study.results.where(np.isin(study.results["figure"], list(figures)))
-    return figure_of(f"effect-{metric}", draw, 0.4 + 2.8 * rows if columns == 2 else 4.0, words, shown)
-
-
-def _differences(study: SavedStudy, metric: str, figure: str) -> ReportFigure:
-    words = (
-        f"Difference of {figure} of each design from the first one, with 95 % intervals",
-        f"Difference of {figure} from the first design, paired over runs of the same seed, with 95 % intervals.",
+    """Return all figures of a metric; those of the answer are not drawn twice, constants are one line of text."""
+    constants = {each: value for each in figures if (value := study.constant(each)) is not None}
+    same = ", ".join(
+        f"{_words(study, each)} {axis_label(number_words(value), study.units[each]).replace(', ', ' ')}"
+        for each, value in constants.items()
     )
-    height_in = 1.1 + 0.26 * len(study.definition["designs"])
-    return figure_of(
-        f"difference-{metric}",
-        lambda drawn: difference_plot(drawn.add_subplot(), study, figure),
-        height_in,
-        words,
-        study.rows(figure),
-    )
+    drawn = [each for each in figures if each not in constants and each not in study.shown[:_ANSWERS]]
+    above = [each for each in figures if each not in constants and each in study.shown[:_ANSWERS]]
+    lines = [f"In every run: {same}."] if same else []
+    if above:
+        lines.append(f"Above: {', '.join(_words(study, each) for each in above)}.")
+    if len(drawn) > 1 and all(len(effect_panels(study, each)) == 1 for each in drawn):
+        parts: list[ReportFigure | ReportTable] = [_side_by_side(study, metric, drawn)]
+    else:
+        parts = [_effect(study, each) for each in drawn]
+    table = [_answer_table(study, drawn)] if drawn else []
+    return ReportSection(f"metric-{metric}", metric.replace("_", " "), " ".join(lines), [*parts, *table])
 
 
-def _table(study: SavedStudy, figure: str) -> ReportTable:
-    rows = study.rows(figure)
-    cells = [
-        (label, str(rows["runs"][row]), _mean_text(study, rows, row), _mean_text(study, rows, row, "difference"))
-        for row, label in enumerate(study.labels(rows))
-    ]
-    more = f"; the first {_ROWS_SHOWN} of {len(cells)} designs" if len(cells) > _ROWS_SHOWN else ""
-    return ReportTable(
-        f"{figure}: mean and difference from the first design, with 95 % intervals{more}",
-        ("design", "runs", "mean", "difference"),
-        cells[:_ROWS_SHOWN],
-    )
+def _side_by_side(study: SavedStudy, metric: str, figures: Sequence[str]) -> ReportFigure:
+    """Return the effects on several figures of one panel each, two beside each other."""
+    count = -(-len(figures) // 2)
+
+    def draw(drawn: Figure) -> None:
+        for part, figure in zip(np.ravel(drawn.subfigures(count, 2, squeeze=False)), figures, strict=False):
+            effect_figure(part, study, figure)
+
+    caption = f"{', '.join(_words(study, each) for each in figures)}, with 95 % intervals."
+    rows = study.results.where(np.isin(study.results["figure"], list(figures)))
+    return figure_of(f"effects-{metric}", draw, 0.3 + 2.8 * count, (caption, caption), rows)
 
 
 def _design_section(study: SavedStudy) -> ReportSection:
@@ -134,6 +223,6 @@ def _design_section(study: SavedStudy) -> ReportSection:
         ("design", str(definition["design"])),
         ("seeds", f"seeds {seeds}"),
         ("until", str(definition["until"]) or "all runs"),
-        *((study.short(path), ", ".join(dict.fromkeys(map(level_text, first[path].tolist())))) for path in study.paths),
+        *((path, ", ".join(dict.fromkeys(map(level_text, first[path].tolist())))) for path in study.paths),
     ]
     return ReportSection("design", "How it was made", "", (ReportTable("The study", ("", "value"), rows),))

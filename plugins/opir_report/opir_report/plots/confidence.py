@@ -91,5 +91,5 @@ def confidence_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     axes.set(xlabel="time since ignition, s", ylabel="confidence", ylim=(-0.03, 1.03))
     marks = [Line2D([], [], color=INK, label="detections: median, 5 to 95 %")]
     marks += [Line2D([], [], color=INK, linestyle=":", label="type probability of the track")] if has_track else []
-    legend_of(axes, [evolve(hue, dashes="-") for hue in facts.hues.legend], marks, loc="lower right")
+    legend_of(axes, [evolve(hue, dashes="-") for hue in facts.hues.legend], marks)
     return axes

@@ -9,7 +9,7 @@ from opir_scoring import impact_scores, state_errors
 from scipy.stats import chi2
 
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_report.canvas import legend_of, without_data
+from opir_report.canvas import legend_of, log_ticks, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, PAPER
 from opir_report.run_facts import RunFacts
@@ -43,8 +43,8 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
         return without_data(axes, "no impact was predicted")
     for target, name in enumerate(facts.ids):
         own = known.where(known["target_id"] == name)
-        colour = facts.hues.of_target[target].colour
-        axes.plot(own["since_ignition_s"], own["area_95_km2"], color=colour, linewidth=1.0, alpha=0.7)
+        colour, dashes = facts.hues.of_target[target].colour, facts.hues.of_target[target].dashes
+        axes.plot(own["since_ignition_s"], own["area_95_km2"], color=colour, linestyle=dashes, linewidth=1.0, alpha=0.7)
         for is_inside, face in ((1.0, colour), (0.0, PAPER)):
             here = own.where(own["contained_95"] == is_inside)
             style: dict[str, Any] = {
@@ -65,6 +65,7 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
         Line2D([], [], color=INK, marker="o", linestyle="", markersize=4, markerfacecolor=PAPER, label="does not"),
     ]
     legend_of(axes, facts.hues.legend, marks)
+    log_ticks(axes.yaxis)
     return axes
 
 
@@ -97,4 +98,5 @@ def nees_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="NEES / 6")
     axes.set_title(f"{inside} of {len(known)} estimates in the band of 99 %; above 1 is overconfident")
     legend_of(axes, facts.hues.legend)
+    log_ticks(axes.yaxis)
     return axes

@@ -1,21 +1,27 @@
 """Effect plots of a study: the mean of a figure with its interval, over one of the settings that vary."""
 
+from typing import Any
+
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import FuncFormatter
 
 from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_of, without_data
+from opir_report.canvas import legend_beside, log_ticks, without_data
 from opir_report.figure_data import FigureData
-from opir_report.palette import MUTED, SERIES, series_hue
+from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
+from opir_report.plots.panels import WIDE_FIGURE, WIDE_SETTING, EffectPanel, effect_panels, is_wide, usual_path
 from opir_report.saved_study import SavedStudy, level_text
+from opir_report.words import ShownUnit, axis_label, figure_words, number_words, setting_words, shown_unit
 
-#: Values over a wider range than this have a logarithmic axis.
-_WIDE = 8.0
 #: Series with a line of their own; more are drawn as points of one colour.
 _SERIES_SHOWN = 12
 #: How far apart series are, as a share of the axis.
 _ASIDE = 0.01
+#: Ticks of a setting that are written; and letters of a name.
+_TICKS, _LETTERS = 8, 18
 
 
 @frozen(eq=False)
@@ -28,23 +34,34 @@ class EffectAxis:
     is_log: bool
 
 
-def usual_path(study: SavedStudy, rows: FigureData) -> str | None:
-    """Return the path along which a figure is drawn: that with the most values, numbers before names."""
+@frozen
+class FigureScale:
+    """How the values of a figure are shown: words, unit, and whether the axis is logarithmic."""
 
-    def rank(path: str) -> tuple[bool, int]:
-        return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
+    words: str
+    shown: ShownUnit
+    is_log: bool
 
-    return max(study.paths, key=rank) if study.paths else None
+    @classmethod
+    def of(cls, study: SavedStudy, figure: str) -> "FigureScale":
+        """Return the scale of a figure of a study, over all of its designs."""
+        means = np.asarray(study.rows(figure)["mean"], dtype=np.float64)
+        unit = study.units[figure]
+        return cls(figure_words(figure, unit), shown_unit(unit, means), is_wide(means, WIDE_FIGURE))
+
+    @property
+    def label(self) -> str:
+        """The label of an axis."""
+        return axis_label(self.words, self.shown.unit)
 
 
-def _axis(study: SavedStudy, rows: FigureData, path: str | None) -> EffectAxis:
+def _axis(rows: FigureData, path: str | None) -> EffectAxis:
     if path is None:
         return EffectAxis("", np.zeros(len(rows)), [""], False)
     values = rows[path]
     if values.dtype.kind in "if":
         numbers = values.astype(np.float64)
-        is_log = bool(numbers.min() > 0.0 and numbers.max() / numbers.min() >= _WIDE)
-        return EffectAxis(path, numbers, None, is_log)
+        return EffectAxis(path, numbers, None, is_wide(numbers, WIDE_SETTING))
     names = list(dict.fromkeys(values.tolist()))
     return EffectAxis(path, np.array([names.index(value) for value in values.tolist()], dtype=np.float64), names, False)
 
@@ -55,70 +72,189 @@ def effect_plot(axes: Axes, study: SavedStudy, figure: str, path: str | None = N
     rows = rows.where(np.isfinite(rows["mean"]))
     if not len(rows):
         return without_data(axes, f"{figure}: no design has a value")
-    along = _axis(study, rows, path if path is not None else usual_path(study, rows))
-    others = [each for each in study.paths if each != along.path]
-    series = study.labels(rows, others)
-    names = list(dict.fromkeys(series))
-    if len(names) > _SERIES_SHOWN:
-        _draw(axes, rows, along.place, SERIES[0], "")
-        axes.set_title(f"{len(rows)} designs; other settings vary too")
-    else:
-        _draw_series(axes, rows, along, series, names)
-    unit = study.units[figure]
-    axes.set_ylabel(f"{figure.removesuffix(f'_{unit}')}, {unit}" if unit else figure)
-    axes.set_xlabel(study.short(along.path))
-    if along.is_log:
-        axes.set_xscale("log")
-        ticks = sorted(set(along.place.tolist()))
-        if len(ticks) <= 8:
-            axes.set_xticks(ticks, [level_text(each) for each in ticks])
-            axes.minorticks_off()
-    if along.labels is not None:
-        axes.set_xticks(np.arange(len(along.labels)), [name[:24] for name in along.labels])
-        axes.margins(x=0.15)
+    along = path if path is not None else usual_path(study, rows)
+    panel = EffectPanel("", along, tuple(each for each in study.paths if each != along), rows)
+    hues = _draw_panel(axes, study, panel, FigureScale.of(study, figure))
+    if hues:
+        legend_beside(axes, hues, study.names(panel.series))
     return axes
 
 
-def _draw_series(axes: Axes, rows: FigureData, along: EffectAxis, series: list[str], names: list[str]) -> None:
-    """Draw each series with a line, a little apart from the others where values are names."""
-    hues = [series_hue(number, name) for number, name in enumerate(names)]
+def effect_figure(drawn: Figure | SubFigure, study: SavedStudy, figure: str) -> None:
+    """Draw a figure's effects into a whole figure: small multiples where several settings vary, with one scale."""
+    panels = effect_panels(study, figure)
+    if not panels:
+        without_data(drawn.add_subplot(), f"{figure}: no design has a value")
+        return
+    columns = min(len(panels), 3)
+    grid = drawn.subplots(-(-len(panels) // columns), columns, sharey=True, squeeze=False).ravel()
+    scale = FigureScale.of(study, figure)
+    hues: list[Hue] = []
+    for axes, panel in zip(grid, panels, strict=False):
+        hues = _draw_panel(axes, study, panel, scale) or hues
+        if axes is not grid[0] and axes.get_subplotspec().colspan.start:
+            axes.set_ylabel("")
+    for axes in grid[len(panels) :]:
+        axes.remove()
+    split = f"panels: {study.names([panels[0].split])}" if panels[0].split else ""
+    if hues:
+        title = "; ".join(filter(None, [study.names(panels[0].series), split]))
+        legend_beside(grid[0], hues, title, whole=True)
+    elif split:
+        drawn.suptitle(split, fontsize=9, x=0.01, ha="left")
+
+
+def effect_height_in(study: SavedStudy, figure: str) -> float:
+    """Return the height of a figure of effects, inches."""
+    return 0.5 + 3.0 * max(1, -(-len(effect_panels(study, figure)) // 3))
+
+
+def _draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureScale) -> list[Hue]:
+    """Draw a panel; return the hues of its series, none for a single one."""
+    along = _axis(panel.rows, panel.path)
+    labels = study.short_labels(panel.rows, panel.series)
+    names = list(dict.fromkeys(labels))
+    hues: list[Hue] = []
+    if along.is_log:
+        axes.set_xscale("log")
+    if scale.is_log:
+        axes.set_yscale("log")
+    if panel.is_sampled or len(names) > _SERIES_SHOWN:
+        _draw(axes, panel.rows, along.place, scale, Hue(SERIES[0], "", ""))
+    else:
+        hues = [series_hue(number, name) for number, name in enumerate(names)]
+        _draw_series(axes, panel.rows, along, labels, hues, scale)
+    _finish(axes, study, panel.rows, along, scale)
+    if panel.title:
+        axes.set_title(panel.title)
+    elif len(names) > _SERIES_SHOWN:
+        axes.set_title(f"{len(panel.rows)} designs; other settings vary too")
+    return hues if len(hues) > 1 else []
+
+
+def _finish(axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, scale: FigureScale) -> None:
+    """Write what the axes are, ticks and the lines of requirements."""
+    axes.set_ylabel(scale.label)
+    axes.set_xlabel(axis_label(*setting_words(along.path)) if along.path else "")
+    if along.labels is not None:
+        axes.set_xticks(np.arange(len(along.labels)), [_cut(name) for name in along.labels])
+        axes.set_xlim(-0.5, len(along.labels) - 0.5)
+        if max(map(len, along.labels)) > 8 and len(along.labels) > 2:
+            for text in axes.get_xticklabels():
+                text.set(rotation=25.0, ha="right", rotation_mode="anchor")
+    else:
+        values = sorted(set(along.place.tolist()))
+        ticks = _apart(axes, values, is_log=along.is_log)
+        if along.is_log or len(ticks) == len(values) <= _TICKS:
+            axes.set_xticks(ticks, [level_text(each) for each in ticks])
+            axes.minorticks_off()
+    if scale.is_log:
+        _fit_log(axes, rows, scale)
+        log_ticks(axes.yaxis)
+    else:
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    draw_requirements(axes, study, str(rows["figure"][0]), scale.shown.divisor)
+
+
+def _apart(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:
+    """Return those of the values whose labels do not touch along the axis, from the first on."""
+    places = (np.log(values) if is_log else np.array(values)).tolist()
+    part = axes.get_subplotspec()
+    width_in = 0.8 * axes.figure.bbox.width / axes.figure.dpi / (1 if part is None else part.get_geometry()[1])
+    label_in = 0.1 + 0.08 * max(len(level_text(each)) for each in values)
+    gap, kept = label_in / width_in * (places[-1] - places[0]), [0]
+    for number, place in enumerate(places):
+        if place - places[kept[-1]] >= gap:
+            kept.append(number)
+    return [values[number] for number in dict.fromkeys(kept)]
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"
+
+
+def _fit_log(axes: Axes, rows: FigureData, scale: FigureScale) -> None:
+    """Let the axis span the means and the ends of intervals that are positive, not those that reach 0."""
+    every = np.concatenate([rows[name] for name in ("mean", "low_95", "high_95")]) / scale.shown.divisor
+    mean = rows["mean"] / scale.shown.divisor
+    every = every[np.isfinite(every) & (every > 0.1 * mean.min())]
+    low, high = axes.get_ylim() if axes.get_autoscaley_on() is False else (np.inf, 0.0)
+    axes.set_ylim(min(low, float(every.min()) / 1.5), max(high, float(every.max()) * 1.5))
+
+
+def _draw_series(
+    axes: Axes, rows: FigureData, along: EffectAxis, labels: list[str], hues: list[Hue], scale: FigureScale
+) -> None:
+    """Draw each series, a little apart from the others; values that are names have no lines between them."""
     is_named = along.labels is not None
     # Equal means would hide each other; on a logarithmic axis they are moved by a share of their place.
     span = 8.0 if is_named else float(np.ptp(along.place)) or 1.0
-    for number, (name, hue) in enumerate(zip(names, hues, strict=True)):
-        own = np.array([each == name for each in series])
-        aside = _ASIDE * (number - 0.5 * (len(names) - 1))
+    for number, hue in enumerate(hues):
+        own = np.array([each == hue.label for each in labels])
+        aside = _ASIDE * (number - 0.5 * (len(hues) - 1))
         place = along.place[own] * (1.0 + 2.0 * aside) if along.is_log else along.place[own] + span * aside
-        _draw(axes, rows.where(own), place, hue.colour, "" if is_named else hue.dashes)
-    if len(names) > 1:
-        legend_of(axes, hues)
+        _draw(axes, rows.where(own), place, scale, Hue(hue.colour, "", "") if is_named else hue)
 
 
-def _draw(axes: Axes, rows: FigureData, place: FloatArray, colour: str, dashes: object) -> None:
+def _draw(axes: Axes, rows: FigureData, place: FloatArray, scale: FigureScale, hue: Hue) -> None:
     order = np.argsort(place, kind="stable")
-    mean = rows["mean"][order]
-    low, high = (np.where(np.isfinite(rows[name][order]), rows[name][order], mean) for name in ("low_95", "high_95"))
-    spread = np.abs(np.stack([mean - low, high - mean]))
-    axes.errorbar(place[order], mean, spread, fmt="none", ecolor=colour, elinewidth=1.2, capsize=3)
-    style = {"linestyle": dashes, "color": colour, "marker": "o", "markersize": 4}
-    axes.plot(place[order], mean, **style)  # type: ignore[arg-type]
+    mean, low, high = (rows[name][order] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
+    spread = np.abs(
+        np.stack([mean - np.where(np.isfinite(low), low, mean), np.where(np.isfinite(high), high, mean) - mean])
+    )
+    if scale.is_log:  # an interval that reaches 0 is cut below the axis
+        spread[0] = np.minimum(spread[0], mean * (1.0 - 1e-6))
+    axes.errorbar(place[order], mean, spread, fmt="none", ecolor=hue.colour, elinewidth=1.2, capsize=3)
+    style: dict[str, Any] = {"linestyle": hue.dashes, "color": hue.colour, "marker": "o", "markersize": 4}
+    axes.plot(place[order], mean, **style)
+
+
+def draw_requirements(axes: Axes, study: SavedStudy, figure: str, divisor: float, *, along_x: bool = False) -> None:
+    """Draw the lines of the study's requirements on a figure."""
+    for each in study.requirements:
+        if each["figure"] != figure:
+            continue
+        value, sign = each["limit"] / divisor, "≥" if each["is_least"] else "≤"
+        style: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (2, 2))}
+        if along_x:
+            axes.axvline(value, **style)
+            continue
+        axes.axhline(value, **style)
+        axes.annotate(
+            f"required {sign} {number_words(value)}",
+            (0.99, value),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize=8,
+            color=INK,
+        )
 
 
 def difference_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     """Draw how much each design differs from the first one: paired over runs, with the 95 % interval."""
     rows = study.rows(figure)
+    first = study.short_labels(rows)[0] if len(rows) else ""
     rows = rows.where((rows["design"] > 0) & np.isfinite(rows["difference"]))
     if not len(rows):
         return without_data(axes, f"{figure}: no design to compare with the first")
+    unit = study.units[figure]
+    shown = shown_unit(unit, rows["difference"])
     place = -np.arange(len(rows), dtype=np.float64)
-    middle = rows["difference"]
-    spread = np.abs(np.stack([middle - rows["difference_low_95"], rows["difference_high_95"] - middle]))
+    middle, low, high = (
+        rows[name] / shown.divisor for name in ("difference", "difference_low_95", "difference_high_95")
+    )
+    spread = np.abs(np.stack([middle - low, high - middle]))
     axes.axvline(0.0, color=MUTED, linewidth=1.0)
     axes.errorbar(middle, place, xerr=np.where(np.isfinite(spread), spread, 0.0), fmt="o", color=SERIES[0], capsize=3)
-    axes.set_yticks(place, study.labels(rows))
+    axes.set_yticks(place, study.short_labels(rows))
+    axes.set_title(study.names())
     axes.set_ylim(place[-1] - 0.6, 0.6)
-    unit = study.units[figure]
-    name = figure.removesuffix(f"_{unit}") if unit else figure
-    axes.set_xlabel(f"{name} minus that of {study.labels(study.rows(figure))[0]}{f', {unit}' if unit else ''}")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    axes.set_xlabel(
+        axis_label(f"{figure_words(figure, unit)}: difference from {first or 'the first design'}", shown.unit)
+    )
     axes.grid(axis="y", visible=False)
     return axes

@@ -49,5 +49,5 @@ def hypotheses_plot(axes: Axes, facts: RunFacts, data: FigureData, track: int) -
         line = own.where(own["hypothesis"] == hue.label)
         axes.plot(line["tick_s"], line["probability"], color=hue.colour, linestyle=hue.dashes)
     axes.set(xlabel="scene time, s", ylabel="probability", ylim=(-0.03, 1.03), title=f"{own['of'][0]}, track {track}")
-    legend_of(axes, [hue for hue in hues if hue.label in shown], loc="center right")
+    legend_of(axes, [hue for hue in hues if hue.label in shown])
     return axes

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from opir_report.canvas import without_data
+from opir_report.canvas import legend_above, without_data
 from opir_report.figure_data import FigureData
 from opir_report.maps.base_map import drawn_region, filled
 from opir_report.maps.projections import RegionProjection
@@ -67,12 +67,12 @@ def impact_map(axes: Axes, facts: RunFacts, target: int) -> Axes:
     if np.isfinite(true).all():
         cross: dict[str, Any] = {"marker": "x", "linestyle": "", "markersize": 8, "markeredgewidth": 2, "zorder": 5}
         marks += axes.plot(*projection.points(*true.T).T, color=INK, label="true impact", **cross)
-    # The legend and the bar are where an oblong region is not.
+    # The bar is where an oblong region is not.
     flat = projection.points(*places.T)
     is_rising = float(np.sum((flat[:, 0] - flat[:, 0].mean()) * (flat[:, 1] - flat[:, 1].mean()))) > 0.0
     _scale_bar(axes, at_right=is_rising)
     axes.set_title(f"{name}, predicted at {facts.run.tracks.tick_s[row]:g} s")
-    axes.legend(handles=marks, loc="upper left" if is_rising else "upper right", fontsize=7)
+    legend_above(axes, marks)
     return axes
 
 
@@ -85,7 +85,7 @@ def _scale_bar(axes: Axes, *, at_right: bool) -> None:
     height = south + 0.05 * (north - south)
     axes.plot([right - length, right], [height, height], color=INK, linewidth=2, solid_capstyle="butt", zorder=6)
     axes.annotate(
-        f"{length:g} km", (right - 0.5 * length, height), (0, 3), textcoords="offset points", ha="center", fontsize=7
+        f"{length:g} km", (right - 0.5 * length, height), (0, 3), textcoords="offset points", ha="center", fontsize=8
     )
 
 

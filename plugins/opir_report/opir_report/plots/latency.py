@@ -10,7 +10,7 @@ from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.planning import look_times_s
-from opir_report.canvas import without_data
+from opir_report.canvas import legend_above, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, series_hue
 from opir_report.plots.signal import look_probability
@@ -185,5 +185,5 @@ def latency_plot(axes: Axes, facts: RunFacts, pairs: list[PairLatency], data: Fi
         pairs
     )
     axes.set_title(f"{len(pairs)} pairs of sensor and launch; {omitted} that see it only later are left out")
-    axes.legend(handles=marks, loc="lower right")
+    legend_above(axes, marks)
     return axes

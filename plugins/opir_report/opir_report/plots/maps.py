@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_of, without_data
+from opir_report.canvas import legend_above, legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.maps.base_map import drawn_line, drawn_region, drawn_world, filled
 from opir_report.maps.projections import MapProjection, RegionProjection, WorldProjection
@@ -138,7 +138,7 @@ def _draw_sensors(axes: Axes, projection: MapProjection, facts: RunFacts, views:
         for number, name in enumerate(types)
     ]
     quiet = Line2D([], [], color=MUTED, marker="s", fillstyle="none", linestyle="", markersize=5, label="no detection")
-    axes.legend(handles=[*marks, quiet], loc="lower left", ncols=2)
+    legend_above(axes, [*marks, quiet])
 
 
 def _label_sensors(axes: Axes, projection: MapProjection, views: FigureData) -> None:
@@ -149,5 +149,5 @@ def _label_sensors(axes: Axes, projection: MapProjection, views: FigureData) -> 
     for rank, row in enumerate(np.argsort(places[:, 0], kind="stable").tolist()):
         above: dict[str, Any] = {"xytext": (0, 5), "va": "bottom"} if rank % 2 else {"xytext": (0, -5), "va": "top"}
         name = views["sensor_id"][row]
-        style: dict[str, Any] = {"fontsize": 7, "color": INK, "ha": "center", "zorder": 6}
+        style: dict[str, Any] = {"fontsize": 8, "color": INK, "ha": "center", "zorder": 6}
         axes.annotate(name, places[row], textcoords="offset points", **above, **style)

@@ -9,9 +9,9 @@ from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import Exposures, Sensor
-from opir_report.canvas import legend_of, without_data
+from opir_report.canvas import legend_of, log_ticks, without_data
 from opir_report.figure_data import FigureData
-from opir_report.palette import Hue, series_hue
+from opir_report.palette import series_hue
 from opir_report.run_facts import RunFacts
 
 #: Looks of a pair that are evaluated.
@@ -106,13 +106,10 @@ def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, pane
         hues.append(hue)
     axes.set(xlabel="time since ignition, s", ylabel=label, **scale)
     axes.set_title(f"{name} ({facts.types[target]})")
-    _legend(axes, hues)
+    if axes.get_yscale() == "log":
+        log_ticks(axes.yaxis)
+    legend_of(axes, hues)
     return axes
-
-
-def _legend(axes: Axes, hues: list[Hue]) -> None:
-    style: dict[str, Any] = {"ncols": 2 if len(hues) > 3 else 1, "fontsize": 7}
-    legend_of(axes, hues, **style)
 
 
 def _most_visible(data: FigureData) -> list[str]:

@@ -69,9 +69,7 @@ def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
     axes.set_xlabel(f"scene time, s ({words})")
     axes.grid(axis="y", visible=False)
     noise = [FALSE_ALARM] if not set(counts["target_id"].tolist()) <= set(facts.ids) else []
-    legend_of(
-        axes, [*facts.hues.legend, *noise], loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=4, borderaxespad=0.0
-    )
+    legend_of(axes, [*facts.hues.legend, *noise])
     return axes
 
 
@@ -96,7 +94,7 @@ def _draw_sensor(axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, w
     axes.axhline(bottom, color=MUTED, linewidth=0.5)
     words = f"at most {int(total.max())}"
     axes.annotate(
-        words, (1.01, bottom + 0.4), xycoords=("axes fraction", "data"), fontsize=7, color=INK, ha="left", va="center"
+        words, (1.01, bottom + 0.4), xycoords=("axes fraction", "data"), fontsize=8, color=INK, ha="left", va="center"
     )
 
 

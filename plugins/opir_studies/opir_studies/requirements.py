@@ -1,0 +1,63 @@
+"""Requirements on the mean of a figure, `warning_time_s >= 900`: lines in plots, verdicts in tables."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.errors import Problem, SceneError, nearest
+
+_FORM = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>|≤|≥)\s*(\S+)\s*")
+
+
+@frozen
+class Requirement:
+    """A bound of a figure's mean: the least value if `is_least`, else the largest."""
+
+    figure: str
+    limit: float
+    is_least: bool
+
+    def violation(self, mean: float) -> float:
+        """Return by which share of the limit a mean misses it, 0 where it is met; a mean that is nan misses it by 1."""
+        if not math.isfinite(mean):
+            return 1.0
+        missing = self.limit - mean if self.is_least else mean - self.limit
+        return max(missing, 0.0) / (abs(self.limit) or 1.0)
+
+    def is_met(self, means: FloatArray) -> FloatArray:
+        """Return whether means (n,) meet it; nan does not."""
+        return np.array([self.violation(float(each)) == 0.0 for each in means])
+
+    def __str__(self) -> str:
+        """Return the requirement as it is written."""
+        return f"{self.figure} {'>=' if self.is_least else '<='} {self.limit:g}"
+
+
+def requirements_of(texts: Sequence[str], units: Mapping[str, str], source: str) -> tuple[Requirement, ...]:
+    """Return requirements on figures with these units; raises `SceneError` for what cannot be read, or is unknown."""
+    return tuple(_requirement(text, f"requirements[{row}]", units, source) for row, text in enumerate(texts))
+
+
+def _requirement(text: str, path: str, units: Mapping[str, str], source: str) -> Requirement:
+    match = _FORM.fullmatch(str(text))
+    try:
+        limit = float(match[3]) if match is not None else math.nan
+    except ValueError:
+        limit = math.nan
+    if match is None or not math.isfinite(limit):
+        words = f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
+        raise SceneError([Problem(path, words)], source=source)
+    require_figures([match[1]], path, units, source)
+    return Requirement(match[1], limit, match[2] in (">", ">=", "≥"))
+
+
+def require_figures(names: Sequence[str], path: str, units: Mapping[str, str], source: str) -> None:
+    """Raise `SceneError` for a figure that no metric gives."""
+    for name in names:
+        if name not in units:
+            words = f"no metric of the study gives {name!r}{nearest(name, units)}; there are {', '.join(units)}"
+            raise SceneError([Problem(path, words)], source=source)

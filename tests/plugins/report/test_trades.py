@@ -1,0 +1,136 @@
+"""What a study's report says of its designs, of a study whose answers are known: fronts, weights, constants, files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from opir_report.pages.page import ReportTable
+from opir_report.pages.paper import latex_table, markdown_table
+from opir_report.pages.study_report import studies_in, study_page
+from opir_report.plots.panels import effect_panels
+from opir_report.plots.trades import convergence_rows, front_of, is_higher_better, tornado_rows
+from opir_report.saved_study import read_study
+from opir_report.words import figure_words, level_words, number_words, setting_words, shown_unit
+from saved_studies import PERIOD, TRACKER, written_study
+from varied_studies import written
+
+from opir_core.cli.main import main
+from opir_core.errors import SceneError
+
+
+def test_the_front_is_what_no_other_point_beats() -> None:
+    rng = np.random.default_rng(3)
+    first, second = rng.integers(0, 6, (2, 60)).astype(np.float64)
+    expected = [
+        not any(
+            first[other] <= first[row]
+            and second[other] <= second[row]
+            and (first[other] < first[row] or second[other] < second[row])
+            for other in range(60)
+        )
+        for row in range(60)
+    ]
+    assert front_of(first, second).tolist() == expected
+
+
+def test_a_tornado_has_the_range_of_marginal_means(tmp_path: Path) -> None:
+    rows = tornado_rows(read_study(written_study(tmp_path / "a")), "latency_s")
+    assert rows["path"].tolist() == [PERIOD, TRACKER]
+    np.testing.assert_allclose(rows["low"], [0.1, 0.7 / 3.0])
+    np.testing.assert_allclose(rows["high"], [0.4, 0.7 / 3.0])
+    assert (rows["low_value"][0], rows["high_value"][0]) == ("50", "200")
+
+
+def test_convergence_ends_at_the_mean_and_interval_of_all_runs(tmp_path: Path) -> None:
+    from scipy.stats import t
+
+    study = read_study(written(tmp_path / "a", "one-knob"))
+    rows = convergence_rows(study, "latency_s")
+    values = study.runs["latency_s"][study.runs["design"] == 1]
+    last = rows.where((rows["design"] == 1) & (rows["runs"] == len(values)))
+    low, high = t.interval(0.95, len(values) - 1, values.mean(), values.std(ddof=1) / len(values) ** 0.5)
+    np.testing.assert_allclose([last[name][0] for name in ("mean", "low_95", "high_95")], [values.mean(), low, high])
+
+
+def test_constants_are_a_line_of_text_and_what_was_asked_comes_first(tmp_path: Path) -> None:
+    page = study_page(studies_in(written(tmp_path / "a", "two-knobs")))
+    assert page.sections[0].name == "answer"
+    assert page.figures()[0].name == "effect-latency_s"
+    assert page.figures()[1].name == "effect-position_rmse_m"
+    other = next(each for each in page.sections if each.name == "metric-other")
+    assert "In every run: tracked 1." in other.text
+    assert any(line.startswith("latency at most 0.5 s: met by") for line in page.summary)
+
+
+@pytest.mark.parametrize(
+    ("name", "panels"),
+    [("one-knob", 1), ("two-knobs", 1), ("small-multiples", 5), ("three-knobs", 2), ("one-at-a-time", 3)],
+)
+def test_a_second_setting_of_many_values_and_a_third_are_small_multiples(
+    name: str, panels: int, tmp_path: Path
+) -> None:
+    assert len(effect_panels(read_study(written(tmp_path / "a", name)), "latency_s")) == panels
+
+
+def test_intervals_end_where_a_figure_does(tmp_path: Path) -> None:
+    rows = read_study(written(tmp_path / "a", "one-knob")).rows("warned")
+    assert rows["low_95"].min() >= 0.0
+    assert rows["high_95"].max() <= 1.0
+
+
+def test_what_is_better_is_known_or_not_said(tmp_path: Path) -> None:
+    study = read_study(written(tmp_path / "a", "one-knob"))
+    found = [is_higher_better(study, each) for each in ("latency_s", "warned", "impact_area_km2")]
+    assert found == [False, True, False]
+
+
+def test_studies_side_by_side_need_the_same_settings(tmp_path: Path) -> None:
+    first, second = written(tmp_path / "a", "one-knob"), written(tmp_path / "b", "two-knobs")
+    with pytest.raises(SceneError, match="vary different settings: one-knob sensors"):
+        studies_in([first, second])
+    both = studies_in([first, written_again(tmp_path / "c")])
+    assert both.paths == ["study", PERIOD]
+    rows = both.rows("latency_s")
+    assert rows["design"].tolist() == list(range(6))
+    assert rows["study"].tolist() == ["one-knob"] * 3 + ["other"] * 3
+
+
+def written_again(folder: Path) -> Path:
+    written(folder, "one-knob")
+    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    (folder / "study.json").write_text(json.dumps({**definition, "study": "other"}), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.slow
+def test_figures_and_tables_are_files_for_papers(tmp_path: Path, capsys) -> None:
+    folder = written(tmp_path / "a", "one-knob")
+    command = ["report", str(folder), "-o", str(tmp_path / "a.html"), "--figures", str(tmp_path / "figures")]
+    assert main([*command, "--formats", "png,pdf"]) == 0
+    assert "figures, 3 tables" in capsys.readouterr().out
+    names = {each.name for each in (tmp_path / "figures").iterdir()}
+    assert {"effect-latency_s.png", "effect-latency_s.pdf", "trade.png"} <= names
+    assert (tmp_path / "figures" / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert main([*command, "--formats", "gif"]) == 2
+    assert "'gif' is no format; there are png, svg, pdf" in capsys.readouterr().err
+
+
+def test_tables_are_escaped() -> None:
+    table = ReportTable("50 % of a_b", ("a|b", "x"), [("1 & 2", "3 µm²")])
+    assert r"1 \& 2 & 3 \textmu{}m\textsuperscript{2} \\" in latex_table(table)
+    assert r"\caption{50 \% of a\_b}" in latex_table(table)
+    assert "| a\\|b | x |\n|---|---:|\n| 1 & 2 | 3 µm² |\n" in markdown_table(table)
+
+
+def test_names_are_words_with_units() -> None:
+    assert setting_words("sensors[*].scan_period_ms") == ("scan period", "ms")
+    assert setting_words("sensors[*].detection_probability.ICBM") == ("detection probability of ICBM", "")
+    assert setting_words("sensors[0]") == ("sensors 0", "")
+    assert figure_words("position_rmse_m", "m") == "position RMSE"
+    assert figure_words("false_events_a_day", "1/day") == "false events"
+    assert level_words("sensors[*].orbital_slot_deg", "-135") == "orbital slot -135°"
+    assert number_words(12_345.6) == "12\N{NARROW NO-BREAK SPACE}350"
+    assert number_words(1679.4, 3) == "1680"
+    assert shown_unit("m", np.array([3.0e4])).unit == "km"
+    assert shown_unit("km2", np.array([3.0e6])).divisor == 1e6

@@ -1,0 +1,58 @@
+"""Requirements of studies, and notes on scenes that end too early."""
+
+import numpy as np
+import pytest
+from opir_studies import Study, sweep
+from opir_studies.planning import planned_study
+from opir_studies.requirements import Requirement, requirements_of
+from opir_studies.sweep_command import as_text
+from study_scene import PERIOD, SCENE
+
+from opir_core.errors import SceneError
+
+UNITS = {"latency_s": "s", "detected": ""}
+
+
+def test_both_signs_are_read() -> None:
+    least, most = requirements_of(["detected >= 0.9", "latency_s<=2"], UNITS, "study")
+    assert (least, most) == (Requirement("detected", 0.9, True), Requirement("latency_s", 2.0, False))
+    assert least.is_met(np.array([0.9, 0.8, np.nan])).tolist() == [True, False, False]
+    assert most.violation(3.0) == pytest.approx(0.5)
+    assert str(most) == "latency_s <= 2"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("latency_s", "is not FIGURE >= VALUE"), ("latency_s >= x", "is not FIGURE"), ("latenci_s >= 1", "'latency_s'")],
+)
+def test_invalid_requirements_are_refused(text: str, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        requirements_of([text], UNITS, "study")
+
+
+def test_figures_to_show_are_known_before_the_first_run() -> None:
+    with pytest.raises(SceneError, match="no metric of the study gives 'speed'"):
+        planned_study(Study(scene=SCENE, show=("speed",)))
+
+
+@pytest.mark.slow
+def test_the_table_says_who_meets_them_and_what_never_changes(tmp_path) -> None:
+    study = Study(
+        scene=SCENE,
+        vary={PERIOD: [50, 5000]},
+        runs=4,
+        metrics=("latency", {"detection_by_time": {"times_s": [19.0]}}),
+        requirements=("latency_s <= 1",),
+        executor="serial",
+    )
+    text = as_text(sweep(study, tmp_path))
+    assert "In every run: detected_by_19_s 1" in text
+    assert "latency_s <= 1: met by 1 of 2 designs (50)" in text
+
+
+def test_a_scene_that_ends_with_the_burn_is_told_to_metrics_of_impacts() -> None:
+    (note,) = planned_study(Study(scene=SCENE, metrics=("warning_time",))).notes
+    assert note.startswith("the scene ends at 20 s, 231 s before the burnout of T1")
+    assert planned_study(Study(scene=SCENE, metrics=("latency",))).notes == ()
+    long = {**SCENE, "duration_s": 285.0}
+    assert planned_study(Study(scene=long, metrics=("warning_time",))).notes == ()

@@ -1,0 +1,167 @@
+"""The rules of figures: what of a drawn figure of matplotlib breaks them, in words."""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.patches import StepPatch
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+#: Pixels by which text may stick out or overlap, for what fonts measure larger than they draw.
+_SLACK = 1.5
+#: The smallest font, points.
+_SMALLEST_PT = 7.9
+#: The least share of an axis that its data use.
+_LEAST_SHARE = 0.25
+
+
+def broken_rules(figure: Figure) -> list[str]:
+    """Return what is wrong with a figure, nothing for a good one; it is drawn first."""
+    figure.canvas.draw()
+    found = [*_text_rules(figure)]
+    for axes in figure.findobj(Axes):
+        if axes.get_visible() and axes.axison:
+            found += [*_axis_rules(axes), *_interval_rules(axes)]
+    found += [line for legend in figure.findobj(Legend) for line in _legend_rules(figure, legend)]
+    return found
+
+
+def _texts(figure: Figure) -> list[tuple[Text, Any]]:
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    hidden = {id(text) for axes in figure.findobj(Axes) for text in _hidden(axes)}
+    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    return [(text, text.get_window_extent(renderer)) for text in shown if id(text) not in hidden]
+
+
+def _hidden(axes: Axes) -> Iterator[Text]:
+    """Yield the labels of ticks that are not drawn: those outside the view, and all of axes that are off."""
+    for axis in (axes.xaxis, axes.yaxis):
+        is_off = not axes.get_visible() or not axes.axison
+        drawn = set() if is_off else {id(tick) for tick in axis._update_ticks()}  # no public way
+        for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+            if id(tick) not in drawn:
+                yield from (tick.label1, tick.label2)
+        if is_off:
+            yield axis.label
+
+
+def _text_rules(figure: Figure) -> Iterator[str]:
+    width, height = figure.bbox.width, figure.bbox.height
+    texts = _texts(figure)
+    for text, box in texts:
+        if box.x0 < -_SLACK or box.y0 < -_SLACK or box.x1 > width + _SLACK or box.y1 > height + _SLACK:
+            yield f"{text.get_text()!r} is cut by the edge"
+        if text.get_fontsize() < _SMALLEST_PT:
+            yield f"{text.get_text()!r} has {text.get_fontsize():g} pt"
+    for (one, box), (other, second) in combinations(texts, 2):
+        overlap = min(box.x1, second.x1) - max(box.x0, second.x0), min(box.y1, second.y1) - max(box.y0, second.y0)
+        is_level = not one.get_rotation() % 90.0 and not other.get_rotation() % 90.0
+        if is_level and one.get_text() != other.get_text() and min(overlap) > 2.0 * _SLACK:
+            yield f"{one.get_text()!r} is printed over {other.get_text()!r}"
+
+
+def _axis_rules(axes: Axes) -> Iterator[str]:
+    for name, axis, values in (("x", axes.xaxis, 0), ("y", axes.yaxis, 1)):
+        if axis.get_offset_text().get_text():
+            yield f"the {name} axis has the offset {axis.get_offset_text().get_text()}"
+        low, high = sorted(axis.get_view_interval())
+        if axis.get_scale() == "log":
+            places = zip(axis.get_majorticklocs(), axis.get_ticklabels(), strict=False)
+            written = [text.get_text() for place, text in places if low <= place <= high and text.get_text()]
+            if len(written) < 2 and any(text.get_visible() for text in axis.get_ticklabels()):
+                yield f"the logarithmic {name} axis has {len(written)} labels"
+        shared = (axes.get_shared_x_axes() if values == 0 else axes.get_shared_y_axes()).get_siblings(axes)
+        data = np.concatenate([_data(each, values) for each in shared])
+        if len(data) and axes.get_aspect() != 1.0:
+            span = axis.get_transform().transform(np.array([data.min(), data.max(), low, high]))
+            share = (min(span[1], span[3]) - max(span[0], span[2])) / (span[3] - span[2])
+            if 0.0 < share < _LEAST_SHARE:
+                yield f"the data use {share:.0%} of the {name} axis"
+
+
+def _data(axes: Axes, column: int) -> Any:
+    """Return the values along x or y of lines in data coordinates, without lines across the axes."""
+    lines = [line for line in axes.lines if line.get_transform() == axes.transData and len(line.get_xdata()) > 0]
+    parts = [np.asarray(line.get_xydata(), dtype=np.float64)[:, column] for line in lines]
+    bars = [
+        np.concatenate(each.get_segments())[:, column]
+        for each in axes.collections
+        if isinstance(each, LineCollection) and each.get_segments()
+    ]
+    patches = [
+        box.get_points()[:, column]
+        for box in (each.get_extents().transformed(axes.transData.inverted()) for each in axes.patches)
+    ]
+    every = np.concatenate([*parts, *bars, *patches]) if parts or bars or patches else np.empty(0)
+    return every[
+        np.isfinite(every)
+        & ((every > 0.0) | (axes.get_xscale() != "log" if column == 0 else axes.get_yscale() != "log"))
+    ]
+
+
+def _interval_rules(axes: Axes) -> Iterator[str]:
+    for name, scale, column in (("x", axes.get_xscale(), 0), ("y", axes.get_yscale(), 1)):
+        for each in axes.collections:
+            if scale == "log" and isinstance(each, LineCollection):
+                ends = np.concatenate([*each.get_segments(), np.ones((1, 2))])[:, column]
+                if np.any(ends <= 0.0):
+                    yield f"an interval reaches 0 on the logarithmic {name} axis"
+
+
+def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
+    axes = [legend.axes] if legend.axes is not None else figure.findobj(Axes)
+    box = legend.get_window_extent()
+    if box.x1 > figure.bbox.width + _SLACK or box.x0 < -_SLACK or box.y1 > figure.bbox.height + _SLACK:
+        yield "the legend is cut by the edge"
+    for each in axes:
+        for line in each.lines:
+            points = _drawn_points(line)
+            covered = _covered(Bbox.intersection(box, each.bbox), points)
+            if len(points) and covered and line.get_transform() == each.transData:
+                yield f"the legend covers {covered} points of a line"
+                break
+    drawn = {(_colour(line), _dashes(line)) for each in axes for line in each.lines}
+    drawn |= {
+        (to_hex(each.get_edgecolor()), None) for one in axes for each in one.patches if isinstance(each, StepPatch)
+    }
+    for handle in legend.legend_handles:
+        if (
+            hasattr(handle, "get_linestyle")
+            and hasattr(handle, "get_xdata")
+            and handle.get_linestyle() not in ("None", "", " ")
+        ):
+            same = [dashes for colour, dashes in drawn if colour == _colour(handle)]
+            if same and _dashes(handle) not in same:
+                yield f"the legend's line {handle.get_label()!r} has other dashes than that of the plot"
+
+
+def _drawn_points(line: Any) -> Any:
+    """Return the places of a line, pixels, also between its points where they are joined."""
+    points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=np.float64))
+    if len(points) < 2 or line.get_linestyle() in ("None", "", " "):
+        return points
+    part = np.linspace(0.0, 1.0, 8)[None, :, None]
+    return (points[:-1, None] * (1.0 - part) + points[1:, None] * part).reshape(-1, 2)
+
+
+def _covered(box: Any, points: Any) -> int:
+    if box is None:
+        return 0
+    inside = (points[:, 0] > box.x0) & (points[:, 0] < box.x1) & (points[:, 1] > box.y0) & (points[:, 1] < box.y1)
+    return int(np.count_nonzero(inside))
+
+
+def _colour(line: Any) -> str:
+    return to_hex(line.get_color())
+
+
+def _dashes(line: Any) -> Any:
+    pattern = line._unscaled_dash_pattern
+    return None if pattern[1] is None else tuple(np.round(pattern[1], 3))

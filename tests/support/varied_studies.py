@@ -1,0 +1,106 @@
+"""Studies as `opir sweep` writes them: each way to vary settings, figures that span decades, a constant."""
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import parquet
+
+PERIOD, CHANCE, TRACKER = "sensors[*].scan_period_ms", "sensors[*].detection_probability.ICBM", "tracker"
+#: Levels of what varies, and the design, by the name of the study.
+STUDIES = {
+    "one-knob": ({PERIOD: [50.0, 100.0, 10_000.0]}, "factorial"),
+    "two-knobs": ({PERIOD: [50.0, 100.0, 200.0], CHANCE: [0.3, 0.9]}, "factorial"),
+    "small-multiples": (
+        {PERIOD: [50.0, 100.0, 200.0, 300.0, 400.0, 500.0], CHANCE: [0.3, 0.5, 0.6, 0.7, 0.9]},
+        "factorial",
+    ),
+    "names": ({TRACKER: ["imm with a long name of its own", "kepler-arc", "stonesoup"]}, "factorial"),
+    "three-knobs": ({PERIOD: [50.0, 100.0, 5000.0], CHANCE: [0.3, 0.9], TRACKER: ["imm", "kepler-arc"]}, "factorial"),
+    "one-at-a-time": (
+        {PERIOD: [100.0, 50.0, 5000.0], CHANCE: [0.9, 0.3], TRACKER: ["imm", "kepler-arc"]},
+        "one-at-a-time",
+    ),
+    "alone": ({}, "factorial"),
+}
+FIGURES = {"latency_s": "s", "position_rmse_m": "m", "impact_area_km2": "km2", "warned": "", "tracked": ""}
+RUNS = 6
+
+
+def written(folder: Path, name: str) -> Path:
+    """Write a study whose figures span decades, with intervals that reach below 0, and a constant."""
+    vary, design = STUDIES[name]
+    every = list(product(*vary.values()))
+    if design == "one-at-a-time":
+        first = [levels[0] for levels in vary.values()]
+        every = [row for row in every if sum(a != b for a, b in zip(row, first, strict=True)) <= 1]
+    rng, rows, runs = np.random.default_rng(4), [], []
+    for number, levels in enumerate(every):
+        knobs = dict(zip(vary, levels, strict=True))
+        size = (
+            knobs.get(PERIOD, 100.0)
+            * 2e-3
+            / knobs.get(CHANCE, 0.5)
+            * (2.0 if knobs.get(TRACKER) == "kepler-arc" else 1.0)
+        )
+        scale = {
+            "latency_s": size,
+            "position_rmse_m": 3e4 * size**0.3,
+            "impact_area_km2": 1e6 * size**2,
+            "warned": min(1.0, 0.3 / size),
+            "tracked": 1.0,
+        }
+        values = {
+            figure: each * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
+            for figure, each in scale.items()
+        }
+        values["warned"] = np.minimum(values["warned"], 1.0)
+        runs += [
+            {
+                "design": number,
+                **knobs,
+                "replicate": run,
+                "seed": run,
+                **{figure: float(each[run]) for figure, each in values.items()},
+            }
+            for run in range(RUNS)
+        ]
+        for figure, unit in FIGURES.items():
+            own = values[figure]
+            half = 2.571 * own.std(ddof=1) / RUNS**0.5
+            rows.append(
+                {
+                    "design": number,
+                    **knobs,
+                    "figure": figure,
+                    "unit": unit,
+                    "runs": RUNS,
+                    "first_seed": 0,
+                    "last_seed": RUNS - 1,
+                    "runs_with_value": RUNS,
+                    "mean": own.mean(),
+                    "low_95": own.mean() - half,
+                    "high_95": own.mean() + half,
+                    "sd": own.std(ddof=1),
+                    "q10": own.min(),
+                    "median": np.median(own),
+                    "q90": own.max(),
+                    "difference": own.mean() - scale[figure],
+                    "difference_low_95": own.mean() - scale[figure] - half,
+                    "difference_high_95": own.mean() - scale[figure] + half,
+                }
+            )
+    folder.mkdir(parents=True)
+    parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
+    parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")
+    definition = {
+        "study_version": 1, "study": name, "scene": "s", "design": design, "vary": list(vary), "runs": RUNS,
+        "until": "", "figures": FIGURES, "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},
+        "designs": [{"design": number} for number in range(len(every))],
+        "shown": ["latency_s", "position_rmse_m"], "notes": [],
+        "requirements": [{"figure": "latency_s", "limit": 0.5, "is_least": False}],
+    }  # fmt: skip
+    (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    return folder
