@@ -8,6 +8,7 @@ from opir_coverage.bench.bands import BandLimits, best_bands
 from opir_coverage.bench.budget import noise_budget, waterfall
 from opir_coverage.bench.curves import curve, first_report_s, least_intensities_w_sr, operating_characteristic
 from opir_coverage.bench.frames import frame
+from opir_coverage.bench.movies import Filming, clip
 from opir_coverage.bench.stand import Bench, Poses
 from scipy.special import j0, j1, ndtr
 
@@ -258,3 +259,32 @@ def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
     cells = 4.0 * math.pi * math.sin(0.5 * half_rad) ** 2 / ifov**2
     a_day = float(ndtr(-sigma)) * cells * 86400.0 / (sensor.scan.period_ns * 1e-9)
     assert [row[6] for row in rows.values()] == pytest.approx([a_day] * len(rows), rel=1e-6)
+
+
+def test_a_clip_holds_the_light_and_the_way_of_its_target():
+    """Centroids and sums of frames, by a script; the speed across the sky is v sin a / R, the light E A τ η t λ/hc."""
+    plane = {"aperture_m": 0.6, "integration_time_ms": 10.0, "subframes": 1, "registration_urad": 0.0, "bits": 64}
+    plane |= {"optics_transmission": 0.7, "quantum_efficiency": 0.8, "fill_factor": 0.9, "optics_temperature_k": 0.0}
+    plane |= {"dark_current_e_s": 0.0, "read_noise_e": 0.1, "well_capacity_e": 1e15, "drift_urad_s": 0.0}
+    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
+    aspect, poses = math.radians(50.0), Poses.of("SRBM", height_m=40e3, aspect_rad=math.radians(50.0))
+    made = clip(bench, poses, Filming(frames=5, every_s=4.0, pixels=64), seed=4)
+    at = np.arange(64.0)
+    for frame_e, row, column, light in zip(made.electrons, made.row, made.column, made.light_w_m2, strict=True):
+        total = float(frame_e.sum())
+        assert (frame_e.sum(axis=1) @ at / total, frame_e.sum(axis=0) @ at / total) == pytest.approx(
+            (row, column), abs=0.2
+        )
+        low, high = bench.sensor.bands[0].lower_um, bench.sensor.bands[0].upper_um
+        per_unit = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.9 * 0.01 * 0.5e-6 * (low + high) / H_C
+        assert total == pytest.approx(light * per_unit, rel=0.02)
+    range_m = float(bench.signals(poses).range_m[0])
+    across = 1000.0 * math.sin(aspect) / range_m / bench.sensor.radiometer.ifov_rad
+    assert np.hypot(np.diff(made.row), np.diff(made.column)) / 4.0 == pytest.approx([across] * 4, rel=1e-3)
+
+
+def test_a_scaled_target_has_the_signal_over_noise_that_was_asked_for():
+    """In the middle frame, by its brightest pixel: light over the root of its own photons and the rest of the noise."""
+    made = clip(bare("SBIRS-GEO"), Poses.of("SRBM"), Filming(frames=3, every_s=0.5, pixels=32, snr=(6.0, 6.0)), seed=2)
+    assert made.snr[1] == pytest.approx(6.0, rel=0.02)
+    assert made.scale < 1.0

@@ -34,7 +34,13 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
     add("--least-width", type=float, default=0.0, metavar="UM", help="least width of a band (default 0)")
     add("--most-width", type=float, default=math.inf, metavar="UM", help="most width of a band (default: any)")
     add("--most", type=int, default=12, metavar="N", help="bands to show (default 12)")
-    frames = _on_bench(quantities, "frame", "one simulated frame of a focal plane, as PNG and arrays", run=_frame)
+    frames = _on_bench(quantities, "frame", "simulated frames of a focal plane, with masks and labels", run=_frame)
+    frames.add_argument("--band", default="", metavar="NAME", help="band of the frames (default: the first)")
+    frames.add_argument("--movie", type=int, default=0, metavar="N", help="a clip of N frames (default: one picture)")
+    frames.add_argument("--every", type=float, metavar="S", help="time between frames, s (default: the scan period)")
+    frames.add_argument("--clips", type=int, default=1, metavar="K", help="clips of --movie, each with its own seed")
+    limits = "scale the target's light to a signal over noise between these (default: its own light)"
+    frames.add_argument("--snr", type=_two_numbers, metavar="LOW,HIGH", help=limits)
     frames.add_argument("--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)")
     frames.add_argument("--seed", type=int, default=1, help="seed of the noise and the background (default 1)")
     frames.add_argument("-o", "--out", default="frame", metavar="FOLDER", help="folder of the files (default frame)")
@@ -92,3 +98,10 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers with commas between") from None
+
+
+def _two_numbers(text: str) -> tuple[float, ...]:
+    found = _numbers(text)
+    if len(found) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is no pair of numbers with a comma between")
+    return found

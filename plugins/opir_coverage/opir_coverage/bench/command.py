@@ -18,6 +18,8 @@ from opir_coverage.bench.budget import NoiseBudget, noise_budget, waterfall
 from opir_coverage.bench.causes import false_alarms, window
 from opir_coverage.bench.curves import curve, operating_characteristic
 from opir_coverage.bench.frames import frame, write_frame
+from opir_coverage.bench.movie_files import write_movies
+from opir_coverage.bench.movies import Clip, Filming, clip
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult, write_plot
 from opir_coverage.bench.stand import Bench, Poses
 from opir_coverage.looks import band_thresholds
@@ -103,9 +105,7 @@ def _terms(bench: Bench, found: NoiseBudget) -> BenchResult:
 def _waterfall(bench: Bench, found: NoiseBudget, name: str) -> BenchResult:
     radiometer = bench.sensor.radiometer
     assert radiometer is not None
-    if name and name not in found.bands:
-        raise ModelError(f"--band: {name!r} is not one of {', '.join(found.bands)}")
-    band = found.bands.index(name) if name else radiometer.reference
+    band = _band_of(bench, name) if name else radiometer.reference
     steps = waterfall(found, band, float(band_thresholds(bench.sensor)[band]))
     rows = [[each.name, each.gain_db, each.level_db, each.value] for each in steps]
     line = BenchLine(
@@ -146,12 +146,36 @@ def _bands(arguments: argparse.Namespace) -> BenchResult:
 
 
 def frame_command(arguments: argparse.Namespace) -> int:
-    """Write one simulated frame of a focal plane as a picture and as an array."""
-    bench = benches_of(arguments)[0]
-    made = frame(bench, _poses(arguments), arguments.pixels, arguments.seed)
-    for path in write_frame(made, Path(arguments.out)):
+    """Write one simulated frame of a focal plane as a picture and as an array, or movies of frames."""
+    bench, poses = benches_of(arguments)[0], _poses(arguments)
+    band, folder = _band_of(bench, arguments.band), Path(arguments.out)
+    if arguments.movie:
+        every_s = bench.sensor.scan.period_ns * 1e-9 if arguments.every is None else arguments.every
+        snr = arguments.snr or None
+        filming = Filming(frames=arguments.movie, every_s=every_s, pixels=arguments.pixels, band=band, snr=snr)
+        made = [clip(bench, poses, filming, arguments.seed + number) for number in range(arguments.clips)]
+        written = write_movies(made, folder)
+        sys.stdout.write("".join(f"{_in_short(each)}\n" for each in made))
+    else:
+        written = write_frame(frame(bench, poses, arguments.pixels, arguments.seed, band), folder)
+    for path in written:
         sys.stdout.write(f"{path}\n")
     return 0
+
+
+def _band_of(bench: Bench, name: str) -> int:
+    """Return the number of a band by its name, the first for none."""
+    names = [band.name for band in bench.sensor.bands]
+    if name and name not in names:
+        raise ModelError(f"--band: {name!r} is not one of {', '.join(names)}")
+    return names.index(name) if name else 0
+
+
+def _in_short(made: Clip) -> str:
+    seen = made.snr[made.snr > 0.0]
+    words = f"SNR of its brightest pixel {seen.min():.3g} to {seen.max():.3g}" if len(seen) else "beside all frames"
+    of = f"{made.sensor} {made.band}, seed {made.seed}: {made.target_class}"
+    return f"{of} in {len(seen)} of {len(made)} frames; {words}"
 
 
 _RESULTS = {

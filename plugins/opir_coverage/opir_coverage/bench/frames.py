@@ -18,6 +18,7 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_core.geometry import components, length
 from opir_core.output import OutputFiles
+from opir_core.plugin import FocalPlaneConfig
 from opir_coverage.bench.stand import Bench, Poses
 
 #: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which one is in its mask.
@@ -38,44 +39,103 @@ class FocalFrame:
     title: str
 
 
+@frozen(eq=False)
+class FocalArray:
+    """What frames of one band of a sensor have in common: its optics and detectors, and the background behind a target.
+
+    `background_w_m2_sr` (pixels, pixels) is as spot and pixels show it.
+    """
+
+    band: str
+    plane: FocalPlaneConfig
+    pixel_rad: float
+    electrons_per_w_m2: float
+    unlit_e: float
+    spread: PointSpread
+    background_w_m2_sr: FloatArray
+
+    @classmethod
+    def of(cls, bench: Bench, poses: Poses, pixels: int, band: int, rng: np.random.Generator) -> "FocalArray":
+        """Return a square of pixels of a band, with the background behind the first target; of a sensor with one."""
+        radiometer = bench.sensor.radiometer
+        if not bench.planes or radiometer is None:
+            raise ModelError(
+                f"{bench.sensor.id} has no focal plane, so no frames; add --set 'sensors[0].focal_plane=notional'"
+            )
+        if pixels < _FEWEST:
+            raise ModelError(f"--pixels: give at least {_FEWEST}")
+        own, plane = bench.sensor.bands[band], bench.planes[band]
+        middle_um, time_s = 0.5 * (own.lower_um + own.upper_um), plane.integration_time_ms * 1e-3
+        optics = plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency * plane.fill_factor
+        per_unit, pixel_rad = float(electrons_per_w_m2(middle_um, *optics, time_s)), radiometer.ifov_rad
+        spread = PointSpread.of(middle_um, plane.aperture_m, blur_rad(plane), pixel_rad)
+        unlit = unlit_electrons_per_s(plane, own, pixel_rad) * time_s
+        behind = _background(bench, poses, band, pixels, spread, rng)
+        return cls(own.name, plane, pixel_rad, per_unit, unlit, spread, behind)
+
+    def background_e(self, shift: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+        """Return the electrons (pixels, pixels) of the background, shifted by rows and columns; what leaves comes in
+        again at the other side."""
+        seen = self.background_w_m2_sr if shift == (0.0, 0.0) else _shifted(self.background_w_m2_sr, shift)
+        return np.maximum(seen, 0.0) * self.pixel_rad**2 * self.electrons_per_w_m2
+
+    def target_e(self, light_w_m2: float, place: tuple[float, float]) -> FloatArray:
+        """Return the electrons (pixels, pixels) of a target of an irradiance at a row and column, 0 in the middle of
+        the first pixel."""
+        return light_w_m2 * self.electrons_per_w_m2 * _spot(len(self.background_w_m2_sr), self.spread, place)
+
+    def noise_e(self, mean_e: FloatArray) -> FloatArray:
+        """Return the standard deviations of pixels with mean electrons of light: photons, unlit, reads, conversion."""
+        plane = self.plane
+        read = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
+        return np.sqrt(mean_e + self.unlit_e + plane.subframes * read**2)
+
+    def exposed_e(self, mean_e: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return the electrons that pixels with mean electrons of light count in one frame, up to full wells."""
+        counted = mean_e + self.unlit_e + self.noise_e(mean_e) * rng.standard_normal(mean_e.shape)
+        return np.clip(counted, 0.0, self.plane.well_capacity_e * self.plane.subframes)
+
+
 def frame(bench: Bench, poses: Poses, pixels: int = 128, seed: int = 1, band: int = 0) -> FocalFrame:
     """Return a frame of a square of pixels with one posed target in its middle; of a sensor with a focal plane."""
-    radiometer = bench.sensor.radiometer
-    if not bench.planes or radiometer is None:
-        raise ModelError(
-            f"{bench.sensor.id} has no focal plane, so no frames; add --set 'sensors[0].focal_plane=notional'"
-        )
-    if pixels < _FEWEST:
-        raise ModelError(f"--pixels: give at least {_FEWEST}")
-    own, plane = bench.sensor.bands[band], bench.planes[band]
-    middle_um, time_s = 0.5 * (own.lower_um + own.upper_um), plane.integration_time_ms * 1e-3
-    optics = plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency * plane.fill_factor
-    per_unit = float(electrons_per_w_m2(middle_um, *optics, time_s))
-    pixel_rad, rng = radiometer.ifov_rad, np.random.default_rng(seed)
-    spread = PointSpread.of(middle_um, plane.aperture_m, blur_rad(plane), pixel_rad)
-    behind = _background(bench, poses, band, pixels, spread, rng)
-    background = np.maximum(behind, 0.0) * pixel_rad**2 * per_unit
-    spot = _spot(pixels, spread)
-    target = float(bench.light_w_m2(poses)[0, band]) * per_unit * spot
-    mean = target + background + unlit_electrons_per_s(plane, own, pixel_rad) * time_s
-    read = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
-    electrons = mean + np.sqrt(mean + plane.subframes * read**2) * rng.standard_normal(mean.shape)
-    well = plane.well_capacity_e * plane.subframes
-    title = f"{bench.sensor.id}, {own.name}: {poses.target_class} at {1e-3 * poses.height_m[0]:g} km"
-    return FocalFrame(own.name, np.clip(electrons, 0.0, well), target, background, spot > _MASKED * spot.max(), title)
+    rng = np.random.default_rng(seed)
+    array = FocalArray.of(bench, poses, pixels, band, rng)
+    background, middle = array.background_e(), float(pixels // 2)
+    target = array.target_e(float(bench.light_w_m2(poses)[0, band]), (middle, middle))
+    electrons = array.exposed_e(target + background, rng)
+    title = f"{bench.sensor.id}, {array.band}: {poses.target_class} at {1e-3 * poses.height_m[0]:g} km"
+    return FocalFrame(array.band, electrons, target, background, is_lit(target), title)
 
 
-def _spot(pixels: int, spread: PointSpread) -> FloatArray:
-    """Return the shares (pixels, pixels) of a spot in the middle of a pixel: their sum is 1.
+def is_lit(target: FloatArray) -> NDArray[np.bool_]:
+    """Return which pixels are in a target's mask: those with enough of its brightest pixel's light."""
+    return np.asarray(target > _MASKED * target.max(initial=0.0))
+
+
+def _spot(pixels: int, spread: PointSpread, place: tuple[float, float]) -> FloatArray:
+    """Return the shares (pixels, pixels) of a spot at a row and column; what falls beside the frame is lost.
 
     By a transform over a finer grid that resolves all that the aperture passes.
     """
     wide = min(pixels, _WIDEST_SPOT)
-    fine = math.ceil(spread.most / math.pi)
-    shares = np.fft.ifft2(_transfer(wide * fine, 2.0 * math.pi * fine, spread)).real[::fine, ::fine] * fine**2
-    spot, first = np.zeros((pixels, pixels)), pixels // 2 - wide // 2
-    spot[first : first + wide, first : first + wide] = np.fft.fftshift(shares)
+    fine, whole = math.ceil(spread.most / math.pi), np.round(place).astype(np.int64)
+    most = 2.0 * math.pi * fine
+    phase = [np.exp(-1j * most * np.fft.fftfreq(wide * fine) * rest) for rest in np.subtract(place, whole).tolist()]
+    transfer = _transfer(wide * fine, most, spread) * phase[0][:, None] * phase[1][None, :]
+    shares = np.fft.fftshift(np.fft.ifft2(transfer).real[::fine, ::fine]) * fine**2
+    spot, first = np.zeros((pixels, pixels)), whole - wide // 2
+    low, high = np.maximum(first, 0), np.minimum(first + wide, pixels)
+    if np.all(low < high):
+        own = tuple(slice(one, other) for one, other in zip(low - first, high - first, strict=True))
+        spot[low[0] : high[0], low[1] : high[1]] = np.maximum(shares[own], 0.0)
     return spot
+
+
+def _shifted(field: FloatArray, shift: tuple[float, float]) -> FloatArray:
+    """Return a field (rows, columns), as it goes on periodically, shifted by rows and columns."""
+    down, across = (np.fft.fftfreq(size) * by for size, by in zip(field.shape, shift, strict=True))
+    turn = np.exp(-2j * np.pi * (down[:, None] + across[None, :]))
+    return np.asarray(np.fft.ifft2(np.fft.fft2(field) * turn).real)
 
 
 def _transfer(count: int, most: float, spread: PointSpread) -> FloatArray:

@@ -1,12 +1,15 @@
 // The page: shows a running scene, or a saved run, at the time of its time axis, and sends launches of the form.
 import { LaunchForm } from "/page/form.js";
 import { WorldMap } from "/page/map.js";
+import { likeliest, Order } from "/page/order.js";
 import { byId, setState, showLatest, showStatus, Timeline } from "/page/panels.js";
+import { drawPicked } from "/page/picked.js";
 import { Player } from "/page/player.js";
 import { Saved } from "/page/saved.js";
+import { SensorTable } from "/page/sensors.js";
 import { ask, follow } from "/page/service.js";
 import { Store } from "/page/store.js";
-import { detailsOf, likeliest, showDetails, TrackTable } from "/page/table.js";
+import { detailsOf, showDetails, TrackTable } from "/page/table.js";
 
 const PAGE = 1000, PAGES = 10, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
 
@@ -14,13 +17,15 @@ const store = new Store(), timeline = new Timeline(byId("timeline"));
 let form = null;
 const player = new Player(store, (timeS) => saved.seek(timeS));
 const saved = new Saved(store, player, timeline);
-const map = new WorldMap(byId("map"), store, {
+const order = new Order();
+const map = new WorldMap(byId("map"), store, order, {
   select,
   place: (lon, lat) => form.place(lon, lat),
   time: () => ({ timeS: frame(), speed: player.speed }),
 });
 form = new LaunchForm(map);
-const table = new TrackTable(byId("track-rows"), store, (key) => { select(key); showOnMap(key); });
+const table = new TrackTable(byId("track-rows"), store, order, (key) => { select(key); showOnMap(key); });
+const sensors = new SensorTable((key) => select(key));
 // For tests: the content of the canvas is in no element.
 window.opirMap = map; window.opirStore = store; window.opirPlayer = player;
 
@@ -29,9 +34,14 @@ function frame() {
   const timeS = player.tick(), now = performance.now();
   table.update(timeS);
   saved.update();
-  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
+  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); sensors.show(store.sensors); showPlots(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
   if (now - newsMs > NEWS_MS) { newsMs = now; announce(); }
   return timeS;
+}
+
+function showPlots(timeS) {
+  const key = map.selected, track = key && key.startsWith("track ") ? store.tracks.get(Number(key.slice(6))) : null;
+  if (map.layers.colour) drawPicked(track, timeS, map.layers);
 }
 
 function showSaved(timeS) {
@@ -64,6 +74,7 @@ function status(data) {
   showStatus(data);
   if (!data.replay) store.setSensors(data.sensors);
   timeline.setSensors(data.sensors);
+  order.setClock(data.clock);
   player.setPace(data.clock.speed, data.state === "running");
   store.seen(Date.parse(data.clock.timestamp) / 1000);
 }
@@ -107,6 +118,12 @@ for (const kind of ["map", "globe"]) {
 }
 byId("zoom-in").addEventListener("click", () => map.zoomBy(1.6));
 byId("zoom-out").addEventListener("click", () => map.zoomBy(1 / 1.6));
+byId("to-coverage").addEventListener("click", () => {
+  const isOn = map.layers.showsCoverage = !map.layers.showsCoverage;
+  map.layers.shadeVersion = null;
+  byId("to-coverage").setAttribute("aria-pressed", String(isOn));
+  document.querySelector(".k-cover").hidden = !isOn;
+});
 byId("show-all").addEventListener("click", () => map.reset());
 
 async function start() {

@@ -1,12 +1,15 @@
 // Draws the layers of the map: ground, night, fields of view, regions, trails, marks. Shapes are kept while the view rests.
 import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/page/earth.js";
 import { after } from "/page/store.js";
+import { drawCoverage } from "/page/coverage.js";
 import { Crowd } from "/page/crowd.js";
 import { prepared } from "/page/view.js";
 
 const { geoGraticule10, geoPath } = globalThis.d3;
 // Larger ellipses of linear estimates mean nothing and are not drawn.
 const WIDEST_M = 2.5e6;
+// Larger regions, a twentieth of the Earth, are faint outlines unless they are selected: they would hide the map.
+const WIDEST_KM2 = 2.5e7;
 // More tracks are drawn as a crowd; more detections as squares.
 const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
@@ -30,7 +33,7 @@ export class Layers {
   constructor(canvas, view) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.view = view;
     this.ground = document.createElement("canvas"); this.shade = document.createElement("canvas"); this.crowd = new Crowd(this);
-    this.shadeVersion = null; this.shadeMs = -Infinity;
+    this.shadeVersion = null; this.shadeMs = -Infinity; this.showsCoverage = false; this.gaps = null;
     this.land = {}; this.groundVersion = null; this.shapes = new Map(); this.sites = new Map();
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
     for (const detail of ["110m", "50m"]) {
@@ -64,7 +67,7 @@ export class Layers {
   }
 
   // A frame of the run at a time: `speed` scales how long marks stay.
-  draw(store, nowS, { speed, selected, isMoving, isCalm, crosshair, places }) {
+  draw(store, nowS, { speed, selected, isMoving, isCalm, crosshair, places, order }) {
     const pen = this.pen;
     this.drawGround(isMoving);
     pen.setTransform(1, 0, 0, 1, 0, 0);
@@ -73,7 +76,7 @@ export class Layers {
     pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     this.marks = [];
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
-    if (Number.isFinite(nowS)) { this.drawShade(store.sensors, nowS); this.drawTracks(store, nowS, speed, selected, isMoving); this.drawHits(store, nowS, speed, isCalm); }
+    if (Number.isFinite(nowS)) { this.drawShade(store.sensors, nowS); this.drawTracks(store, nowS, { speed, selected, isMoving, order }); this.drawHits(store, nowS, speed, isCalm); }
     this.drawSensors(store.sensors, selected);
     this.drawPlaces(places, crosshair);
   }
@@ -97,6 +100,7 @@ export class Layers {
       this.pen.setTransform(1, 0, 0, 1, 0, 0); this.pen.clearRect(0, 0, shade.width, shade.height);
       this.pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
       this.drawNight(nowS); this.drawFields(sensors);
+      this.gaps = this.showsCoverage ? drawCoverage(this.pen, this.view, this.unit, this.colour, sensors) : null;
       this.pen = pen;
     }
     pen.save(); pen.setTransform(1, 0, 0, 1, 0, 0); pen.drawImage(shade, 0, 0); pen.restore();
@@ -120,14 +124,15 @@ export class Layers {
     pen.globalAlpha = 1;
   }
 
-  drawTracks(store, nowS, speed, selected, isMoving) {
+  drawTracks(store, nowS, { speed, selected, isMoving, order }) {
     const gone = GONE_S * Math.max(1, speed), seen = [];
     for (const track of store.tracks.values()) {
       const report = store.documentAt(track, nowS);
-      if (!report) continue;
+      const isSelected = selected === `track ${track.id}`;
+      if (!report || !(isSelected || order.isShown(report, nowS))) continue;
       const count = after(track.trail, nowS), last = count ? track.trail[count - 1] : null;
       const isOld = nowS - (last ? last.timeS : Date.parse(report.timestamp) / 1000) > gone;
-      seen.push({ track, report, count, last, isOld, isSelected: selected === `track ${track.id}` });
+      seen.push({ track, report, count, last, isOld, isSelected });
     }
     if (seen.length > FEW) this.crowd.draw(seen, isMoving);
     else { this.drawn.tracks = seen.length; seen.forEach((one) => this.drawTrack(one, true)); }
@@ -165,20 +170,20 @@ export class Layers {
     const alpha = pen.globalAlpha, shapes = [], regions = report.impact_regions || [];
     for (const region of regions) {
       const key = `${region.condition} ${region.containment}`, isMain = region.condition === regions[0].condition;
-      if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([key, () => rewound(region.geometry), isMain ? [] : [4, 4]]);
+      if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([key, () => rewound(region.geometry), isMain ? [] : [4, 4], region.area_km2 > WIDEST_KM2 && !isSelected]);
     }
     this.drawn.regions += shapes.length;
     if (!regions.length && impact) {
       for (const [share, shape] of [[0.5, impact.ellipse_50], [0.9, impact.ellipse_90], [0.95, impact.ellipse]]) {
-        if (shape && shape.semi_major_m <= WIDEST_M && shape.semi_major_m >= leastM) shapes.push([share, () => ellipse(impact, shape), []]);
+        if (shape && shape.semi_major_m <= WIDEST_M && shape.semi_major_m >= leastM) shapes.push([share, () => ellipse(impact, shape), [], false]);
       }
       this.drawn.ellipses += shapes.length;
     }
-    for (const [key, make, dash] of shapes) {
+    for (const [key, make, dash, isFaint] of shapes) {
       const path = this.path(`region ${id} ${key}`, report, make);
-      pen.globalAlpha = alpha * 0.12; if (!dash.length) pen.fill(path);
+      pen.globalAlpha = alpha * 0.12; if (!dash.length && !isFaint) pen.fill(path);
       pen.setLineDash(dash);
-      pen.globalAlpha = alpha; pen.stroke(this.path(`edge ${id} ${key}`, report, () => edges(make())));
+      pen.globalAlpha = isFaint ? alpha * 0.35 : alpha; pen.stroke(this.path(`edge ${id} ${key}`, report, () => edges(make())));
     }
     pen.globalAlpha = alpha; pen.setLineDash([]);
   }

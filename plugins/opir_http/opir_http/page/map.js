@@ -6,8 +6,8 @@ const NEAR_PX = 16, REST_MS = 250, STEP_PX = 60, ZOOM = 1.4;
 
 export class WorldMap {
   // `on` has `select(key)`, `place(lon, lat)` and `time()`: the scene's time shown, its speed and whether it runs.
-  constructor(canvas, store, on) {
-    this.canvas = canvas; this.store = store; this.on = on;
+  constructor(canvas, store, order, on) {
+    this.canvas = canvas; this.store = store; this.order = order; this.on = on;
     this.view = new View(); this.layers = new Layers(canvas, this.view);
     this.selected = null; this.places = []; this.isChoosing = false; this.hasKeys = false; this.movedAt = -Infinity;
     this.pointers = new Map(); this.isCentred = false; this.frames = 0;
@@ -57,7 +57,7 @@ export class WorldMap {
     this.centre();
     const { timeS, speed } = this.on.time();
     const isMoving = performance.now() - this.movedAt < REST_MS || this.pointers.size > 0;
-    this.layers.draw(this.store, timeS, { speed, selected: this.selected, isMoving, isCalm: this.calm.matches, crosshair: this.hasKeys, places: this.places });
+    this.layers.draw(this.store, timeS, { speed, selected: this.selected, isMoving, isCalm: this.calm.matches, crosshair: this.hasKeys, places: this.places, order: this.order });
     this.frames += 1;
   }
 

@@ -35,7 +35,7 @@ export class Store {
 
   // The newest estimate of a track, or an earlier one of a trail that is filled in.
   addTrack(document) {
-    const timeS = unixS(document.timestamp);
+    const timeS = document.timeS = unixS(document.timestamp);
     this.seen(timeS);
     let track = this.tracks.get(document.track_id);
     if (!track) {

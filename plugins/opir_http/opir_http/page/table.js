@@ -1,12 +1,13 @@
-// The table of tracks: a line for every track on the map, in the order of their numbers. Only the lines in view and a few
+// The table of tracks: a line for every track on the map, in an order that the reader chooses. Only the lines in view and a few
 // around them are elements: a browser lays out a table as a whole, and a thousand lines take longer than a frame.
+import { likeliest } from "/page/order.js";
 import { byId, position, whole } from "/page/panels.js";
 
 const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 12, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
 
 export class TrackTable {
-  constructor(body, store, onPick) {
-    this.body = body; this.store = store; this.box = body.closest(".scroll"); this.table = body.closest("table");
+  constructor(body, store, order, onPick) {
+    this.body = body; this.store = store; this.order = order; this.version = 0; this.box = body.closest(".scroll"); this.table = body.closest("table");
     this.lines = []; this.rows = new Map(); this.dueMs = 0; this.selected = null; this.isScrolled = false; this.heightPx = HEIGHT_PX;
     this.above = spacer(); this.below = spacer(); this.none = spacer();
     this.none.removeAttribute("aria-hidden"); this.none.cells[0].textContent = "None yet";
@@ -20,7 +21,7 @@ export class TrackTable {
 
   // Called in each frame; `timeS` is the time shown.
   update(timeS) {
-    const now = performance.now(), isDue = now >= this.dueMs;
+    const now = performance.now(), isDue = now >= this.dueMs || this.version !== this.order.version;
     if (!isDue && !this.isScrolled) return;
     if (isDue) { this.dueMs = now + EVERY_MS; this.read(timeS); }
     this.isScrolled = false;
@@ -31,12 +32,17 @@ export class TrackTable {
 
   // The tracks that have a document at a time.
   read(timeS) {
-    this.lines = [];
+    const { order } = this, lines = [];
+    let earlier = 0;
+    this.version = order.version;
     for (const track of this.store.tracks.values()) {
       const report = this.store.documentAt(track, timeS);
-      if (report) this.lines.push({ id: track.id, report });
+      if (!report) continue;
+      earlier += order.isEarlier(report, timeS) ? 1 : 0;
+      if (order.isShown(report, timeS) || track.id === this.selected) lines.push({ id: track.id, report });
     }
-    this.lines.sort((one, other) => one.id - other.id);
+    this.lines = order.sorted(lines, timeS);
+    order.tell(earlier);
     this.table.setAttribute("aria-rowcount", String(this.lines.length + 1));
     this.none.hidden = this.lines.length > 0;
     this.measure();
@@ -113,12 +119,6 @@ function spacer() {
   const line = document.createElement("tr"), cell = line.insertCell();
   line.className = "spacer"; line.setAttribute("aria-hidden", "true"); cell.colSpan = COLUMNS;
   return line;
-}
-
-// The likeliest hypothesis; the likeliest type, if the tracker weighs no hypotheses.
-export function likeliest(report) {
-  const chances = report.hypotheses || report.type_probability, known = Object.keys(chances).filter((name) => chances[name] !== null);
-  return known.length ? known.reduce((best, name) => (chances[name] > chances[best] ? name : best)) : "–";
 }
 
 // Nothing is certain: no probability is shown as 1.00 or 0.00.
