@@ -16,7 +16,7 @@ from opir_core.arrays import FloatArray, IntArray
 _LEAST_VARIANCE = 1e-12
 
 #: Numbers that are worked on at once.
-_CACHED = 1 << 17
+_CACHED = 1 << 18
 
 _LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
