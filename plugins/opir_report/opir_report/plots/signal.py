@@ -25,7 +25,7 @@ _NAMES = (
 
 #: What each plot shows: its column, its label and the settings of its axis.
 PANELS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "snr": ("snr", "expected SNR", {"yscale": "log"}),
+    "snr": ("snr", "expected SNR, reference band", {"yscale": "log"}),
     "probability": ("detection_probability", "P_d of a look", {"ylim": (-0.03, 1.03)}),
     "air": ("transmittance", "transmittance of the air", {"ylim": (-0.03, 1.03)}),
 }
