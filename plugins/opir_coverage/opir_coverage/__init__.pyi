@@ -1,3 +1,19 @@
+from opir_coverage.bench.bands import (
+    BandLimits as BandLimits,
+    best_bands as best_bands,
+)
+from opir_coverage.bench.movie_files import (
+    write_movies as write_movies,
+)
+from opir_coverage.bench.movies import (
+    Clip as Clip,
+    Filming as Filming,
+    clip as clip,
+)
+from opir_coverage.bench.stand import (
+    Bench as Bench,
+    Poses as Poses,
+)
 from opir_coverage.computing import (
     computed_coverage as computed_coverage,
     coverage as coverage,

@@ -164,7 +164,9 @@ class Reports:
             self._join(left, rows, sensors, chain.total)
 
     def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: FloatArray) -> None:
-        for own in sensors:
+        has_reported = counts[0] < 1.0
+        for all_cells in sensors:
+            own = all_cells[has_reported[all_cells]]
             cells = rows[own]
             self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, own])
 

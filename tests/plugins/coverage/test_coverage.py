@@ -10,6 +10,7 @@ from opir_coverage import CoverageSettings, Requirement, computed_coverage
 from opir_coverage.difference import difference
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.merits import percent_below, runs
+from opir_coverage.summary import as_text, table_rows
 from opir_coverage.visibility import Fleet
 from repository import ROOT
 from scipy.io import netcdf_file
@@ -94,6 +95,20 @@ def test_requirements_are_read_and_refused():
         )
     with pytest.raises(ModelError, match="'BOAT' is not one of"):
         computed_coverage(SCENE, CoverageSettings(**{**COARSE, "target_class": "BOAT"}))
+
+
+def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
+    """Cells without a value, never seen or without a gap, do not meet it."""
+    words = ("age_of_data_mean<=1800", "revisit_time_max<=3600")
+    settings = {**COARSE, "target_class": None, "assets": (4,), "heights_km": (10.0,)}
+    found = computed_coverage(SCENE, CoverageSettings(**settings, requirements=tuple(map(Requirement.of, words))))
+    weights = found.grid.weights()
+    for number, (name, limit) in enumerate((("age_of_data_mean", 1800.0), ("revisit_time_max", 3600.0)), start=1):
+        values = np.asarray(found[name].values, dtype=float).reshape(-1)
+        row = next(each for each in table_rows(found) if each["layer"] == f"share_{number}")
+        assert row["mean"] == pytest.approx(percent_below(values, np.nextafter(limit, np.inf), weights))
+        assert row["percent_of_area"] == pytest.approx(100.0)
+        assert words[number - 1] in as_text([row])
 
 
 def test_the_command_writes_page_and_data(tmp_path, capsys):
