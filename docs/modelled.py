@@ -285,11 +285,13 @@ def _defaults(host: Host) -> Iterator[tuple[str, str, str, str]]:
 def _others() -> Mapping[str, type]:
     """Return the configuration classes that belong to no component, by what they set."""
     from opir_http.settings import HttpSettings
+    from opir_readers.orbits.fleet_config import FleetConfig
     from opir_studies import Study
 
     return {
         "scene": SceneFile,
         "forces: [{drag: ...}]": SceneDrag,
+        "sensors: [{fleet: ...}]": FleetConfig,
         "output's spool": SpoolConfig,
         "opir serve": HttpSettings,
         "study": Study,

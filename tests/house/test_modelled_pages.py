@@ -47,12 +47,14 @@ BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 def settable() -> dict[str, type]:
     """Return the configuration classes that a scene or a user may set, by their names in the table of defaults."""
     from opir_http.settings import HttpSettings
+    from opir_readers.orbits.fleet_config import FleetConfig
     from opir_studies import Study
 
     host = Host.discover((*PHOTONS, *PLUGINS))
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
     components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
     others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
+    others["sensors: [{fleet: ...}]"] = FleetConfig
     return {**components, **others, "opir serve": HttpSettings, "study": Study}
 
 

@@ -82,7 +82,9 @@ def decimal(cell: str, layout: Layout) -> float:
         raise ValueError
     if "," in cell and "." in cell:
         raise ValueError("has both a point and a comma; write numbers without separators of thousands")
-    return float(cell.replace(",", ".") if layout.has_decimal_comma else cell)
+    plain = cell.replace(",", ".") if layout.has_decimal_comma else cell
+    # Fortran writes double precision as 1.5D+06.
+    return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", plain))
 
 
 def _delimiter(line: str) -> str:

@@ -13,14 +13,14 @@ from opir_core.geometry import nutation_rad
 #: What ephemerides call the frames, in capitals, and what they are here. ICRF and GCRF differ from EME2000 by 0.02
 #: arcseconds.
 FRAMES = {
-    **dict.fromkeys(("TDR", "GRC", "EFG", "ECEF", "FIXED"), "ITRF"),
+    **dict.fromkeys(("TDR", "GRC", "GTOD", "EFG", "ECEF", "FIXED"), "ITRF"),
     **dict.fromkeys(("EME2000", "J2000", "GCRF", "ICRF"), "EME2000"),
     "TEME": "TEME",
     "TOD": "TOD",
 }
 
 #: The names for messages.
-FRAME_NAMES = ("ITRF", "TDR", "GRC", "TEME", "TOD", "EME2000", "J2000", "GCRF", "ICRF")
+FRAME_NAMES = ("ITRF", "TDR", "GRC", "GTOD", "TEME", "TOD", "EME2000", "J2000", "GCRF", "ICRF")
 
 _J2000_UNIX_S, _CENTURY_S, _TT_LESS_UTC_S = 946_728_000.0, 36525.0 * 86400.0, 69.184
 

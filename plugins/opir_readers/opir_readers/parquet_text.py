@@ -45,7 +45,8 @@ def text_of_parquet(content: bytes) -> str:
 def _require_size(rows: int, columns: int) -> None:
     if rows * columns > _MOST_CELLS:
         raise BadFileError(
-            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the burn, or fewer columns"
+            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the burn, or fewer"
+            " columns"
         )
 
 

@@ -40,7 +40,10 @@ class FileText:
 
 
 def file_text(path: str) -> FileText:
-    """Return the text of a file, gzip or not, of Parquet that of its table; raises `BadFileError` where it cannot be read."""
+    """Return the text of a file, gzip or not, of Parquet that of its table.
+
+    Raises `BadFileError` where it cannot be read.
+    """
     if not path:
         raise BadFileError("the path is empty; give that of a file")
     try:

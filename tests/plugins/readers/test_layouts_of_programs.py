@@ -178,6 +178,11 @@ def test_the_second_column_of_a_name_is_chosen_by_its_number():
         csv_table(ALTIMETER, 0.0, {**columns, "height_m": "altitude#3"})
 
 
+def test_exponents_of_fortran_are_read():
+    text = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,-2.5D6,-4.5D+06,3.5d6\n10,-2.51D6,-4.5D+06,3.5E6\n"
+    np.testing.assert_array_equal(csv_table(text, 0.0).position_m[0], [-2.5e6, -4.5e6, 3.5e6])
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [

@@ -68,7 +68,7 @@ def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
     words = value.split()
     if len(words) != 2:
         raise BadFileError(f"line {number}: {key} has {len(words)} values; a time and an angle are needed")
-    segment.take_angle(key, *words, number)
+    segment.take_angle(key, words[0], words[1], number)
 
 
 def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:

@@ -17,7 +17,7 @@ _LEAST_SIGMA_RAD = 1e-8
 
 
 def truth_of(rows: Sequence[Mapping[str, Any]], detections: Detections, plan: Plan) -> DetectionTruth:
-    """Return the truth of detections, -1 for what is of no target of the plan.
+    """Return the truth of detections, -1 for those of no target of the plan.
 
     Of rows that name targets, these; else the targets that lines of sight are nearest to, within their errors.
     """

@@ -1,5 +1,6 @@
 """The formats of flights of other programs that are read, and a small file of each."""
 
+from importlib import import_module
 from typing import Any
 
 from attrs import frozen
@@ -37,28 +38,13 @@ class TrackConfig:
     object: str | None = text(default=None, help="name of the object, where the file has several")
 
 
-def _is_openrocket(text_: str) -> bool:
-    from opir_readers.flights.rocket_exports import is_openrocket
+def _later(module: str, function: str) -> Any:
+    """Return a function of a module of this package, which is imported when it is first called."""
 
-    return is_openrocket(text_)
+    def called(*arguments: Any) -> Any:
+        return getattr(import_module(f"opir_readers.{module}"), function)(*arguments)
 
-
-def _is_rocketpy(text_: str) -> bool:
-    from opir_readers.flights.rocket_exports import is_rocketpy
-
-    return is_rocketpy(text_)
-
-
-def _is_rasaero(text_: str) -> bool:
-    from opir_readers.flights.rocket_exports import is_rasaero
-
-    return is_rasaero(text_)
-
-
-def _is_webcast(text_: str) -> bool:
-    from opir_readers.flights.webcast import is_webcast
-
-    return is_webcast(text_)
+    return called
 
 
 def _is_root(text_: str, name: str) -> bool:
@@ -67,23 +53,22 @@ def _is_root(text_: str, name: str) -> bool:
     return text_.lstrip()[:1] == "<" and root_name(text_) == name
 
 
-def _is_oem_xml(text_: str) -> bool:
-    from opir_readers.oem_xml import is_oem_xml
+def _rocket(name: str, program: str, **described: Any) -> FileReader:
+    """Return the reader of the exports of a rocket simulator."""
 
-    return is_oem_xml(text_)
+    def built(config: RocketConfig, context: ReaderContext) -> Any:
+        table = _later("flights.rocket_exports", "rocket_table")
+        return table(context.text, program, config.site, config.start_s or 0.0)
+
+    recognises = _later("flights.rocket_exports", f"is_{name}")
+    return FileReader(name=name, config=RocketConfig, build=built, recognises=recognises, **described)
 
 
-def _is_sp3(text_: str) -> bool:
-    from opir_readers.sp3_table import is_sp3
+def _of_object(module: str, function: str) -> Any:
+    """Return what builds the table of one object of a file."""
 
-    return is_sp3(text_)
-
-
-def _rocket(program: str) -> Any:
-    def built(config: RocketConfig, context: ReaderContext) -> StateTable:
-        from opir_readers.flights.rocket_exports import rocket_table
-
-        return rocket_table(context.text, program, config.site, config.start_s or 0.0)
+    def built(config: TrackConfig, context: ReaderContext) -> Any:
+        return _later(module, function)(context.text, context.epoch_us, config.object)
 
     return built
 
@@ -96,37 +81,11 @@ def _webcast(config: WebcastConfig, context: ReaderContext) -> StateTable:
     return webcast_table(context.text, site, config.height_noise_m, config.speed_noise_m_s, config.start_s or 0.0)
 
 
-def _gpx(config: TrackConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.flights.gps_tracks import gpx_table
-
-    return gpx_table(context.text, context.epoch_us, config.object)
-
-
-def _kml(config: TrackConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.flights.gps_tracks import kml_table
-
-    return kml_table(context.text, context.epoch_us, config.object)
-
-
-def _oem_xml(config: TrackConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.oem_xml import oem_xml_table
-
-    return oem_xml_table(context.text, context.epoch_us, config.object)
-
-
-def _sp3(config: TrackConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.sp3_table import sp3_table
-
-    return sp3_table(context.text, context.epoch_us, config.object)
-
-
 FLIGHTS = (
-    FileReader(
-        name="openrocket",
+    _rocket(
+        "openrocket",
+        "OpenRocket",
         summary="CSV of OpenRocket, with its events: latitude and longitude, or the position from the launch point",
-        config=RocketConfig,
-        build=_rocket("OpenRocket"),
-        recognises=_is_openrocket,
         example="""# Time (s),Altitude (m),Vertical velocity (m/s),Latitude (°),Longitude (°)
 # Event IGNITION occurred at t=0 seconds
 0,0,0,34.73,-120.57
@@ -135,21 +94,17 @@ FLIGHTS = (
 20,2500,140,34.7302,-120.5704
 """,
     ),
-    FileReader(
-        name="rocketpy",
+    _rocket(
+        "rocketpy",
+        "RocketPy",
         summary="CSV of RocketPy (export_data): X, Y and Z from the launch point, or latitude and longitude",
-        config=RocketConfig,
-        build=_rocket("RocketPy"),
-        recognises=_is_rocketpy,
         example="# Time (s), Latitude (°), Longitude (°), Z (m)\n"
         + "".join(f"{time},34.73,-120.57,{100 + 10 * time * time}\n" for time in range(9)),
     ),
-    FileReader(
-        name="rasaero",
+    _rocket(
+        "rasaero",
+        "RASAero",
         summary="CSV of RASAero II: altitude and distance from a launch point along an azimuth",
-        config=RocketConfig,
-        build=_rocket("RASAero"),
-        recognises=_is_rasaero,
         example="Time (sec),Stage,Thrust (lb),Vel-V (ft/sec),Altitude (ft),Distance (ft)\n"
         "0,S,500,0,0,0\n1,S,500,9,9,0\n",
     ),
@@ -158,7 +113,7 @@ FLIGHTS = (
         summary="JSON or CSV of speed and altitude over time, from a launch point along an azimuth",
         config=WebcastConfig,
         build=_webcast,
-        recognises=_is_webcast,
+        recognises=_later("flights.webcast", "is_webcast"),
         example="".join(
             f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n' for time in range(30)
         ),
@@ -167,7 +122,7 @@ FLIGHTS = (
         name="gpx",
         summary="GPX: a track with times",
         config=TrackConfig,
-        build=_gpx,
+        build=_of_object("flights.gps_tracks", "gpx_table"),
         recognises=lambda text_: _is_root(text_, "gpx"),
         example="""<?xml version="1.0"?>
 <gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><name>ONE</name><trkseg>
@@ -180,7 +135,7 @@ FLIGHTS = (
         name="kml",
         summary="KML: a gx:Track, whose places have times",
         config=TrackConfig,
-        build=_kml,
+        build=_of_object("flights.gps_tracks", "kml_table"),
         recognises=lambda text_: _is_root(text_, "kml"),
         example="""<?xml version="1.0"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><name>ONE</name>
@@ -194,8 +149,8 @@ FLIGHTS = (
         name="oem-xml",
         summary="CCSDS Orbit Ephemeris Message, XML form",
         config=TrackConfig,
-        build=_oem_xml,
-        recognises=_is_oem_xml,
+        build=_of_object("oem_xml", "oem_xml_table"),
+        recognises=_later("oem_xml", "is_oem_xml"),
         example="""<?xml version="1.0"?>
 <oem id="CCSDS_OEM_VERS" version="2.0"><body><segment><metadata>
 <OBJECT_NAME>ONE</OBJECT_NAME><OBJECT_ID>2026-001A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>
@@ -213,8 +168,8 @@ FLIGHTS = (
         name="sp3",
         summary="SP3 orbit of a satellite, Earth-fixed",
         config=TrackConfig,
-        build=_sp3,
-        recognises=_is_sp3,
+        build=_of_object("sp3_table", "sp3_table"),
+        recognises=_later("sp3_table", "is_sp3"),
         example="""#cP2026  4  1 12  0  0.00000000       2 ORBIT IGS20 HLM  IGS
 ## 2412 302400.00000000   900.00000000 61131 0.5000000000000
 +    1   G01

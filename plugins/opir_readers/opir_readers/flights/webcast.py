@@ -215,7 +215,7 @@ def _fits(
     height_noise_m: float | None,
     speed_noise_m_s: float | None,
 ) -> tuple[tuple[Smoothed, Smoothed], tuple[str, ...]]:
-    """Return the splines of speed and height, and what is to be told of them."""
+    """Return the splines of speed and height, and notes for the user."""
     fits, words = [], []
     for name, unit, values, given, least in (
         ("speed", "m/s", speed, speed_noise_m_s, _LEAST_SPEED_M_S),

@@ -49,6 +49,14 @@ class FleetConfig:
 
     def satellites(self, epoch_us: int | None, readers: Sequence[FileReader]) -> Sequence[Mapping[str, Any]]:
         """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises `BadFileError`."""
+        from opir_readers.orbits.fleet import FleetFilter
         from opir_readers.orbits.fleet_of_file import satellites_of_file
 
-        return satellites_of_file(self, epoch_us, readers)
+        chosen = FleetFilter(
+            name=self.name,
+            inclination_deg=(self.min_inclination_deg, self.max_inclination_deg),
+            numbers=ranges_of(self.numbers) if self.numbers else (),
+            most_age_days=None if epoch_us is None else self.max_age_days,
+            epoch_s=(epoch_us or 0) * 1e-6,
+        )
+        return satellites_of_file(self.file, chosen, epoch_us or 0, readers)
