@@ -98,13 +98,12 @@ class Outcomes:
     def climbing(self, range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
         """Return the density (p,) of missiles that end their boosts at an elevation over that of all boosts.
 
-        They end them near the elevation of the arc of least energy, more of them lofted than depressed: the logarithm
-        of the ratio of tangents is a normal law of two pieces, but for a share of any. 1 without a range.
+        They end them near the elevation of the arc of least energy, lofted or depressed: the logarithm of the ratio of
+        tangents is normal, but for a share of any. 1 without a range.
         """
         law, (mean, sigma, climb) = self.model.data["elevation"], self.model.data["marginal"]["elevation"]
         log = log_elevation(range_m, angle_rad)
-        side = np.where(log < 0.0, law["below"], law["above"])
-        own = 2.0 / (law["below"] + law["above"]) * np.exp(-0.5 * np.square(log / side))
+        own = np.exp(-0.5 * np.square(log / law["sigma"])) / law["sigma"]
         every = climb / sigma * np.exp(-0.5 * np.square((log - mean) / sigma))
         share = (1.0 - law["any"]) * own / np.maximum(every, 1e-3) + law["any"]
         return np.where(np.isnan(range_m), 1.0, share)

@@ -52,16 +52,19 @@ def hidden(line, state):
 
 
 def test_boosts_of_many_kinds_are_where_the_law_says():
+    """Those that climb: what a strong kick leads down again flies into the ground, and is no boost."""
     rng, squared = np.random.default_rng(4), []
-    for _ in range(24):
+    while len(squared) < 24:
         since_s = float(rng.uniform(30.0, 90.0))
         boost = rng.uniform(0.0, 6.28), np.radians(rng.uniform(6.0, 20.0)), rng.uniform(15.0, 25.0)
         start, state = flown(*boost, rng.uniform(0.004, 0.008), since_s)
+        if state[:3] @ state[3:6] <= 0.0:
+            continue
         line, seen = sighting(start, state, since_s)
         found = along_sight(ASCENTS, seen, AT_ONCE)
         error = hidden(line, state) - found.mean
         squared.append(error @ np.linalg.solve(found.covariance, error) / 3.0)
-    assert np.mean(np.array(squared) < 7.81 / 3.0) >= 0.8
+    assert np.mean(np.array(squared) < 7.81 / 3.0) >= 0.9
     assert 0.3 < np.mean(squared) < 2.0
 
 
