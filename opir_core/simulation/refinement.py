@@ -163,9 +163,8 @@ class GridRefiner:
         """Return the refined grid, which does not depend on the phases of scans."""
         period_ns = self._geometry.pairs.period_ns
         self._geometry = evolve(self._geometry, pairs=knot_places(self._geometry.pairs))
-        pieces = self._first_pieces(period_ns)
-        settled = [pieces.take(slice(0, 0)).knots(_SPARE)]
-        curved, rough = [pieces.take(slice(0, 0))], [pieces.take(slice(0, 0))]
+        pieces, short = self._first_pieces(period_ns)
+        settled, curved, rough = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))], [short]
         while len(pieces.pair):
             is_settled = self._is_settled(pieces.knots(_SPARE))
             settled.append(pieces.take(is_settled).knots(_SPARE))
@@ -181,8 +180,8 @@ class GridRefiner:
         all_settled, all_curved, all_rough = (Intervals.joined(each) for each in (settled, curved, rough))
         return RefinedGrid(all_settled, all_curved, all_rough, self._values())
 
-    def _first_pieces(self, period_ns: IntArray) -> Intervals:
-        """Return the first pieces, with first, middle and last knots evaluated."""
+    def _first_pieces(self, period_ns: IntArray) -> tuple[Intervals, Intervals]:
+        """Return the first pieces, with first, middle and last knots evaluated, and those that have hardly a look."""
         pair, first, last = _smooth_intervals(self._geometry, self._model)
         longest_ns = np.maximum(FIRST_PIECE_S * 1e9, FIRST_PIECE_SCANS * period_ns[pair])
         wanted = np.ceil((last - first) * UNIT_NS / longest_ns)
@@ -191,9 +190,13 @@ class GridRefiner:
         pair, first, span, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
         start, stop = first + span * number // count, first + span * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
-        row = np.full(scan.shape, -1)
-        row[::2] = self._rows(np.broadcast_to(pair, (3, len(pair))), scan[::2])
-        return Intervals(pair, scan, row, np.full((2, len(pair)), np.nan))
+        is_short = (stop - start) * UNIT_NS <= LEAST_SCANS * period_ns[pair]
+        if is_short.all():
+            self._rows(pair[:1], scan[0, :1])  # any look: it tells the number of bands
+        pieces = Intervals(pair, scan, np.zeros_like(scan), np.full((2, len(pair)), np.nan))
+        long = pieces.take(~is_short)
+        long.row[::2] = self._rows(np.broadcast_to(long.pair, (3, len(long.pair))), long.scan[::2])
+        return long, pieces.take(is_short)
 
     def _filled(self, pieces: Intervals) -> Intervals:
         """Return pieces with second and fourth knots evaluated, where these are distinct scans."""

@@ -8,6 +8,7 @@ import numpy as np
 from pyarrow import parquet
 
 from opir_core.plugin import REPORTED_TYPES
+from opir_export.tabular.detection_tables import uuid_texts
 
 _PLAIN = (
     *("detection_id", "sensor_id", "target_type", "confidence", "snr", "scan", "track_id"),
@@ -32,6 +33,7 @@ def parquet_events(path: Path) -> Iterator[Mapping[str, Any]]:
 
 def _rows(batch: Any) -> Iterator[Mapping[str, Any]]:
     columns = {name: batch.column(name).to_pylist() for name in _PLAIN}
+    columns["detection_id"] = uuid_texts(batch.column("detection_id"))
     columns |= {key: _texts_of(batch.column(name)) for key, name in _INSTANTS.items()}
     columns["sensor_position_ecef_m"] = list(zip(*(batch.column(name).to_pylist() for name in _POSITION), strict=True))
     columns["bands"] = [text.split("+") if text else [] for text in batch.column("bands").to_pylist()]

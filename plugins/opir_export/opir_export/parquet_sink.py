@@ -38,7 +38,7 @@ class ParquetSink(Sink):
         return Delivery(delivered=self._taken)
 
     def _table(self, rows: Detections) -> Any:
-        return table_of(columns_of_detections(rows, self._origin, with_unmeasured=True), {})
+        return table_of(columns_of_detections(rows, self._origin, in_file=True), {})
 
 
 def parquet_sink(config: ParquetSinkConfig, context: SinkContext) -> ParquetSink:

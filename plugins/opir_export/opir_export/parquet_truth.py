@@ -11,7 +11,7 @@ from opir_core import DetectionTruth
 from opir_core.plugin import Detections, Window
 from opir_export.row_groups import RowGroups
 from opir_export.tabular.columns import table_of
-from opir_export.tabular.detection_tables import columns_of_truth
+from opir_export.tabular.detection_tables import columns_of_truth, uuid_texts
 
 #: The key of the records of sensors and targets, as JSON, in the metadata of the file.
 RECORDS_KEY = "opir_truth"
@@ -32,10 +32,10 @@ def read_truth(path: Path) -> Iterator[dict[str, Any]]:
             raise ValueError("has no records of sensors and targets: it is no truth that opir wrote")
         yield from json.loads(metadata[RECORDS_KEY.encode()])
         for batch in file.iter_batches(_GROUP_ROWS):
-            for row in batch.to_pylist():
+            for identity, row in zip(uuid_texts(batch.column("detection_id")), batch.to_pylist(), strict=True):
                 elevation_deg = row.pop("target_elevation_deg")
                 elevation_rad = None if elevation_deg is None else radians(elevation_deg)
-                yield {"record": "detection", **row, "target_elevation_rad": elevation_rad}
+                yield {"record": "detection", **row, "detection_id": identity, "target_elevation_rad": elevation_rad}
 
 
 class ParquetTruth:
@@ -64,4 +64,4 @@ class ParquetTruth:
             self._file.add(self._table(window.detections, window.truth))
 
     def _table(self, detections: Detections, truth: DetectionTruth) -> Any:
-        return table_of(columns_of_truth(detections, truth, self._ids), self._metadata)
+        return table_of(columns_of_truth(detections, truth, self._ids, in_file=True), self._metadata)

@@ -24,7 +24,9 @@ class RowGroups:
         self._kept: list[Any] = []
         self._rows = 0
         try:
-            self._file = parquet.ParquetWriter(place, schema, compression=compression, **encodings(schema))
+            # Random ids cannot be compressed.
+            by_name = {name: "none" if name == "detection_id" else compression or "none" for name in schema.names}
+            self._file = parquet.ParquetWriter(place, schema, compression=by_name, **encodings(schema))
         except OSError as error:
             raise unwritable(what, path, error) from error
 

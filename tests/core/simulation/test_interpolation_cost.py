@@ -8,6 +8,7 @@ import pytest
 from opir_photons.radiometry.earth import EarthBackground
 from opir_photons.radiometry.lowtran import LowtranAtmosphere
 from opir_photons.radiometry.plume import PlumeSignatures
+from opir_testing.bench import bench_scene
 from scipy.special import ndtr
 
 import opir_core as opir
@@ -66,7 +67,7 @@ class Counting:
     # A difference of frames bends signals, while a plume moves away from where it was, at a lag that is 10 s.
     [
         ("none", {}, STILL, 120),
-        ("none", {}, {}, 160),
+        ("none", {}, {}, 155),
         ("none", AIR, {}, 165),
         ("paper", {}, {}, 150),
         ("paper", AIR, {}, 150),
@@ -84,6 +85,25 @@ def test_a_pair_is_asked_for_few_looks_in_few_calls(
     # One call a halving, all pairs at once.
     assert len(counting.asked) <= 9
     assert counting.asked[0][1] == pairs
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_slow_scanner_is_asked_for_few_more_than_its_looks(others: int) -> None:
+    # Few looks in a burn: curves between all breakpoints would need four times as many.
+    slow = {"model": "DSP", "id": "SLOW", "orbital_slot_deg": -135, "scan_period_ms": 10_000}
+    fast = {"model": "SBIRS-GEO", "id": "FAST", "orbital_slot_deg": -90}
+    plan = opir.compile_plan(
+        opir.scene_from_mapping(bench_scene(sensors=[slow, fast][: 1 + others], detection="snr", duration_s=260))
+    )
+    counting = Counting(plan.detection)
+    made = ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    mine = plan.pairs.sensor[looks.pair] == 0
+    exact = ndtr(plan.detection.response(plan.look_geometry().exposures(looks.pair, looks.scan)).probit)
+    assert 3 < np.count_nonzero(mine) < 60
+    assert np.abs(made.over(looks).probability() - exact)[mine].max() <= 1e-8
+    if not others:
+        assert sum(rows for rows, _ in counting.asked) <= 1.7 * len(looks.pair)
 
 
 def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:

@@ -2,15 +2,24 @@
 
 import json
 from pathlib import Path
+from typing import Any
+from uuid import UUID
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from exported_runs import SCENE
+from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
 
 import opir_core
 from opir_core.cli.main import main
 from opir_core.output.run_files import truth_records
+
+
+def texts(ids: Any) -> list[str]:
+    """Return the 16 bytes of ids as texts, as the standard library has them."""
+    return [str(UUID(bytes=each)) for each in ids.to_pylist()]
 
 
 def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
@@ -23,7 +32,11 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert read.column_names == due.column_names
     assert len(read) == len(due) > 1000
     for name in due.column_names:
-        assert read[name].to_pylist() == due[name].to_pylist(), name
+        found = texts(read[name]) if name == "detection_id" else read[name].to_pylist()
+        assert found == due[name].to_pylist(), name
+    assert read.schema.field("detection_id").type == pa.binary(16)
+    ids = [row["detection_id"] for row in read_truth(path) if row["record"] == "detection"]
+    assert ids == due["detection_id"].to_pylist()
     assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(json.dumps(truth_records(run.plan)))
 
 
@@ -68,7 +81,8 @@ def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
     assert main(["run", str(SCENE), "--quiet", *settings]) == 0
     lines = [json.loads(line) for line in events.read_bytes().splitlines()]
     read = parquet.read_table(tmp_path / "events.parquet")
-    assert read["detection_id"].to_pylist() == [line["detection_id"] for line in lines]
+    assert read.schema.field("detection_id").type == pa.binary(16)
+    assert texts(read["detection_id"]) == [line["detection_id"] for line in lines]
     assert read["bands"].to_pylist() == ["+".join(line["bands"]) for line in lines]
     assert np.allclose(read["azimuth_deg"], [line["azimuth_deg"] for line in lines], atol=1e-9)
 
