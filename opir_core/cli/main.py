@@ -24,7 +24,7 @@ COMMANDS = {
     "doctor": ("doctor", "examine this machine and installation: versions, plugins, limits, disks, ports, outputs"),
     "spool": ("spool", "check the spool of an output, or salvage a damaged one"),
     "schema": ("schema", "print the JSON Schema of an event"),
-    "completion": ("completion", "print a completion script for bash, zsh or fish"),
+    "completion": ("completion", "print a completion script for a shell"),
 }
 
 EXIT_CODES = """\
