@@ -7,14 +7,13 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.configs import ConfusionConfig, PosteriorConfig, WeightedConfig
+from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
 from opir_core.errors import ModelError, nearest
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.scene.scene import REPORTED_TYPES, SOURCE_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
@@ -185,38 +184,6 @@ class ConstantConfidence(Confidence):
 def weighted_confidence(config: WeightedConfig, _context: ModelContext) -> Confidence:
     """Return the model `weighted`."""
     return WeightedConfidence(config.band, config.count, config.geometry)
-
-
-@frozen
-class PosteriorConfidence(Confidence):
-    """The probability of the reported type; of UNKNOWN, the probability that the detection is of none of the others."""
-
-    classifier: Classifier
-    reported_types: tuple[str, ...] = REPORTED_TYPES
-
-    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
-        """Return confidences (n,)."""
-        log_probability = self.classifier.log_posterior(sightings)
-        assert log_probability is not None
-        return self.of_types(self.classifier.reported(log_probability), log_probability)
-
-    def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
-        """Return confidences (n,) of reported types (n,)."""
-        log_types = self.classifier.over_types(log_probability, self.reported_types)
-        chosen = np.take_along_axis(log_types, reported_type[:, None].astype(np.int64), axis=1)[:, 0]
-        # A sum of shares may exceed 1 by a rounding error.
-        return np.minimum(np.exp(chosen), 1.0)
-
-
-def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Confidence:
-    """Return the model `posterior`; raises `ModelError` for classifiers without probabilities."""
-    classifier = context.classifier
-    if classifier is None or not has_own(Classifier, classifier, "log_posterior"):
-        raise ModelError(
-            "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
-            " classification: spectral, or confidence: weighted"
-        )
-    return PosteriorConfidence(classifier, context.reported_types)
 
 
 def full_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from attrs import Factory, frozen
 
@@ -59,14 +59,6 @@ class ConfusionConfig:
         help="probabilities of each reported type, by sensor type and true target class; a row given here replaces the"
         " sensor's own row",
     )
-
-
-@frozen(kw_only=True)
-class PosteriorConfig:
-    """Settings of the confidence model `posterior`: none."""
-
-    #: The conformance tests run it with a classifier that computes probabilities.
-    needs_posterior: ClassVar[bool] = True
 
 
 @frozen(kw_only=True)

@@ -18,7 +18,6 @@ from opir_core.builtin.configs import (
     InsertionConfig,
     JsonlConfig,
     MemoryConfig,
-    PosteriorConfig,
     WeightedConfig,
 )
 from opir_core.host.components import (
@@ -133,18 +132,12 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
 
 @hookimpl
 def opir_confidence_models() -> Iterable[ConfidenceModel]:
-    """Yield `weighted`, `posterior`, `always` and `never`."""
+    """Yield `weighted`, `always` and `never`."""
     yield ConfidenceModel(
         name="weighted",
         summary="weighted sum of confirming bands, number of detections and elevation (the paper's)",
         config=WeightedConfig,
         build=_built_by("classification", "weighted_confidence"),
-    )
-    yield ConfidenceModel(
-        name="posterior",
-        summary="the probability that the reported type is right, for classification: spectral",
-        config=PosteriorConfig,
-        build=_built_by("classification", "posterior_confidence"),
     )
     yield ConfidenceModel(name="always", summary="confidence 1", build=_built_by("classification", "full_confidence"))
     yield ConfidenceModel(name="never", summary="confidence 0", build=_built_by("classification", "no_confidence"))

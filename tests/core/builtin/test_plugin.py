@@ -10,7 +10,6 @@ from repository import ROOT
 
 from opir_core.builtin import plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
-from opir_core.errors import ModelError
 from opir_core.host.components import CATALOGUE
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
 from opir_core.interfaces.records import Detections
@@ -22,7 +21,7 @@ HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")
 MODELS = {
     "opir_detection_models": {"constant", "always", "never"},
     "opir_classifiers": {"paper", "none", "always", "never"},
-    "opir_confidence_models": {"weighted", "posterior", "always", "never"},
+    "opir_confidence_models": {"weighted", "always", "never"},
     "opir_trackers": {"none"},
     "opir_target_models": {"ballistic", "gravity-turn", "orbit", "glide"},
     "opir_atmosphere_models": {"clear"},
@@ -45,15 +44,7 @@ def test_every_kind_of_model_has_an_honest_one_or_a_null(hook):
 def test_every_model_without_sensors_can_be_built(hook):
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
     for component in offered(hook).values():
-        if component.name != "posterior":
-            assert component.build(component.config(), context) is not None
-
-
-def test_posteriors_need_a_classifier_with_probabilities():
-    context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
-    component = offered("opir_confidence_models")["posterior"]
-    with pytest.raises(ModelError, match="choose classification: spectral, or confidence: weighted"):
-        component.build(component.config(), context)
+        assert component.build(component.config(), context) is not None
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Settings of the classifier `spectral`; imports nothing heavy."""
+"""Settings of the classifier `spectral` and of the confidence model `posterior`; imports nothing heavy."""
 
 import math
 from collections.abc import Mapping
@@ -121,3 +121,11 @@ class SpectralConfig:
     def __attrs_post_init__(self) -> None:
         if not isinstance(self.launches, int):
             raise ValueError(f"launches: {self.launches!r} is not a whole number")
+
+
+@frozen(kw_only=True)
+class PosteriorConfig:
+    """Settings of the confidence model `posterior`: none."""
+
+    #: The conformance tests run it with a classifier that computes probabilities.
+    needs_posterior: ClassVar[bool] = True

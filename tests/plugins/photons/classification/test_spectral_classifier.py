@@ -9,8 +9,9 @@ import pytest
 from attrs import evolve
 from hypothesis import given, strategies as st
 from numpy.typing import NDArray
-from opir_photons.classification.configs import SpectralConfig
+from opir_photons.classification.configs import PosteriorConfig, SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture
+from opir_photons.classification.posterior_confidence import PosteriorConfidence, posterior_confidence
 from opir_photons.classification.priors import GROUP_SHARES, launch_shares
 from opir_photons.classification.spectral import SpectralClassifier
 from opir_photons.classification.synthetic_looks import low_discrepancy_points
@@ -22,11 +23,12 @@ from scipy.special import logsumexp
 from scipy.stats import binom, multivariate_normal, norm
 
 import opir_core as opir
-from opir_core.builtin.classification import ConstantConfidence, PosteriorConfidence
+from opir_core.builtin.classification import ConstantConfidence
 from opir_core.errors import ModelError
 from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import compile_plan
+from opir_core.plugin import ModelContext
 from opir_core.reading import scene_mapping
 from opir_core.scene import core_hypotheses, core_target_class, hypotheses_of
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
@@ -482,3 +484,9 @@ def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: floa
     taken = np.sum(run.detections.reported_type[first] != UNKNOWN_TYPE)
     assert len(first) > 300
     assert taken <= binom.isf(0.001, len(first), share)
+
+
+def test_posteriors_need_a_classifier_with_probabilities() -> None:
+    context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
+    with pytest.raises(ModelError, match="choose classification: spectral, or confidence: weighted"):
+        posterior_confidence(PosteriorConfig(), context)
