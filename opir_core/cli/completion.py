@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from importlib import import_module
 
 from opir_core.cli.main import full_parser
 from opir_core.errors import PluginError
@@ -24,7 +25,7 @@ def completion_arguments(parser: argparse.ArgumentParser) -> None:
 def completion(arguments: argparse.Namespace) -> int:
     """Print the script; raises `PluginError` where shtab is not installed."""
     try:
-        import shtab  # of this command alone
+        shtab = import_module("shtab")
     except ImportError as error:
         raise PluginError('opir completion needs shtab: pip install "opir-core[completion]"') from error
     sys.stdout.write(shtab.complete(full_parser(), arguments.shell) + "\n")

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -189,7 +189,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
 
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary as sentences and tables."""
-    from opir_core.cli.answer_lines import answers, reported_tables  # a quiet run has no answers
+    from opir_core.cli.answer_lines import answers, reported_cells, reported_tables  # a quiet run has no answers
 
     counts = outcome.summary["counts"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
@@ -202,7 +202,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),
-        _target_table(outcome.summary, is_delayed=is_delayed),
+        _target_table(outcome.summary["targets"], reported_cells(outcome.summary), is_delayed=is_delayed),
         *reported_tables(outcome.summary),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
@@ -242,12 +242,9 @@ def _target_cells(row: Mapping[str, Any], says: str) -> tuple[str, ...]:
     )
 
 
-def _target_table(summary: Mapping[str, Any], *, is_delayed: bool) -> str:
+def _target_table(targets: Sequence[Mapping[str, Any]], says: Sequence[str], *, is_delayed: bool) -> str:
     """Return the table of targets, with the latency up to the first report if some sensor's reports are late."""
-    from opir_core.cli.answer_lines import reported_cells
-
-    targets = summary["targets"]
-    cells = [list(_target_cells(row, says)) for row, says in zip(targets, reported_cells(summary), strict=True)]
+    cells = [list(_target_cells(row, text)) for row, text in zip(targets, says, strict=True)]
     head = list(_TARGET_HEAD)
     if not is_delayed:
         return listed(head, cells, numbers=(2, 3, 5, 6))

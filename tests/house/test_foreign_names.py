@@ -14,7 +14,6 @@ DOCUMENTED = {"_asdict", "_fields", "_replace", "_current_frames", "_exit", "_re
 #: Without a public way: argparse's arguments of a parser, the workers of a pool before Python 3.14, and Stone Soup's
 #: set of tracks (a plain set has another order in each process). It only gets shorter.
 WITHOUT_PUBLIC_WAY = {
-    "cli/completion.py": {"_SubParsersAction", "_actions", "_choices_actions"},
     "cli/main.py": {"_actions"},
     "opir_stonesoup/tracker.py": {"_tracks"},
     "opir_studies/executors.py": {"_processes"},
