@@ -28,6 +28,11 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
         " detection_by_time)",
     )
+    _running_arguments(parser)
+
+
+def _running_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where and how often runs are made, and what is shown."""
     parser.add_argument("-o", "--out", metavar="FOLDER", help="where the study goes (default: its name, with -study)")
     parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
     parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError
@@ -96,7 +97,9 @@ def _axes(study: Study) -> list[Axis]:
         raise SceneError(problems, source=f"study {study.study}")
     # Numbers in order, so that neighbours are alike.
     return [
-        evolve(axis, levels=tuple(sorted(axis.levels, key=lambda level: level.label))) if _is_ordered(axis) else axis
+        evolve(axis, levels=tuple(sorted(axis.levels, key=lambda level: float(level.label or 0.0))))
+        if _is_ordered(axis)
+        else axis
         for axis in axes
     ]
 
@@ -157,8 +160,6 @@ class _Evaluation:
         return Outcome(violation, -value if self._objective.is_largest else value)
 
     def _mean(self, point: Point, place: int) -> float:
-        import numpy as np
-
         return interval(np.array([record.values[place] for record in self.records[point]]))[0]
 
 

@@ -42,6 +42,10 @@ def opir_metrics() -> Iterable[MetricModel]:
         summary="detections of no launch, and false alarms, per day",
         build=_built_by(detection, "false_events_metric"),
     )
+    yield from _track_metrics()
+
+
+def _track_metrics() -> Iterable[MetricModel]:
     tracks = "metrics.track_metrics"
     yield MetricModel(
         name="tracks",

@@ -190,7 +190,7 @@ def path_plot(axes: Axes, study: SavedStudy) -> Axes:
     axes.plot(place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle="")
     axes.plot(place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle="")
     marks = [Line2D([], [], color=MUTED, marker="o", markersize=4, linestyle="", label="a design")]
-    if not is_met.all():
+    if np.isfinite(values.mean[~is_met]).any():
         marks.append(Line2D([], [], color=MUTED, marker="x", markersize=4, linestyle="", label="misses a requirement"))
     if is_met.any():
         sign = -1.0 if objective["is_largest"] else 1.0
