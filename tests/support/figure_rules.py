@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
@@ -109,6 +109,13 @@ def _data(axes: Axes, column: int) -> Any:
         np.concatenate(each.get_segments())[:, column]
         for each in axes.collections
         if isinstance(each, LineCollection) and each.get_segments()
+    ]
+    # Bands of intervals are data too.
+    parts += [
+        path.vertices[:, column]
+        for each in axes.collections
+        if isinstance(each, PolyCollection) and each.get_transform() == axes.transData
+        for path in each.get_paths()
     ]
     patches = [
         box.get_points()[:, column]
