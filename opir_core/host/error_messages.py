@@ -60,7 +60,8 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-scoring": ("commands.score",),
     "opir-stonesoup": ("trackers.stonesoup",),
     "opir-studies": (
-        *("commands.compare", "commands.sweep", "commands.tune", "executors.processes", "executors.serial"),
+        *("commands.compare", "commands.optimise", "commands.sweep", "commands.tune"),
+        *("executors.processes", "executors.serial"),
         *("metrics.accuracy", "metrics.detection_by_time", "metrics.false_events", "metrics.impact_region"),
         *("metrics.latency", "metrics.launch_error", "metrics.tracks", "metrics.warning_time"),
     ),

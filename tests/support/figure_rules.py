@@ -4,15 +4,18 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.patches import StepPatch
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
+from opir_report.canvas import PRINT_WIDTH_IN, STYLE, WIDTH_IN, new_layout
 
 #: Pixels by which text may stick out or overlap, for what fonts measure larger than they draw.
 _SLACK = 1.5
@@ -20,6 +23,18 @@ _SLACK = 1.5
 _SMALLEST_PT = 7.9
 #: The least share of an axis that its data use.
 _LEAST_SHARE = 0.25
+
+
+def drawn_complaints(picture: Any) -> list[str]:
+    """Return what is wrong with a figure of a report, on the page and at the width of a paper."""
+    found = []
+    for width_in in (WIDTH_IN, PRINT_WIDTH_IN):
+        with matplotlib.rc_context(STYLE):
+            figure = Figure(figsize=(width_in, picture.height_in), layout=new_layout())
+            FigureCanvasAgg(figure)
+            picture.draw(figure)
+            found += [f"{picture.name}, {width_in} in: {line}" for line in broken_rules(figure)]
+    return found
 
 
 def broken_rules(figure: Figure) -> list[str]:
@@ -94,6 +109,13 @@ def _data(axes: Axes, column: int) -> Any:
         np.concatenate(each.get_segments())[:, column]
         for each in axes.collections
         if isinstance(each, LineCollection) and each.get_segments()
+    ]
+    # Bands of intervals are data too.
+    parts += [
+        path.vertices[:, column]
+        for each in axes.collections
+        if isinstance(each, PolyCollection) and each.get_transform() == axes.transData
+        for path in each.get_paths()
     ]
     patches = [
         box.get_points()[:, column]

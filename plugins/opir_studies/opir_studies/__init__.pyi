@@ -5,6 +5,10 @@ from opir_studies.comparison import (
 from opir_studies.executors import (
     LostTasksError as LostTasksError,
 )
+from opir_studies.optimising import (
+    Optimised as Optimised,
+    optimise as optimise,
+)
 from opir_studies.result import (
     StudyResult as StudyResult,
     load_study as load_study,

@@ -7,7 +7,7 @@ from opir_scoring import add_score_settings
 from opir_core.cli import add_overrides
 
 
-def sweep_arguments(parser: argparse.ArgumentParser) -> None:
+def _study_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the study or scene, what varies, the runs, the executor and the output."""
     parser.add_argument("study", metavar="STUDY|SCENE", help="a study (YAML), or a scene to vary")
     parser.add_argument(
@@ -28,6 +28,11 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
         " detection_by_time)",
     )
+    _running_arguments(parser)
+
+
+def _running_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where and how often runs are made, and what is shown."""
     parser.add_argument("-o", "--out", metavar="FOLDER", help="where the study goes (default: its name, with -study)")
     parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
     parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")
@@ -36,9 +41,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FIGURE:WIDTH",
         help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or latency_s:0.2 (s)",
     )
-    parser.add_argument("--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube")
-    parser.add_argument("--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)")
-    parser.add_argument("--seed", metavar="N", type=int, help="seed of the Latin hypercube (default 0)")
+    parser.add_argument("--seed", metavar="N", type=int, help="seed of the designs that are drawn (default 0)")
     parser.add_argument(
         "--show",
         metavar="FIGURE",
@@ -56,6 +59,28 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+
+
+def sweep_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a study, and which combinations run."""
+    _study_arguments(parser)
+    parser.add_argument("--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube")
+    parser.add_argument("--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)")
+
+
+def optimise_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a study, what is wanted, and how many designs are evaluated."""
+    _study_arguments(parser)
+    parser.add_argument(
+        "--objective",
+        metavar="'min|max FIGURE'",
+        required=True,
+        help="the figure whose mean is to be least or largest: 'max warning_time_s'",
+    )
+    parser.add_argument(
+        "--evaluations", metavar="N", type=int, default=100, help="designs that are evaluated (default 100)"
+    )
+    parser.set_defaults(design=None, samples=None)
 
 
 def compare_arguments(parser: argparse.ArgumentParser) -> None:

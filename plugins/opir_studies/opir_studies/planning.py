@@ -66,8 +66,8 @@ class PlannedStudy:
         return {name: unit for metric in self.metrics for name, unit in metric.units.items()}
 
 
-def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
-    """Return a study made ready to run.
+def planned_study(study: Study, host: Host | None = None, designs: Sequence[Design] | None = None) -> PlannedStudy:
+    """Return a study made ready to run; `designs` are some instead of all of them.
 
     Raises `SceneError` with the problems of all designs, each with the design and the place in its scene, or
     `PluginError` for a component that is missing.
@@ -77,11 +77,11 @@ def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
     described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
-    designs, problems, notes = list[PlannedDesign](), list[Problem](), list[str]()
-    for design in designs_of(study):
+    ready, problems, notes = list[PlannedDesign](), list[Problem](), list[str]()
+    for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
-            designs.append(PlannedDesign(design, plan.scene, identity_of(plan, described)))
+            ready.append(PlannedDesign(design, plan.scene, identity_of(plan, described)))
             notes += filter(None, [_end_note(plan)])
         except SceneError as error:
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
@@ -92,7 +92,7 @@ def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
     told = tuple(dict.fromkeys(notes)) if set(names) & _OF_WHOLE_BURNS else ()
-    return PlannedStudy(study, tuple(designs), names, metrics, until_of(study, figures), requirements, told)
+    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, told)
 
 
 def _end_note(plan: Plan) -> str:

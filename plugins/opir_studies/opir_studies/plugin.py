@@ -9,6 +9,7 @@ from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesC
 
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
+    "optimise": "find the best design under requirements, by evaluating a small part of all designs",
     "sweep": "run a scene over many settings and seeds, and print metrics with intervals",
     "tune": "choose the accuracy settings of a scene: least run time for wanted errors",
 }
@@ -41,6 +42,10 @@ def opir_metrics() -> Iterable[MetricModel]:
         summary="detections of no launch, and false alarms, per day",
         build=_built_by(detection, "false_events_metric"),
     )
+    yield from _track_metrics()
+
+
+def _track_metrics() -> Iterable[MetricModel]:
     tracks = "metrics.track_metrics"
     yield MetricModel(
         name="tracks",
@@ -88,7 +93,7 @@ def opir_executors() -> Iterable[ExecutorModel]:
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir sweep`, `opir compare` and `opir tune`."""
+    """Add `opir sweep`, `opir optimise`, `opir compare` and `opir tune`."""
     arguments = import_module("opir_studies.arguments")
     for name, summary in _SUMMARIES.items():
         parser = commands.add_parser(name, help=summary)

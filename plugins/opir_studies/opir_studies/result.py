@@ -94,8 +94,16 @@ def load_study(folder: str | Path) -> StudyResult:
         raise SceneError([Problem("", words)], source=str(place)) from error
 
 
-def written_result(planned: PlannedStudy, folder: Path, records: Sequence[Sequence[RunRecord | None]]) -> StudyResult:
-    """Write the result of a study from the records of each design's runs, None for a run that failed; return it."""
+def written_result(
+    planned: PlannedStudy,
+    folder: Path,
+    records: Sequence[Sequence[RunRecord | None]],
+    extra: Mapping[str, Any] | None = None,
+) -> StudyResult:
+    """Write the result of a study from the records of each design's runs, None for a run that failed; return it.
+
+    `extra` is added to its definition.
+    """
     runs, table = _runs_table(planned, records), _results_table(planned, records)
     contents = {RUNS: parquet_bytes(runs), RESULTS: parquet_bytes(table), RESULTS_CSV: _csv_bytes(table)}
     with OutputFiles() as times:  # they differ from one execution to the next, and are listed nowhere
@@ -105,7 +113,7 @@ def written_result(planned: PlannedStudy, folder: Path, records: Sequence[Sequen
     try:
         for name, content in contents.items():
             files.write(folder / name, content, "study's", is_made_up=True)
-        definition = files.commit(_definition(planned))
+        definition = files.commit({**_definition(planned), **(extra or {})})
     except BaseException:
         files.abandon()
         raise

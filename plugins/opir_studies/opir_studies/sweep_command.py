@@ -36,7 +36,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     if arguments.workers is not None and arguments.workers < 1:
         raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
-    with _progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
+    with shown_progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
         try:
             result = result_of_sweep(study, folder, workers=arguments.workers, on_progress=on_progress)
         except KeyboardInterrupt:
@@ -95,7 +95,7 @@ def _refused(path: str, words: str) -> SceneError:
 
 
 @contextmanager
-def _progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
+def shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
     """Show a bar with the remaining time on standard error, if `is_shown`."""
     if not is_shown:
         yield lambda _progress: None
@@ -125,7 +125,7 @@ def as_text(result: StudyResult) -> str:
         [
             *(str(design[path]) for path in result.paths),
             str(rows[next(iter(rows))][place]["runs"]),
-            *(_cell(_within(rows[name][place], rows[name])) for name in shown),
+            *(cell(_within(rows[name][place], rows[name])) for name in shown),
         ]
         for place, design in enumerate(designs[:_MOST_ROWS])
     ]
@@ -198,7 +198,7 @@ def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, S
     body = [
         [
             ", ".join(str(design[path]) for path in result.paths),
-            *(_cell(rows[name][place], "difference", "difference_low_95", "difference_high_95") for name in shown),
+            *(cell(rows[name][place], "difference", "difference_low_95", "difference_high_95") for name in shown),
         ]
         for place, design in enumerate(designs, start=1)
     ]
@@ -210,7 +210,8 @@ def _short(path: str) -> str:
     return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
 
 
-def _cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95") -> str:
+def cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95") -> str:
+    """Return a mean with its interval, to two digits of the interval: `0.28 [0.23, 0.34]`."""
     if not math.isfinite(row[mean]):
         return "-"
     if not math.isfinite(row[low]) or row[low] == row[high]:

@@ -56,7 +56,7 @@ def sweep(
     remove_unfinished(place)
     wanted = {design.key(number) for design in planned.designs for number in range(study.runs)}
     parts = Parts(place / PARTS, tuple(planned.units))
-    state = _Sweep(planned, parts, parts.found(wanted), workers, on_progress)
+    state = SweepState(planned, parts, parts.found(wanted), workers, on_progress)
     try:
         counts = state.run()
     finally:
@@ -69,7 +69,7 @@ def sweep(
 
 
 @define
-class _Sweep:
+class SweepState:
     """The state of a study that runs."""
 
     planned: PlannedStudy

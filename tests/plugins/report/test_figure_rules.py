@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-import matplotlib
 import pytest
-from figure_rules import broken_rules
+from figure_rules import broken_rules, drawn_complaints
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from opir_report.canvas import PRINT_WIDTH_IN, STYLE, WIDTH_IN, new_layout
 from opir_report.pages.run_report import run_page
 from opir_report.pages.study_report import studies_in, study_page
 from scored_scene import SCENE
@@ -17,15 +15,7 @@ import opir_core
 
 
 def complaints(page) -> list[str]:
-    found = []
-    for each in page.figures():
-        for width_in in (WIDTH_IN, PRINT_WIDTH_IN):
-            with matplotlib.rc_context(STYLE):
-                figure = Figure(figsize=(width_in, each.height_in), layout=new_layout())
-                FigureCanvasAgg(figure)
-                each.draw(figure)
-                found += [f"{each.name}, {width_in} in: {line}" for line in broken_rules(figure)]
-    return found
+    return [line for each in page.figures() for line in drawn_complaints(each)]
 
 
 @pytest.mark.slow

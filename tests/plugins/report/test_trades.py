@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_rules import drawn_complaints
 from opir_report.pages.page import ReportTable
 from opir_report.pages.paper import latex_table, markdown_table
 from opir_report.pages.study_report import studies_in, study_page
@@ -114,6 +115,17 @@ def test_figures_and_tables_are_files_for_papers(tmp_path: Path, capsys) -> None
     assert (tmp_path / "figures" / "trade.png").read_bytes().startswith(b"\x89PNG")
     assert main([*command, "--formats", "gif"]) == 2
     assert "'gif' is no format; there are png, svg, pdf" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_path_of_an_optimisation_keeps_the_rules_of_figures(tmp_path: Path) -> None:
+    folder = written(tmp_path / "a", "three-knobs")
+    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    definition |= {"design": "optimise", "objective": {"figure": "latency_s", "is_largest": False}}
+    (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    page = study_page(studies_in(folder))
+    assert "path" in [each.name for each in page.figures()]
+    assert [line for each in page.figures() for line in drawn_complaints(each)] == []
 
 
 def test_tables_are_escaped() -> None:

@@ -13,10 +13,11 @@ from opir_report.pages.files import write_page
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable
 from opir_report.pages.run_sections import figure_of
 from opir_report.plots.effects import difference_plot, effect_figure, effect_height_in
-from opir_report.plots.panels import effect_panels
+from opir_report.plots.panels import SAMPLED, effect_panels
 from opir_report.plots.trades import (
     convergence_plot,
     convergence_rows,
+    path_plot,
     tornado_plot,
     tornado_rows,
     trade_plot,
@@ -35,6 +36,7 @@ _TORNADO = (
     "How far each setting moves the mean, over the values that it has in the study; the values at the ends are written"
     " there."
 )
+_PATH = "The designs in the order of their evaluation."
 _CONVERGENCE = "Mean over the first runs with its 95 % interval: more runs are needed where it has not settled."
 
 
@@ -165,12 +167,14 @@ def _trade_section(study: SavedStudy) -> ReportSection:
     """Return what the designs trade: two figures against each other, the weight of each setting, and convergence."""
     varying = [each for each in study.shown if study.constant(each) is None]
     parts: list[ReportFigure | ReportTable] = []
+    if "objective" in study.definition:
+        parts.append(_plot("path", lambda axes: path_plot(axes, study), 4.0, _PATH))
     if len(varying) > 1 and len(study.definition["designs"]) > 2:
         figure = varying[0]
         own = next(names for names in study.figures_of_metrics.values() if figure in names)
         over = next((each for each in varying[1:] if each not in own), varying[1])
         parts.append(_plot("trade", lambda axes: trade_plot(axes, study, over, figure), 4.4, _TRADE))
-    if varying and len(study.paths) > 1 and study.definition["design"] != "latin-hypercube":
+    if varying and len(study.paths) > 1 and study.definition["design"] not in SAMPLED:
         data = tornado_rows(study, varying[0])
         height_in = 1.0 + 0.4 * max(len(data), 1)
         caption = f"{_words(study, varying[0])}. {_TORNADO}"

@@ -17,6 +17,10 @@ _PANELS = 6
 WIDE_FIGURE, WIDE_SETTING = 30.0, 8.0
 
 
+#: Kinds of designs that are not combinations: samples, and the way of an optimisation.
+SAMPLED = ("latin-hypercube", "optimise")
+
+
 @frozen(eq=False)
 class EffectPanel:
     """A panel: its title, the path along the axis, the paths whose values are series, and the rows of its designs."""
@@ -52,7 +56,7 @@ def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
     if not len(rows):
         return []
     paths, design = study.paths, study.definition["design"]
-    if design == "latin-hypercube":
+    if design in SAMPLED:
         return [EffectPanel("", path, (), rows, is_sampled=True) for path in paths[:_PANELS]]
     if design == "one-at-a-time" and len(paths) > 1:
         return _one_at_a_time(study, rows)

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from scipy.special import stdtrit
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_report.canvas import legend_beside, log_ticks, without_data
+from opir_report.canvas import legend_above, legend_beside, log_ticks, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
 from opir_report.plots.effects import FigureScale, draw_requirements
@@ -174,6 +175,37 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
         axes.set_xlim(low.min() - margin, high.max() + margin)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
     axes.grid(axis="y", visible=False)
+    return axes
+
+
+def path_plot(axes: Axes, study: SavedStudy) -> Axes:
+    """Draw the objective of an optimisation, evaluation by evaluation, and the best so far that meets requirements."""
+    objective = study.definition["objective"]
+    values = _Means.of(study, objective["figure"])
+    is_met = np.isfinite(values.mean)
+    for each in study.requirements:
+        mean = study.rows(each["figure"])["mean"]
+        is_met &= mean >= each["limit"] if each["is_least"] else mean <= each["limit"]
+    place = np.arange(1, len(values.mean) + 1)
+    axes.plot(place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle="")
+    axes.plot(place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle="")
+    marks = [Line2D([], [], color=MUTED, marker="o", markersize=4, linestyle="", label="a design")]
+    if np.isfinite(values.mean[~is_met]).any():
+        marks.append(Line2D([], [], color=MUTED, marker="x", markersize=4, linestyle="", label="misses a requirement"))
+    if is_met.any():
+        sign = -1.0 if objective["is_largest"] else 1.0
+        best = sign * np.minimum.accumulate(np.where(is_met, sign * values.mean, np.inf))
+        known = np.isfinite(best)
+        axes.step(place[known], best[known], where="post", color=SERIES[0])
+        marks.append(Line2D([], [], color=SERIES[0], label="best so far"))
+    if values.scale.is_log:
+        axes.set_yscale("log")
+        log_ticks(axes.yaxis)
+    else:
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set(xlabel="evaluation", ylabel=values.scale.label)
+    legend_above(axes, marks)
     return axes
 
 

@@ -1,0 +1,87 @@
+"""`opir optimise`: find the best design under requirements, and print it with those that come next."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from opir_core.cli import grouped, table
+from opir_core.errors import Problem, SceneError
+from opir_studies.optimising import Optimised, best_row, optimise as best_of
+from opir_studies.requirements import Requirement
+from opir_studies.sweep_command import cell, shown_progress, study_of
+
+#: The designs that are printed.
+_ROWS = 5
+
+
+def optimise(arguments: argparse.Namespace) -> int:
+    """Find the best design and print it; exit code 2 where no design meets the requirements."""
+    study = study_of(arguments)
+    if arguments.evaluations < 1:
+        words = f"{arguments.evaluations} is not a number of designs; give 1 or more"
+        raise SceneError([Problem("--evaluations", words)], source="command line")
+    folder = Path(arguments.out or f"{Path(arguments.study).stem}-optimum")
+    with shown_progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
+        found = best_of(
+            study,
+            folder,
+            arguments.objective,
+            evaluations=arguments.evaluations,
+            workers=arguments.workers,
+            on_progress=on_progress,
+        )
+    if not arguments.quiet:
+        sys.stdout.write((as_json(found) if arguments.json else as_text(found)) + "\n")
+    return 0 if found.is_feasible else 2
+
+
+def as_text(found: Optimised) -> str:
+    """Return the best design in a sentence, and a table of the best ones."""
+    result = found.result
+    objective = result.definition["objective"]
+    requirements = [Requirement(**each) for each in result.definition["requirements"]]
+    figures = list(dict.fromkeys([objective["figure"], *(each.figure for each in requirements)]))
+    rows = {name: result.rows(name) for name in figures}
+    sign = -1.0 if objective["is_largest"] else 1.0
+
+    def rank(number: int) -> tuple[float, float]:
+        value = sign * rows[objective["figure"]][number]["mean"]
+        missed = sum(each.violation(rows[each.figure][number]["mean"]) for each in requirements)
+        return missed, value if value == value else float("inf")
+
+    order = sorted(range(len(result.definition["designs"])), key=rank)[:_ROWS]
+    body = [
+        [
+            *(str(rows[figures[0]][number][path]) for path in result.paths),
+            *(cell(rows[name][number]) for name in figures),
+        ]
+        for number in order
+    ]
+    words = ", ".join(f"{path}={value}" for path, value in best_row(found).items())
+    which = "largest" if objective["is_largest"] else "smallest"
+    met = "" if found.is_feasible else "; no design that was evaluated meets all requirements, this one is nearest"
+    count = f"{grouped(len(result.definition['designs']))} of {grouped(found.possible)} designs evaluated"
+    return "\n\n".join(
+        [
+            *map("note: {}".format, result.definition["notes"]),
+            f"{which} {objective['figure']}: {words} ({count}, the best at evaluation {found.best + 1}){met}",
+            table([*result.paths, *figures], body),
+            f"All designs: {result.folder / 'results.csv'}; opir report {result.folder} draws the path",
+        ]
+    )
+
+
+def as_json(found: Optimised) -> str:
+    """Return the best design as JSON."""
+    rows = [row for row in found.result.table.to_pylist() if row["design"] == found.best]
+    means = {row["figure"]: row["mean"] if row["mean"] == row["mean"] else None for row in rows}
+    document = {
+        "best": best_row(found),
+        "means": means,
+        "is_feasible": found.is_feasible,
+        "evaluation": found.best + 1,
+        "evaluations": len(found.result.definition["designs"]),
+        "possible": found.possible,
+    }
+    return json.dumps(document, indent=2)

@@ -1,0 +1,169 @@
+"""The best design of a study under requirements, found by evaluating a small part of its designs."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.errors import Problem, SceneError
+from opir_core.plugin import Host
+from opir_studies.axes import Axis, AxisError, Design, axis_of
+from opir_studies.parts import PARTS, Parts, remove_unfinished
+from opir_studies.planning import PlannedStudy, planned_study
+from opir_studies.requirements import require_figures
+from opir_studies.result import StudyResult, written_result
+from opir_studies.runs import RunRecord
+from opir_studies.search import Outcome, Point, Search
+from opir_studies.statistics import interval
+from opir_studies.study import Study
+from opir_studies.sweeping import StudyProgress, SweepState
+
+_WANTED = {"min": False, "max": True}
+
+
+@frozen
+class Objective:
+    """The figure whose mean is to be as large as possible if `is_largest`, else as small."""
+
+    figure: str
+    is_largest: bool
+
+    @classmethod
+    def of(cls, text: str) -> "Objective":
+        """Return the objective of a text, `max warning_time_s`; raises `SceneError` for what is none."""
+        wanted, _, figure = text.strip().partition(" ")
+        if wanted not in _WANTED or not figure.strip():
+            words = f"{text!r} is not 'min FIGURE' or 'max FIGURE', such as 'max warning_time_s'"
+            raise SceneError([Problem("objective", words)], source="optimise")
+        return cls(figure.strip(), _WANTED[wanted])
+
+
+@frozen(eq=False)
+class Optimised:
+    """The result of an optimisation: the designs in the order of their evaluation, and the number of the best one.
+
+    `is_feasible` is whether the best design meets all requirements, `possible` the number of designs that there are.
+    """
+
+    result: StudyResult
+    best: int
+    is_feasible: bool
+    possible: int
+
+
+def optimise(
+    study: Study,
+    folder: str | Path,
+    objective: str,
+    *,
+    evaluations: int = 100,
+    workers: int | None = None,
+    on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
+) -> Optimised:
+    """Evaluate designs of a study to find the best one under its requirements; write the folder of a study.
+
+    All combinations of what varies are possible; a design is evaluated by the means of its runs, which all have the
+    same seeds. Runs that are in the folder are not made again. Raises as `sweep`, and `PluginError` without Optuna.
+    """
+    wanted = Objective.of(objective)
+    axes = _axes(study)
+    work = _Evaluation(study, axes, wanted, Path(folder), workers, on_progress)
+    search = Search(tuple(len(axis.levels) for axis in axes), tuple(_is_ordered(axis) for axis in axes), study.seed)
+    work.require_objective()
+    search.run(evaluations, work.outcomes)
+    points = list(search.found)
+    planned = planned_study(study, work.host, [work.design(number, point) for number, point in enumerate(points)])
+    records = [[record if not record.failure else None for record in work.records[point]] for point in points]
+    extra = {"objective": {"figure": wanted.figure, "is_largest": wanted.is_largest}, "design": "optimise"}
+    result = written_result(planned, Path(folder), records, extra)
+    best = points.index(search.best)
+    is_feasible = search.found[search.best].violation == 0.0 and math.isfinite(search.found[search.best].value)
+    return Optimised(result, best, is_feasible, math.prod(search.levels))
+
+
+def _axes(study: Study) -> list[Axis]:
+    problems, axes = list[Problem](), list[Axis]()
+    for path, values in study.vary.items():
+        try:
+            axes.append(axis_of(path, values))
+        except AxisError as error:
+            problems.append(Problem(f"vary.{path}", str(error)))
+    if not study.vary:
+        problems.append(Problem("vary", "nothing varies: give --vary PATH=VALUES"))
+    if problems:
+        raise SceneError(problems, source=f"study {study.study}")
+    # Numbers in order, so that neighbours are alike.
+    return [
+        evolve(axis, levels=tuple(sorted(axis.levels, key=lambda level: float(level.label or 0.0))))
+        if _is_ordered(axis)
+        else axis
+        for axis in axes
+    ]
+
+
+def _is_ordered(axis: Axis) -> bool:
+    return all(isinstance(level.label, int | float) and not isinstance(level.label, bool) for level in axis.levels)
+
+
+class _Evaluation:
+    """Runs designs and says how good they are."""
+
+    def __init__(
+        self,
+        study: Study,
+        axes: Sequence[Axis],
+        objective: Objective,
+        folder: Path,
+        workers: int | None,
+        on_progress: Callable[[StudyProgress], None],
+    ) -> None:
+        self.host = Host.discover()
+        self.records: dict[Point, Sequence[RunRecord]] = {}
+        self._study, self._axes, self._objective, self._folder = study, axes, objective, folder
+        self._workers, self._on_progress = workers, on_progress
+        remove_unfinished(folder)
+
+    def design(self, number: int, point: Point) -> Design:
+        """Return the design of the numbers of its levels."""
+        levels = tuple(axis.levels[place] for axis, place in zip(self._axes, point, strict=True))
+        return Design(number, levels, tuple(axis.path for axis in self._axes))
+
+    def require_objective(self) -> None:
+        """Raise `SceneError` if no metric gives the figure of the objective."""
+        planned = planned_study(self._study, self.host, [self.design(0, (0,) * len(self._axes))])
+        require_figures([self._objective.figure], "objective", planned.units, f"study {self._study.study}")
+
+    def outcomes(self, points: Sequence[Point]) -> list[Outcome]:
+        """Run designs and return their outcomes."""
+        planned = planned_study(self._study, self.host, [self.design(*each) for each in enumerate(points)])
+        parts = Parts(self._folder / PARTS, tuple(planned.units))
+        keys = {design.key(number) for design in planned.designs for number in range(self._study.runs)}
+        state = SweepState(planned, parts, parts.found(keys), self._workers, self._on_progress)
+        try:
+            counts = state.run()
+        finally:
+            state.close()
+        state.require_no_failure()
+        for point, design, count in zip(points, planned.designs, counts, strict=True):
+            self.records[point] = [each for each in state.records_of(design, count) if each is not None]
+        return [self._outcome(planned, point) for point in points]
+
+    def _outcome(self, planned: PlannedStudy, point: Point) -> Outcome:
+        means: Mapping[str, float] = {name: self._mean(point, place) for place, name in enumerate(planned.units)}
+        violation = sum(each.violation(means[each.figure]) for each in planned.requirements)
+        value = means[self._objective.figure]
+        if math.isnan(value):
+            return Outcome(violation, math.inf)
+        return Outcome(violation, -value if self._objective.is_largest else value)
+
+    def _mean(self, point: Point, place: int) -> float:
+        return interval(np.array([record.values[place] for record in self.records[point]]))[0]
+
+
+def best_row(optimised: Optimised) -> Mapping[str, Any]:
+    """Return the best design as a mapping of its paths and values."""
+    design: Mapping[str, Any] = optimised.result.definition["designs"][optimised.best]
+    return {path: design[path] for path in optimised.result.paths}

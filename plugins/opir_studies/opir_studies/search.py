@@ -1,0 +1,127 @@
+"""The search of the best design: the tree-structured Parzen estimator of Optuna, then the neighbours of the best one.
+
+Its suggestions depend on the seed and the results alone, so that a search that was stopped takes the same way again.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import define, field, frozen
+
+from opir_core.errors import PluginError
+
+#: A design by the numbers of its levels.
+Point = tuple[int, ...]
+
+#: Designs that are evaluated together, whatever the number of workers.
+BATCH = 4
+#: The share of the evaluations before neighbours of the best design are tried.
+_EXPLORING = 0.4
+#: Suggestions in a row that were evaluated before, after which a design is drawn at random.
+_REPEATED = 20
+#: Beyond any value of a figure.
+_VIOLATED = 1e30
+
+
+@frozen(order=True)
+class Outcome:
+    """How good a design is, less is better: first by how much it violates the requirements, then by its value."""
+
+    violation: float
+    value: float
+
+
+@define
+class Search:
+    """A search over designs: numbers of levels of each axis, and which of these are ordered numbers."""
+
+    levels: tuple[int, ...]
+    is_ordered: tuple[bool, ...]
+    seed: int
+    found: dict[Point, Outcome] = field(factory=dict)
+    _study: Any = field(init=False)
+    _rng: np.random.Generator = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        self._rng = np.random.default_rng(self.seed)
+        self._study = _optuna_study(self.seed)
+
+    @property
+    def best(self) -> Point:
+        """The best design so far; the earliest of equals."""
+        return min(self.found, key=self.found.__getitem__)
+
+    def run(self, evaluations: int, outcomes: Callable[[Sequence[Point]], Sequence[Outcome]]) -> None:
+        """Evaluate designs, a batch at a time, until there are so many or none is left."""
+        most = min(evaluations, int(np.prod(self.levels, dtype=np.float64)))
+        while len(self.found) < most:
+            near = [] if len(self.found) < _EXPLORING * evaluations else list(self._neighbours(self.best))
+            trials = [] if near else self._asked(min(BATCH, most - len(self.found)))
+            points = near[: most - len(self.found)] or [point for _, point in trials]
+            self.found.update(zip(points, outcomes(points), strict=True))
+            for trial, point in trials:
+                self._tell(trial, self.found[point])
+
+    def _neighbours(self, point: Point) -> Iterator[Point]:
+        """Yield designs not evaluated yet that differ by one step of a number, or by any other name, on one axis."""
+        for axis, (place, count) in enumerate(zip(point, self.levels, strict=True)):
+            steps = (place - 1, place + 1) if self.is_ordered[axis] else range(count)
+            for each in steps:
+                other = (*point[:axis], each, *point[axis + 1 :])
+                if 0 <= each < count and other not in self.found:
+                    yield other
+
+    def _asked(self, count: int) -> list[tuple[Any, Point]]:
+        """Return trials of Optuna with designs that were not evaluated; repeated suggestions are told what is known."""
+        asked: dict[Point, Any] = {}
+        repeated = 0
+        while len(asked) < count:
+            trial = self._study.ask()
+            point = self._suggested(trial)
+            if repeated >= _REPEATED:
+                self._study.tell(trial, state=_failed())
+                trial, point = None, self._drawn()
+            if point in self.found or point in asked:
+                repeated += 1
+                if trial is not None and point in self.found:
+                    self._tell(trial, self.found[point])
+                elif trial is not None:
+                    self._study.tell(trial, state=_failed())
+                continue
+            asked[point] = trial
+        return [(trial, point) for point, trial in asked.items()]
+
+    def _suggested(self, trial: Any) -> Point:
+        return tuple(
+            trial.suggest_int(str(axis), 0, count - 1)
+            if self.is_ordered[axis]
+            else trial.suggest_categorical(str(axis), list(range(count)))
+            for axis, count in enumerate(self.levels)
+        )
+
+    def _drawn(self) -> Point:
+        return tuple(int(self._rng.integers(count)) for count in self.levels)
+
+    def _tell(self, trial: Any, outcome: Outcome) -> None:
+        if trial is None:
+            return
+        # The estimator uses the order of values alone: those that violate requirements come after all others.
+        is_good = outcome.violation == 0.0 and np.isfinite(outcome.value)
+        self._study.tell(trial, outcome.value if is_good else _VIOLATED * (1.0 + outcome.violation))
+
+
+def _optuna_study(seed: int) -> Any:
+    try:
+        import optuna
+    except ModuleNotFoundError as error:
+        words = "opir optimise needs Optuna, which is not installed; pip install 'opir-studies[optimise]'"
+        raise PluginError(words) from error
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    return optuna.create_study(direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
+
+
+def _failed() -> Any:
+    from optuna.trial import TrialState
+
+    return TrialState.FAIL
