@@ -73,22 +73,25 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 {headline}
 
 Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
-height, as ranges over five climates. All launches are reported, except SRBM by DSP: {faint} %.
+height, as ranges over five climates. DSP is its preset `heritage` ({faint} % of the SRBM are reported): a look every 10 s,
+and three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
-NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP; the ICBM through tropical air is reported by DSP
-before SBIRS-GEO. What delays a first report, each cause switched off by itself under a clear sky:
+NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP. What delays a first report, each cause switched off by
+itself under a clear sky:
 
-- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there. Over its cold
-  top DSP detects more SRBM ({cloudy} %), with less LWIR clutter. Half cover is drawn once in a run.
+- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there; {cloudy} % of
+  the SRBM by DSP. Half cover is drawn once in a run.
 - **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air SBIRS-GEO reports
-  an SRBM after {swir_delay}. LWIR of DSP is dimmed less.
-- **Background.** Photon noise and clutter of the warm Earth matter in LWIR: without them DSP reports an IRBM after
-  {lwir_delay}.
-- **Ratio gates** delay nothing: their bounds allow for what air does to the ratio of two bands
-  ([detection](../explanation/detection.md#rules-over-bands)), here a factor of {mwir_over_swir} in MWIR/SWIR.
-- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume, more near the threshold.
+  an SRBM after {swir_delay}. What is seen near the ground is soot in the wings of MWIR, a level that holds within a
+  factor of 3.
+- **Background.** It matters in long waves; without it DSP, which has none, reports an IRBM after {lwir_delay}.
+- **The paper's presets.** Their rules make every band a veto, and DSP's long-wave band reports
+  practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}. Ratio gates allow for a factor of
+  {mwir_over_swir} in MWIR/SWIR that air makes ([detection](../explanation/detection.md#rules-over-bands)).
+- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; DSP without it reports an ICBM
+  after {confirmed_delay}.
 
 `detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the {cells} cases has
 {targets} launches; times are distributed as computed exactly from the probabilities of all looks: the largest
@@ -357,6 +360,8 @@ def page(found: list[Cell], rows: list[Air], facts: Mapping[str, str]) -> str:
         cloudy=percent(found, "cloud to 10 km"),
         swir_delay=delay(found, "SRBM", "SBIRS-GEO", "no air"),
         lwir_delay=delay(found, "IRBM", "DSP", "no background"),
+        paper_delay=delay(found, "SRBM", "NEXTGEN-GEO", "presets paper"),
+        confirmed_delay=delay(found, "ICBM", "DSP", "no confirmation"),
         mwir_over_swir=f"{min(ratio):.0f} to {max(ratio):.0f}",
         swir=f"{min(swir):.3f} to {max(swir):.2f}",
         cells=facts["cases"],

@@ -12,8 +12,9 @@ from attrs import asdict
 
 from opir_core.cli import table
 from opir_core.errors import Problem, SceneError
+from opir_paper.check import CORRECTED, HOLDS, NOT_REPRODUCED, TAKEN_OVER, Check
 from opir_paper.errata import errata
-from opir_paper.figure_checks import CORRECTED, HOLDS, NOT_REPRODUCED, TAKEN_OVER, Check, checks
+from opir_paper.figure_checks import checks
 from opir_paper.simulated import scene
 
 _HEAD = ("§", "figure", "paper", "formula", "simulated", "verdict")

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 
-from opir_paper.figure_checks import Check
+from opir_paper.check import Check
 
 _ERRATA = """# Errata of the paper
 

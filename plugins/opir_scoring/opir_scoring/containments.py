@@ -209,7 +209,7 @@ _GROUND_FREEDOM = 2
 
 
 def rms(error: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
-    """Return the root mean square of errors (n,), at most `most`, dependent within a cluster (n,), with its interval."""
+    """Return the root mean square of errors (n,), at most `most`, dependent in a cluster (n,), with its interval."""
     value, lower, upper = root_mean_square(error, cluster)
     return {"value": value, "interval_95": [lower, min(upper, most)]}
 
