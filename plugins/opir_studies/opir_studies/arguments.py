@@ -4,7 +4,7 @@ import argparse
 
 from opir_scoring import add_score_settings
 
-from opir_core.cli import add_overrides
+from opir_core.cli import add_dead_after, add_overrides
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc; repeatable",
     )
     add_overrides(parser)
+    add_dead_after(parser)
     parser.add_argument("--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)")
     parser.add_argument(
         "--metric",
@@ -72,6 +73,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--details", action="store_true", help="print all scores of each tracker too")
     add_overrides(parser)
+    add_dead_after(parser)
     add_score_settings(parser)
 
 
@@ -89,4 +91,5 @@ def tune_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)")
     add_overrides(parser)
+    add_dead_after(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")

@@ -82,11 +82,11 @@ def planned_study(study: Study, host: Host | None = None) -> PlannedStudy:
     return PlannedStudy(study, tuple(designs), names, metrics, until_of(study, figures))
 
 
-def built_executor(study: Study, workers: int | None, host: Host | None = None) -> Any:
+def built_executor(study: Study, context: ExecutorContext, host: Host | None = None) -> Any:
     """Return the executor of a study; raises `SceneError` or `PluginError` as `planned_study` does."""
     host = host or Host.discover()
     choice = _choice(ExecutorModel.hook, study.executor, "executor", host)
-    return host.component(ExecutorModel, choice.name).build(choice.config, ExecutorContext(workers=workers))
+    return host.component(ExecutorModel, choice.name).build(choice.config, context)
 
 
 def _compiled(study: Study, design: Design, host: Host) -> Plan:
