@@ -5,6 +5,7 @@ from typing import Any
 
 from opir_core.live import LATE_EDGES_S, LiveStatus, SensorStatus
 from opir_core.output import SinkStatus
+from opir_http.health import Health
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4"
@@ -17,8 +18,7 @@ def metrics_text(service: Service) -> str:
     sensors = [({"sensor_id": sensor.id}, sensor.detections) for sensor in status.sensors]
     parts = [
         _metric("opir_up", "gauge", "1 while the run is alive", [({}, status.state in ("running", "ended"))]),
-        _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, health.ready)]),
-        _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, not health.alive)]),
+        *_judged(health),
         _metric("opir_scene_time_seconds", "gauge", "Scene time of the run", [({}, status.time_ns * 1e-9)]),
         _metric("opir_cycles_total", "counter", "Cycles run", [({}, status.cycle)]),
         _metric(
@@ -30,7 +30,6 @@ def metrics_text(service: Service) -> str:
         _late(status),
         _metric("opir_late_seconds", "gauge", "How late the last cycle ended", [({}, status.late_s)]),
         _metric("opir_cycle_age_seconds", "gauge", "Time since the last finished cycle", [({}, status.cycle_age_s)]),
-        _metric("opir_pauses_total", "counter", "Times that the whole process did not run", [({}, health.pauses)]),
         _metric("opir_looks_total", "counter", "Looks processed", [({}, status.looks)]),
         _metric("opir_detections_total", "counter", "Detections", sensors),
         _metric("opir_targets", "gauge", "Targets in the run", [({}, status.targets)]),
@@ -52,6 +51,13 @@ def metrics_text(service: Service) -> str:
         *_sinks(status.sinks),
     ]
     return "".join(parts)
+
+
+def _judged(health: Health) -> Iterable[str]:
+    """Yield the health of the service."""
+    yield _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, health.ready)])
+    yield _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, not health.alive)])
+    yield _metric("opir_pauses_total", "counter", "Times that the whole process did not run", [({}, health.pauses)])
 
 
 def _health(sensors: tuple[SensorStatus, ...]) -> Iterable[str]:

@@ -253,7 +253,7 @@ def _health() -> Schema:
 
 def _state_of_health() -> Schema:
     """Return the schema of the health of a service: the reasons are those of readiness, `stuck` those of liveness."""
-    flags = dict.fromkeys(("ready", "alive"), {"type": "boolean"})
+    flags: Schema = {"ready": {"type": "boolean"}, "alive": {"type": "boolean"}}
     times = dict.fromkeys(("beat_age_s", "longest_pause_s"), NUMBER)
     return closed({**flags, "reasons": listed(TEXT), "stuck": listed(TEXT), **times, "pauses": COUNT})
 

@@ -21,6 +21,7 @@ from opir_scoring import (
 from opir_core import Scene, compile_plan, run_of_plan
 from opir_core.arrays import IntArray
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor

@@ -50,7 +50,8 @@ def sweep(
 ) -> StudyResult:
     """Run a study into a folder and return its result; runs that are there already are not run again.
 
-    `workers` is for the study's executor; a run fails in which one call of a component lasts `dead_after_s`. A script with the executor `processes` needs `if __name__ == "__main__":`.
+    `workers` is for the study's executor; a run fails in which one call of a component lasts `dead_after_s`.
+    A script with the executor `processes` needs `if __name__ == "__main__":`.
     Raises `SceneError` or `PluginError` for an invalid study before the first run, and `StudyError`, when everything
     else has ended, with the runs that failed.
     """
