@@ -13,6 +13,7 @@ from opir_core.cli.main import (
     THREADS as THREADS,
 )
 from opir_core.cli.scene_arguments import (
+    add_dead_after as add_dead_after,
     add_overrides as add_overrides,
     add_scene_arguments as add_scene_arguments,
     scene_of as scene_of,

@@ -35,7 +35,7 @@ exit codes:
   3    component missing, ambiguous or broken
   4    a model returned invalid values, or a conformance test failed
   5    an output failed
-  6    a service failed or was stuck, or its address is in use
+  6    a component did not return, a service failed, or its address is in use
   130  interrupted
   141  the reader of standard output stopped reading
 """

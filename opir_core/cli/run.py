@@ -16,11 +16,12 @@ from typing import Any
 
 from attrs import asdict
 
-from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
+from opir_core.cli.scene_arguments import add_dead_after, add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, listed, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
+from opir_core.host.watchdog import ended_if_stuck
 from opir_core.output.delivery import PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.planning.plan import Plan
@@ -50,13 +51,14 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", metavar="N", type=int, default=1, help="processes that compute the run; the files are the same"
     )
+    add_dead_after(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the scene; what plugins print goes to standard error."""
-    with prints_on_standard_error():
+    with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
         scene, outcome, files = _simulated(arguments)
     written = {} if outcome.incomplete else {what: path for what, path in files.items() if path is not None}
     _print_summary(arguments, scene, outcome, written)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from opir_core.cli.terminal import grouped, told_if_slow
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
+from opir_core.host.watchdog import DEAD_AFTER_S, STUCK
 from opir_core.reading import load_scene, placed
 from opir_core.scene.scene import Scene
 
@@ -36,6 +37,19 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="override one value, e.g. sensors[0].scan_period_ms=50, or sensors[*]. for every item; repeatable",
     )
+
+
+def add_dead_after(parser: argparse.ArgumentParser) -> None:
+    """Add the time after which the watchdog ends the command."""
+    words = f"end with exit code {STUCK} if one call of a component lasts so long (default {DEAD_AFTER_S:g} s)"
+    parser.add_argument("--dead-after", metavar="S", type=_seconds, default=DEAD_AFTER_S, help=words)
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 < seconds < float("inf"):
+        raise ValueError(text)
+    return seconds
 
 
 def scene_of(

@@ -15,3 +15,10 @@ from opir_core.host.error_messages import (
 from opir_core.host.registry import (
     warn as warn,
 )
+from opir_core.host.watchdog import (
+    CHECK_S as CHECK_S,
+    DEAD_AFTER_S as DEAD_AFTER_S,
+    STUCK as STUCK,
+    Watchdog as Watchdog,
+    ended_if_stuck as ended_if_stuck,
+)

@@ -3,7 +3,9 @@
 The message names the component with its owner and version, the method, the line, and the command that tests it.
 """
 
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from types import FrameType, TracebackType
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import ModelError, OpirError
-from opir_core.host.error_messages import described_error, is_of_plugin
+from opir_core.host.error_messages import described_error, is_of_plugin, place_of_frame
 from opir_core.host.host import Host
 from opir_core.scene.scene import Choice, Scene
 
@@ -40,6 +42,45 @@ def is_interruption(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread()
 
 
+#: The calls of components that have not returned, by thread, the innermost last: what names one, and when it began or
+#: the last call in it returned, in seconds of the monotonic clock.
+_CALLS: dict[int, list[tuple[Callable[[], str], float]]] = {}
+
+
+def _begin(name: Callable[[], str]) -> None:
+    _CALLS.setdefault(threading.get_ident(), []).append((name, time.monotonic()))
+
+
+def _end() -> None:
+    _CALLS[threading.get_ident()].pop()
+    still_at_work()
+
+
+def still_at_work() -> None:
+    """Let the time of the call of a component in which this thread is begin anew."""
+    calls = _CALLS.get(threading.get_ident())
+    if calls:
+        calls[-1] = calls[-1][0], time.monotonic()
+    else:
+        _CALLS.pop(threading.get_ident(), None)
+
+
+def overdue_call(thread: int | None, after_s: float) -> str:
+    """Return the call of a component that a thread has been in for longer than `after_s`, with its line; "" if none."""
+    calls = _CALLS.get(thread or 0)
+    duration_s = time.monotonic() - calls[-1][1] if calls else 0.0
+    if not calls or duration_s <= after_s:
+        return ""
+    place = place_of_thread(thread)
+    return f"{calls[-1][0]()} has not returned for {duration_s:.1f} s{f': in {place}' if place else ''}"
+
+
+def place_of_thread(thread: int | None) -> str:
+    """Return the line that a thread executes, preferably the plugin's; "" if the thread has ended."""
+    frame = sys._current_frames().get(thread) if thread is not None else None
+    return "" if frame is None else place_of_frame(frame)
+
+
 @frozen(eq=False)
 class PluginErrors:
     """A context in which components of a scene are called: their errors leave it as `ModelError`, with the owner.
@@ -52,11 +93,13 @@ class PluginErrors:
 
     def __enter__(self) -> None:
         """Begin the calls."""
+        _begin(lambda: f"a component of the scene {self.scene.name}")
 
     def __exit__(
         self, _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
     ) -> None:
         """Raise the `ModelError` for what has been raised."""
+        _end()
         if isinstance(error, InvalidOutput):
             choice: Choice = getattr(self.scene, error.key)
             raise ModelError(
@@ -98,6 +141,7 @@ class PluginErrors:
 
 def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:
     """Call a component; re-raise its exceptions as `ModelError` (opir's own errors and KeyboardInterrupt pass)."""
+    _begin(lambda: f"{owner()}: {method}")
     try:
         return call()
     except OpirError:
@@ -106,6 +150,8 @@ def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable
         if is_interruption(error):
             raise
         raise ModelError(f"{owner()}: {method} raised {described_error(error)}; {hint}") from error
+    finally:
+        _end()
 
 
 def _root(module: str) -> str:

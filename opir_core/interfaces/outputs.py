@@ -85,6 +85,16 @@ class Sink(PluginPart):
         """Why the destination refuses the events that the sink keeps for it, or None; callable from any thread."""
         return None
 
+    @optional
+    def trouble(self) -> str | None:
+        """Why nothing gets through at the moment; None while all is well; callable from any thread."""
+        return None
+
+    @optional
+    def attempts(self) -> int:
+        """How often it was tried in vain since something got through; callable from any thread."""
+        return 0
+
     def retry(self) -> bool:
         """Try again at once; return whether the sink was parked; callable from any thread."""
         return False
@@ -140,6 +150,11 @@ class Transport(PluginPart):
     def trouble(self) -> str | None:
         """The reason why nothing gets through at the moment; None while all is well."""
         return None
+
+    @optional
+    def attempts(self) -> int:
+        """How often it was tried in vain since something got through."""
+        return 0
 
     @optional
     def acknowledged(self) -> int:

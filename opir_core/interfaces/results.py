@@ -24,10 +24,12 @@ class ExporterContext:
 class ExecutorContext:
     """The context of an executor.
 
-    `workers` is the number of workers that the user asks for, None for the executor's default.
+    `workers` is the number of workers that the user asks for, None for the executor's default. A worker ends if one
+    call of a component lasts `dead_after_s`.
     """
 
     workers: int | None = None
+    dead_after_s: float = 600.0
 
 
 class Metric(Protocol):

@@ -4,11 +4,9 @@ A run is unready if no cycle has ended for `unready_after_s`, or a sink has been
 after `dead_after_s`. Both are measured while the call lasts.
 """
 
-import sys
-
 from attrs import frozen
 
-from opir_core.host.error_messages import place_of_frame
+from opir_core.host.boundary import place_of_thread
 
 
 @frozen
@@ -40,9 +38,3 @@ def progress_of(calls: list[RunningCall], cycle_age_s: float, unready_after_s: f
     delays = {call: str(call) for call in slow}
     stuck = tuple(text for call, text in delays.items() if call.duration_s > dead_after_s)
     return Progress(cycle_age_s, tuple(delays.values()), stuck)
-
-
-def place_of_thread(thread: int | None) -> str:
-    """Return the line that a thread executes, preferably the plugin's; "" if the thread has ended."""
-    frame = sys._current_frames().get(thread) if thread is not None else None
-    return "" if frame is None else place_of_frame(frame)

@@ -90,7 +90,7 @@ class LiveRun:
         #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
-        plan = compile_plan(scene, host)
+        plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
         self._pace = Pace(settings.speed, settings.cycle_ns)
         plan.workload.require_cycle(self._pace.cycle_ns)
         self._position = RunPosition(Engine(plan), 0, LapOffset())
@@ -106,6 +106,8 @@ class LiveRun:
         self._changes = ChangeQueue(self._stopping)
         self._state = "starting"
         self._error: str | None = None
+        #: Why the tracker has ended, until the next lap has a new one.
+        self._tracker_error: str | None = None
         #: Time of the monotonic clock at which the last cycle ended.
         self._beat_s = time.monotonic()
         self._thread = threading.Thread(target=self._work, name="opir-engine", daemon=True)
@@ -192,6 +194,7 @@ class LiveRun:
         return LiveStatus(
             state=self._state,
             error=self._error,
+            tracker_error=self._tracker_error,
             time_ns=counts.time_ns,
             cycle=counts.cycle,
             lap=position.lap,
@@ -215,6 +218,7 @@ class LiveRun:
         age_s, settings = self._cycle_age_s(), self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
         late = [self._lateness()] if self._is_late else []
+        late += [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
         calls += [
             RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread) for sink in self._sinks
         ]
@@ -394,9 +398,14 @@ class LiveRun:
             if not sink.is_spooled:
                 sink.write(window, self._stopping)
 
+    def _end_tracker(self, reason: str) -> None:
+        self._tracker_error = reason
+        warn(f"{reason}; detections go on without tracks")
+
     def _next_lap(self, lap_plans: LapPlans) -> None:
         lap = self._position.lap + 1
-        plan = lap_plans.plan(lap)
+        plan = evolve(lap_plans.plan(lap), on_tracker_error=self._end_tracker)
+        self._tracker_error = None
         self._position = RunPosition(Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks))
         self._launch_count += len(plan.targets.ids)
         self._reports.use(plan)

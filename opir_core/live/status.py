@@ -32,10 +32,14 @@ class SensorStatus:
 
 @frozen
 class LiveStatus:
-    """State and counts of a live run. States: starting, running, ended, stopped, failed."""
+    """State and counts of a live run. States: starting, running, ended, stopped, failed.
+
+    `tracker_error` is why the tracker has ended, if the run goes on without it.
+    """
 
     state: str
     error: str | None
+    tracker_error: str | None
     time_ns: int
     cycle: int
     lap: int

@@ -1,4 +1,7 @@
-"""Sinks and encoders of plugins behind the boundary: what they raise or return wrongly fails only the output."""
+"""Sinks and encoders of plugins behind the boundary: what they raise or return wrongly fails only the output.
+
+So does a call of a sink that does not return, in a batch run.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,6 +9,7 @@ from typing import Any
 from opir_core.arrays import BoolArray
 from opir_core.errors import OpirError, SinkError, kind_of
 from opir_core.host.boundary import blamed_call
+from opir_core.host.watchdog import CallThread, OverdueError
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Window
 
@@ -29,15 +33,24 @@ class CheckedPart:
 
 
 class CheckedSink(CheckedPart, Sink):
-    """A sink of which every error is a `SinkError`: the other sinks continue."""
+    """A sink of which every error is a `SinkError`: the other sinks continue.
+
+    `within_s` is how long `write` or `close` may last, each called in a thread of the sink; None if they have no limit.
+    """
+
+    def __init__(self, part: Any, owner: Callable[[], str], hint: str, within_s: float | None = None) -> None:
+        super().__init__(part, owner, hint)
+        self._within_s = within_s
+        self._thread = CallThread() if within_s else None
+        self._stuck = ""
 
     def write(self, window: Window) -> None:
         """Write a window."""
-        self._called("write", window)
+        self._limited("write", window)
 
     def close(self) -> Delivery:
         """Close the sink and return its counts."""
-        delivery = self._called("close")
+        delivery = self._limited("close")
         if not isinstance(delivery, Delivery):
             raise self._wrong(f"close returned {kind_of(delivery)}, no opir_core.plugin.Delivery")
         return delivery
@@ -49,6 +62,18 @@ class CheckedSink(CheckedPart, Sink):
     def close_by(self, deadline_s: float) -> None:
         """Pass on the deadline."""
         self._called("close_by", deadline_s)
+
+    def _limited(self, method: str, *given: Any) -> Any:
+        """Return the result of a call; `SinkError` if it does not return in time, and at once for every later call."""
+        if self._thread is None or self._within_s is None:
+            return self._called(method, *given)
+        if self._stuck:
+            raise SinkError(self._stuck)
+        try:
+            return self._thread.result(lambda: self._called(method, *given), self._within_s)
+        except OverdueError as place:
+            self._stuck = f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
+        raise SinkError(self._stuck)
 
     @property
     def waits(self) -> Any:
@@ -64,6 +89,16 @@ class CheckedSink(CheckedPart, Sink):
     def parked(self) -> Any:
         """Why the destination refuses events."""
         return self._part.parked
+
+    @property
+    def trouble(self) -> Any:
+        """Why nothing gets through."""
+        return self._part.trouble
+
+    @property
+    def attempts(self) -> Any:
+        """How often it was tried in vain."""
+        return self._part.attempts
 
     def retry(self) -> Any:
         """Let the sink try again."""

@@ -28,6 +28,8 @@ from opir_core.simulation.summary import Tally
 if TYPE_CHECKING:
     from opir_core.output.shared_output import SharedOutput
 
+#: Time, s, that a call of a plugin's sink may last in a batch run.
+CALL_S = 30.0
 #: The ending of a file with columns.
 PARQUET = ".parquet"
 
@@ -226,7 +228,7 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
             return made
         from opir_core.output.checked_parts import CheckedSink
 
-        return CheckedSink(made, owner, check_hint(choice.name))
+        return CheckedSink(made, owner, check_hint(choice.name), None if stage is None else CALL_S)
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 

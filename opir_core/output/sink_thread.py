@@ -44,6 +44,8 @@ _REPLACEMENT_S = 2.5
 class SinkStatus:
     """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
 
+    `error` is why the sink has failed or is parked, or, of an open one, why nothing gets through at the moment;
+    `attempts` is how often that was tried in vain since something got through.
     `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is the
     largest number of events by which the sink's own figures did not add up; the counts here do. `has_spool` is whether
     a file keeps what waits for the destination; otherwise it is lost with the process.
@@ -61,6 +63,7 @@ class SinkStatus:
     queued_windows: int
     waits: int
     busy_s: float
+    attempts: int
     unbalanced: int
     has_spool: bool
     error: str | None
@@ -270,9 +273,10 @@ class SinkThread(OpenSink):
             queued_windows=self._queue.qsize(),
             waits=self._waits + self._sink.waits,
             busy_s=self.busy_s,
+            attempts=0 if self.is_closed else self._sink.attempts,
             unbalanced=self.unbalanced,
             has_spool=self.is_spooled,
-            error=self.error or self.parked,
+            error=self.error or (None if self.is_closed else self.parked or self._sink.trouble),
         )
 
     def _queue_up(self, window: Window, stopping: threading.Event) -> None:

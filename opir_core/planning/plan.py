@@ -53,6 +53,8 @@ class PlanParts:
     confidence: Confidence
     #: Returns a new tracker.
     make_tracker: Callable[[], Tracker]
+    #: Called with the message when a tracker fails, and the run goes on without it; None: the run fails.
+    on_tracker_error: Callable[[str], None] | None = None
     bias: PointingBias | None
     end_ns: int
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.

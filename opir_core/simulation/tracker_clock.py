@@ -9,7 +9,7 @@ from attrs import evolve, fields, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, OpirError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
@@ -116,12 +116,13 @@ class ScheduledTracker:
 
 
 def checked_tracker(plan: Plan) -> Tracker:
-    """Return a new tracker of a plan, with checked output if it steps."""
+    """Return a new tracker of a plan, with checked output if it steps; it ends at an error if the plan says so."""
     tracker, choice = plan.make_tracker(), plan.scene.tracker
     if tracker.cadence_s is None:
         return tracker
     owner = partial(owner_text, plan.host, choice)
-    return CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses))
+    checked = CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses))
+    return checked if plan.on_tracker_error is None else EndingTracker(checked, plan.on_tracker_error)
 
 
 def without_truth(detections: Detections) -> Detections:
@@ -198,6 +199,49 @@ class CheckedTracker(Tracker):
 
     def _error(self, words: str) -> ModelError:
         return ModelError(f"{self._owner()}: {words}; {self._hint}")
+
+
+class EndingTracker(Tracker):
+    """A tracker that ends at its first error, which `on_error` is told: from then on nothing is associated."""
+
+    def __init__(self, tracker: Tracker, on_error: Callable[[str], None]) -> None:
+        self._tracker: Tracker | None = tracker
+        self._on_error, self._cadence_s = on_error, tracker.cadence_s
+
+    @property
+    def cadence_s(self) -> float | None:
+        """Time between ticks, s."""
+        return self._cadence_s
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return the track numbers (n,) of detections."""
+        none = np.full(len(detections), -1, dtype=np.int64)
+        return self._result(lambda tracker: tracker.associate(detections), none)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Return the estimates at a tick."""
+        return self._result(lambda tracker: tracker.step(tick_s, detections), Tracks.empty())
+
+    def is_idle(self) -> bool:
+        """Return whether steps without detections would change nothing."""
+        return self._result(lambda tracker: tracker.is_idle(), True)
+
+    def sensor_health(self) -> SensorHealth | None:
+        """Return what the tracker has found of the sensors."""
+        return self._result(lambda tracker: tracker.sensor_health(), None)
+
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
+        """Pass the sensors' new settings to a tracker that uses them."""
+        self._result(lambda tracker: tracker.set_sensors(sensors), None)
+
+    def _result(self, call: Callable[[Tracker], Any], after_the_end: Any) -> Any:
+        if self._tracker is not None:
+            try:
+                return call(self._tracker)
+            except OpirError as error:
+                self._tracker = None
+                self._on_error(str(error))
+        return after_the_end
 
 
 def _are_whole(numbers: Any, count: int) -> bool:

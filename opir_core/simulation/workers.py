@@ -27,6 +27,8 @@ import numpy as np
 from attrs import define, field, frozen
 
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.host.boundary import still_at_work
+from opir_core.host.watchdog import STUCK, ended_if_stuck
 from opir_core.interfaces.records import Window
 from opir_core.simulation.engine import Engine
 
@@ -71,6 +73,12 @@ class LostWindowError(OpirError):
     """A window whose processes died again and again."""
 
     exit_code = 4
+
+
+class StuckWorkerError(OpirError):
+    """A component that does not return in a worker process, which its watchdog has ended."""
+
+    exit_code = STUCK
 
 
 def require_workers(workers: int) -> None:
@@ -172,6 +180,8 @@ class WindowWorkers:
 
     def _replace(self, slot: "_Slot") -> None:
         slot.end()
+        if slot.process.exitcode == STUCK:  # it has said why
+            raise StuckWorkerError(f"a worker process of the run ended with exit code {STUCK}")
         if slot.waiting:
             first = slot.waiting[0]
             self._deaths[first] = self._deaths.get(first, 0) + 1
@@ -203,7 +213,7 @@ class WindowWorkers:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         for each in parents:
             each.close()
-        with suppress(EOFError, OSError):
+        with suppress(EOFError, OSError), ended_if_stuck():
             while True:
                 number = link.recv()
                 self._compute(number, link, buffer)
@@ -314,6 +324,7 @@ class _Relay:
         while not is_done():
             if os.getppid() != self._parent:
                 os._exit(1)
+            still_at_work()
             time.sleep(_POLL_S)
 
     @staticmethod

@@ -5,6 +5,8 @@ import signal
 from pathlib import Path
 from time import sleep
 
+from opir_core.host.boundary import blamed_call
+
 
 def doubled(number: int) -> int:
     return 2 * number
@@ -53,3 +55,9 @@ def own_number(_task: int) -> int:
 
 def killed(_task: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def doubled_or_hung(number: int) -> int:
+    if number == 3:
+        blamed_call(lambda: "the tracker 'x'", "", "step", lambda: sleep(100.0))
+    return 2 * number

@@ -5,6 +5,8 @@ import time
 from contextlib import suppress
 
 from opir_core.errors import SinkError
+from opir_core.host.boundary import place_of_thread
+from opir_core.host.watchdog import CallThread, OverdueError
 from opir_core.interfaces.outputs import PartlySentError, Transport
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
@@ -18,6 +20,8 @@ SLEEP_S = 0.25
 _REMOVAL_S = 0.1
 #: Time, s, that a transport has to close.
 _TRANSPORT_S = 2.0
+#: Time, s, after which a transport's `close` has not kept to its own, and after which a `send` is called trouble.
+_LONGER_S, TROUBLED_S = 8.0, 5.0
 
 
 class Sender:
@@ -31,6 +35,8 @@ class Sender:
         self.parking, self.closing = Parking(policy), Closing(policy, time.monotonic())
         self.sent = SentBatches()
         self._progress = 0
+        #: Time of the monotonic clock at which the present `send` of the transport began.
+        self._sending_since_s: float | None = None
         self.error: Exception | None = None
         self.wake = threading.Event()
         self._thread = threading.Thread(target=self._send_all, name=f"opir {store.name}", daemon=True)
@@ -40,6 +46,19 @@ class Sender:
     def parked(self) -> str | None:
         """Why the transport refuses events for good, until it has acknowledged some, or the spool's disk fails."""
         return self.parking.reason or self.store.fault
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing gets through at the moment, or None: as the transport tells, or its `send` does not return."""
+        return self._overdue(TROUBLED_S) or self.transport.trouble
+
+    def _overdue(self, after_s: float) -> str | None:
+        since_s = self._sending_since_s
+        duration_s = 0.0 if since_s is None else time.monotonic() - since_s
+        if duration_s <= after_s:
+            return None
+        place = place_of_thread(self._thread.ident)
+        return f"send of its transport has not returned for {duration_s:.0f} s: in {place}"
 
     @property
     def complaint(self) -> str | None:
@@ -66,9 +85,20 @@ class Sender:
         """Wait for acknowledgements and close the transport; return its trouble before that."""
         self.closing.since = time.monotonic()
         self.wake.set()
-        self._thread.join()
-        trouble = self.transport.trouble
-        self.transport.close(min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic())))
+        while self._thread.is_alive() and not (time.monotonic() > self.closing.end_at and self._overdue(0.0)):
+            self._thread.join(SLEEP_S)
+            if overdue := self._overdue(self.closing.policy.stall_s):
+                self.error = self.error or SinkError(f"{self.store.name}: {overdue}")
+                break
+        trouble = self.trouble
+        wait_s = min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic()))
+        try:
+            CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S)
+        except OverdueError as place:
+            words = (
+                f"{self.store.name}: close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in {place}"
+            )
+            self.error = self.error or SinkError(words)
         try:
             self._remove_acknowledged()
         except SinkError as error:
@@ -109,7 +139,9 @@ class Sender:
         return self.closing.is_stalled(time.monotonic(), has_trouble=self.transport.trouble is not None)
 
     def _send(self, number: int, batch: Batch) -> None:
+        self._sending_since_s = time.monotonic()
         future = self.transport.send(batch)
+        self._sending_since_s = None
         self.sent.add(number, batch, future)
         future.add_done_callback(lambda _done: self.wake.set())
 

@@ -65,7 +65,7 @@ class TransportSink(Sink):
     def delivery_so_far(self) -> Delivery:
         """Return the counts so far; `spooled` are the events that wait, in memory or on disk."""
         with self._store.room:
-            return self._store.delivery(self._sender.complaint or self._sender.transport.trouble)
+            return self._store.delivery(self._sender.complaint or self._sender.trouble)
 
     @property
     def parked(self) -> str | None:
@@ -74,6 +74,16 @@ class TransportSink(Sink):
         None without a spool.
         """
         return self._sender.parked
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing gets through at the moment, or None."""
+        return self._sender.trouble
+
+    @property
+    def attempts(self) -> int:
+        """How often the transport has tried in vain since something got through."""
+        return self._sender.transport.attempts
 
     def retry(self) -> bool:
         """Send at once what was refused; return whether the sink was parked."""
@@ -120,7 +130,7 @@ class TransportSink(Sink):
                 store.books.dropped += len(batch)
                 if when_full in (DROP_OLDEST, DROP_NEWEST):
                     return
-                raise SinkError(store.full(self._sender.transport.trouble))
+                raise SinkError(store.full(self._sender.trouble))
             self.waits += not waited
             waited = True
             store.room.wait(min(SLEEP_S, left_s))

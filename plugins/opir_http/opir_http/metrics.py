@@ -5,6 +5,7 @@ from typing import Any
 
 from opir_core.live import LATE_EDGES_S, LiveStatus, SensorStatus
 from opir_core.output import SinkStatus
+from opir_http.health import Health
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4"
@@ -12,12 +13,12 @@ CONTENT_TYPE = "text/plain; version=0.0.4"
 
 def metrics_text(service: Service) -> str:
     """Return all metrics."""
-    status, feed, stuck = service.run.status(), service.feed, service.run.progress().stuck
+    status, feed = service.run.status(), service.feed
+    health = service.health(status)
     sensors = [({"sensor_id": sensor.id}, sensor.detections) for sensor in status.sensors]
     parts = [
         _metric("opir_up", "gauge", "1 while the run is alive", [({}, status.state in ("running", "ended"))]),
-        _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, service.is_ready()[0])]),
-        _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, bool(stuck))]),
+        *_judged(health),
         _metric("opir_scene_time_seconds", "gauge", "Scene time of the run", [({}, status.time_ns * 1e-9)]),
         _metric("opir_cycles_total", "counter", "Cycles run", [({}, status.cycle)]),
         _metric(
@@ -50,6 +51,13 @@ def metrics_text(service: Service) -> str:
         *_sinks(status.sinks),
     ]
     return "".join(parts)
+
+
+def _judged(health: Health) -> Iterable[str]:
+    """Yield the health of the service."""
+    yield _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, health.ready)])
+    yield _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, not health.alive)])
+    yield _metric("opir_pauses_total", "counter", "Times that the whole process did not run", [({}, health.pauses)])
 
 
 def _health(sensors: tuple[SensorStatus, ...]) -> Iterable[str]:
@@ -92,6 +100,7 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
         "queued_windows": "Windows in the queues of sinks",
         "unbalanced": "Events by which the own figures of sinks did not add up, at most",
         "busy_s": "Duration of the present call of sinks",
+        "attempts": "Attempts in vain, since something got through, of sinks",
     }
     for name, words in gauges.items():
         series = name.replace("busy_s", "busy_seconds")

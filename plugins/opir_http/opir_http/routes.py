@@ -96,7 +96,7 @@ def page_routes(openapi_document: Mapping[str, Any]) -> list[Any]:
 
 
 def _health_routes(service: Service) -> list[Any]:
-    readiness = Cached(service.is_ready, _CACHED_S)
+    readiness = Cached(service.health, _CACHED_S)
     counted = Cached(lambda: metrics_text(service).encode(), _CACHED_S)
 
     @get("/health/live")
@@ -110,7 +110,8 @@ def _health_routes(service: Service) -> list[Any]:
     async def ready(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
         try:
-            is_ready, reasons = await asyncio.wait_for(readiness.get(), _STATUS_S)
+            found = await asyncio.wait_for(readiness.get(), _STATUS_S)
+            is_ready, reasons = found.ready, list(found.reasons)
         except TimeoutError:
             is_ready, reasons = False, [f"the status is not available within {_STATUS_S:g} s"]
         return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503, headers=_lateness(service))

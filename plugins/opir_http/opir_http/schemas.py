@@ -146,6 +146,7 @@ def status() -> Schema:
             "scene": TEXT,
             "state": {"type": "string", "enum": ["starting", "running", "ended", "stopped", "failed", "saved"]},
             "error": or_null(TEXT),
+            "health": _state_of_health(),
             "clock": closed(clock),
             "counts": closed(dict.fromkeys(counts, COUNT)),
             "sensors": listed(_sensor()),
@@ -153,7 +154,7 @@ def status() -> Schema:
             "viewers": closed(dict.fromkeys(viewers, COUNT)),
             "replay": closed({"since": TIME, "until": TIME}) | {"description": "time covered by a saved run"},
         },
-        ("replay",),
+        ("replay", "health"),
     )
 
 
@@ -250,9 +251,19 @@ def _health() -> Schema:
     return closed({**pairs, **dict.fromkeys(names, or_null(NUMBER)), "text": TEXT})
 
 
+def _state_of_health() -> Schema:
+    """Return the schema of the health of a service: the reasons are those of readiness, `stuck` those of liveness."""
+    flags: Schema = {"ready": {"type": "boolean"}, "alive": {"type": "boolean"}}
+    times = dict.fromkeys(("beat_age_s", "longest_pause_s"), NUMBER)
+    return closed({**flags, "reasons": listed(TEXT), "stuck": listed(TEXT), **times, "pauses": COUNT})
+
+
 def _sink() -> Schema:
     counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
-    numbers = dict.fromkeys((*counts, "unbalanced"), COUNT) | {"busy_s": NUMBER, "has_spool": {"type": "boolean"}}
+    numbers = dict.fromkeys((*counts, "unbalanced", "attempts"), COUNT) | {
+        "busy_s": NUMBER,
+        "has_spool": {"type": "boolean"},
+    }
     state = {"type": "string", "enum": ["open", "parked", "failed", "closed"]}
     return closed({"path": TEXT, "name": TEXT, "state": state, **numbers, "error": or_null(TEXT)})
 

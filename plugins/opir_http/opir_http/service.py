@@ -2,7 +2,6 @@
 
 import hashlib
 import threading
-import time
 from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
@@ -12,19 +11,17 @@ import numpy as np
 from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
+from opir_core.host import Watchdog
 from opir_core.live import LiveRun, LiveStatus
 from opir_core.output import SinkStatus, chosen_renderer, timestamp_text
 from opir_http.feed import Feed
+from opir_http.health import Backlogs, Health
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import refuse_names, refuse_other_names
 from opir_http.sensors import sensor_documents
 from opir_http.settings import LIVE, HttpSettings
 
 _KEYS = 1000
-_RISES = 3
-
-#: Minimum interval, s, between two checks of the backlogs of sinks.
-LOOK_S = 1.0
 
 
 class Service:
@@ -39,7 +36,9 @@ class Service:
         self.feed = Feed(sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names)
         self.answers = Answers()
         self._writing = threading.Lock()
-        self._waiting: dict[str, tuple[int, float, int]] = {}
+        self._backlogs = Backlogs()
+        #: What watches the run, once it is served.
+        self.watchdog: Watchdog | None = None
 
     def status(self) -> dict[str, Any]:
         """Return state and counts of the simulation, its sensors and its sinks."""
@@ -47,7 +46,8 @@ class Service:
         return {
             "scene": plan.scene.name,
             "state": live.state,
-            "error": live.error,
+            "error": live.error or live.tracker_error,
+            "health": asdict(self.health(live)),
             "clock": {
                 "timestamp": self._timestamp(live.time_ns),
                 "epoch": self._timestamp(0),
@@ -123,32 +123,16 @@ class Service:
         except OpirError as error:
             raise ProblemError(404, str(error)) from error
 
-    def is_ready(self) -> tuple[bool, list[str]]:
-        """Return whether the service is ready, and the reasons if not."""
-        live = self.run.status()
+    def health(self, live: LiveStatus | None = None) -> Health:
+        """Return the health of the service: the same for every route, the metrics and the log."""
+        live, progress = live or self.run.status(), self.run.progress()
         reasons = [] if live.state in ("running", "ended") else [f"the run has {live.state}"]
-        reasons += self.run.progress().delays
+        reasons += progress.delays
         if self.feed.error is not None:
             reasons.append(f"the stream has failed: {self.feed.error}")
-        for sink in live.sinks:
-            if sink.state == "failed":
-                reasons.append(f"the sink {sink.path} has failed")
-            elif sink.state == "parked":
-                reasons.append(f"the sink {sink.path} is refused and keeps its events: {sink.error}")
-            elif self._grows(sink):
-                reasons.append(f"the backlog of the sink {sink.path} grows")
-        return not reasons, reasons
-
-    def _grows(self, sink: SinkStatus) -> bool:
-        """Return whether the backlog of a sink has grown at the last checks, without shrinking between them."""
-        waiting, now_s = sink.spooled + sink.queued_windows, time.monotonic()
-        before, looked_s, rises = self._waiting.get(sink.path, (waiting, now_s, 0))
-        if now_s - looked_s >= LOOK_S:
-            rises = 0 if waiting == 0 or waiting < before else rises + (waiting > before)
-            self._waiting[sink.path] = waiting, now_s, rises
-        else:
-            self._waiting.setdefault(sink.path, (before, looked_s, rises))
-        return rises >= _RISES
+        reasons += [reason for sink in live.sinks if (reason := self._backlogs.reason(sink))]
+        stuck = ["the run has failed"] if live.state == "failed" else list(progress.stuck)
+        return Health.of(reasons, stuck, live.cycle_age_s, self.watchdog)
 
     def _http(self, wanted: Any) -> HttpSettings:
         """Return the service's new settings; raises `ProblemError` if they are invalid or need a restart."""

@@ -17,11 +17,12 @@ from typing import Any
 
 from opir_core.cli import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError, SinkError
-from opir_core.host import warn
+from opir_core.host import STUCK, ended_if_stuck, warn
 from opir_core.live import LiveRun, LiveSettings, LiveStatus, limit_pauses
 from opir_core.plugin import Host
 from opir_core.simulation import plan_warnings
 from opir_http.gate import Gate
+from opir_http.health import log_health
 from opir_http.json_log import log_as_json
 from opir_http.log import RequestLog
 from opir_http.routes import application
@@ -35,9 +36,6 @@ TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
 
 #: Time, s, after the stop signal for the sinks to empty their queues; the process ends within 5 s.
 STOP_S = 4.0
-
-#: The exit code of `--supervise` for a run that has failed or is stuck.
-STUCK = 6
 
 _LEAST_S = 1.0
 _SHORTEST_TOKEN = 16
@@ -63,16 +61,21 @@ def serve(arguments: argparse.Namespace) -> int:
         log_as_json()
     token = token_of(arguments)
     log = RequestLog(sys.stderr.write, token_name(arguments), is_json=is_json)
-    service = service_of(arguments)
+    with ended_if_stuck(arguments.dead_after):
+        service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = Watchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
+    service.watchdog, stopping = watchdog.thread, threading.Event()
+    log_health(service.health, stopping)
     with bound_socket(arguments) as listening:
         limit_pauses()
-        service.run.start()
+        with ended_if_stuck(arguments.dead_after):
+            service.run.start()
         asked_at_s = None
         try:
             asked_at_s = asyncio.run(_served(service, (token, log), listening, arguments.host, watchdog.start))
         finally:
+            stopping.set()
             watchdog.stop()
             service.feed.stop()
             passed_s = 0.0 if asked_at_s is None else time.monotonic() - asked_at_s
@@ -80,6 +83,8 @@ def serve(arguments: argparse.Namespace) -> int:
     sys.stdout.write(final_report(status))
     if service.run.status().error:
         raise ModelError(f"the run failed: {service.run.status().error}")
+    if status.tracker_error:
+        raise ModelError(f"the tracker has ended: {status.tracker_error}")
     if failures := [f"{sink.path} ({sink.name}): {sink.error}" for sink in status.sinks if sink.error]:
         raise SinkError("\n".join(failures))
     return 0

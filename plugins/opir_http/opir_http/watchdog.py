@@ -2,19 +2,14 @@
 
 import os
 import socket
-import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from attrs import field, frozen
+from attrs import define, field, frozen
 
+from opir_core import host
 from opir_core.live import Progress
-
-#: Longest interval, s, between two checks of a run.
-CHECK_S = 0.5
-#: A check that comes so much too late, s, shows that the process was paused: stopped, or its machine suspended.
-PAUSED_S = 2.0
 
 
 @frozen
@@ -58,7 +53,7 @@ class WatchedRun(Protocol):
         """Return the progress; never waits."""
 
 
-@frozen(eq=False)
+@define(eq=False)
 class Watchdog:
     """A thread that checks a run: it notifies systemd while cycles end, and reports a stuck or failed run once.
 
@@ -70,44 +65,41 @@ class Watchdog:
     on_stuck: Callable[[str], None] | None = None
     notifier: Notifier = field(factory=Notifier)
     dead_after_s: float = 30.0
-    _stopping: threading.Event = field(factory=threading.Event, init=False)
+    #: The thread: it knows the pauses of the process too.
+    thread: host.Watchdog = field(init=False)
+    _notified_s: float = field(default=-float("inf"), init=False)
+
+    def __attrs_post_init__(self) -> None:
+        within_s = self.notifier.within_s
+        self.thread = host.Watchdog(
+            reason=self._stuck,
+            on_stuck=self._report if self.on_stuck else None,
+            dead_after_s=self.dead_after_s,
+            on_well=self._notify,
+            final=lambda: "the run has failed" if self.run.state == "failed" else "",
+            interval_s=host.CHECK_S if within_s is None else min(host.CHECK_S, within_s / 4.0),
+        )
 
     def start(self) -> None:
         """Report that the run is ready and start the thread."""
         self.notifier.send("READY=1")
-        threading.Thread(target=self._work, name="opir-watchdog", daemon=True).start()
+        self.thread.start()
 
     def stop(self) -> None:
         """End the checks and notify systemd that the service stops."""
-        self._stopping.set()
+        self.thread.stop()
         self.notifier.send("STOPPING=1")
 
-    def _work(self) -> None:
-        within_s = self.notifier.within_s
-        interval_s = CHECK_S if within_s is None else min(CHECK_S, within_s / 4.0)
-        notified_s = -float("inf")
-        beat_s, judged_from_s = time.monotonic(), -float("inf")
-        while not self._stopping.wait(interval_s):
-            now_s = time.monotonic()
-            if now_s - beat_s > interval_s + PAUSED_S:
-                judged_from_s = now_s + self.dead_after_s
-            beat_s = now_s
-            reason = self._reason(is_judged=now_s >= judged_from_s)
-            if reason is None:
-                if within_s is not None and time.monotonic() - notified_s >= within_s / 3.0:
-                    notified_s = time.monotonic()
-                    self.notifier.send("WATCHDOG=1")
-            elif self.on_stuck is not None:
-                self.notifier.send(f"STATUS={reason}")
-                self.on_stuck(reason)
-                return
+    def _stuck(self) -> str:
+        return "; ".join(self.run.progress().stuck)
 
-    def _reason(self, *, is_judged: bool) -> str | None:
-        """Return why the run is stuck; None if it is not. A check that fails itself counts as stuck."""
-        try:
-            if self.run.state == "failed":
-                return "the run has failed"
-            stuck = self.run.progress().stuck
-        except BaseException as error:
-            return f"the watchdog has failed: {type(error).__name__}: {error}"
-        return "; ".join(stuck) if stuck and is_judged else None
+    def _report(self, reason: str) -> None:
+        self.notifier.send(f"STATUS={reason}")
+        if self.on_stuck is not None:
+            self.on_stuck(reason)
+
+    def _notify(self) -> None:
+        within_s = self.notifier.within_s
+        if within_s is not None and time.monotonic() - self._notified_s >= within_s / 3.0:
+            self._notified_s = time.monotonic()
+            self.notifier.send("WATCHDOG=1")

@@ -57,7 +57,7 @@ def connector(config: KafkaConfig) -> Connector:
         except BaseException as error:
             await close_producer(producer)
             if isinstance(error, KafkaConnectionError):
-                await _raise_why(config, security)
+                await probe(config)
             raise
         return producer
 
@@ -87,14 +87,23 @@ async def _by(timeout_s: float, going: Awaitable[Any]) -> None:
         _log.debug("closing: %r", error)
 
 
-async def _raise_why(config: KafkaConfig, security: dict[str, Any]) -> None:
-    """Connect once more, to the first broker, to raise the reason that aiokafka only logs."""
-    host, _, port = config.servers[0].rpartition(":")
+async def probe(config: KafkaConfig) -> None:
+    """Connect to one broker after the other; raise why none takes the connection, which aiokafka only logs."""
+    reason: Exception | None = None
+    security = _security_arguments(config.security)
     timeout_ms = round(config.request_timeout_s * 1000)
-    connecting = create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
-    async with asyncio.timeout(config.connect_timeout_s):
-        connection = await connecting
-    connection.close()
+    for server in config.servers:
+        host, _, port = server.rpartition(":")
+        try:
+            async with asyncio.timeout(config.connect_timeout_s):
+                connection = await create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
+        except Exception as error:
+            reason = reason or error
+        else:
+            connection.close()
+            return
+    if reason is not None:
+        raise reason
 
 
 def _security_arguments(security: SecurityConfig) -> dict[str, Any]:

@@ -63,13 +63,6 @@ _FATAL_TYPES = (
     ssl.SSLCertVerificationError,
 )
 
-#: Errors that are permanent at the first connection and transient after a successful one.
-_FIRST_CONNECTION_TYPES = (
-    errors.AuthenticationFailedError,
-    errors.SaslAuthenticationFailed,
-    ssl.SSLCertVerificationError,
-)
-
 _REMEDIES = {
     10: "raise the topic's max.message.bytes, or lower batch_bytes",
     18: "raise the broker's segment size, or lower batch_bytes",
@@ -89,10 +82,8 @@ class SmallerBatchesError(errors.KafkaError):  # type: ignore[misc]
     """A batch was too large; smaller ones follow."""
 
 
-def is_fatal(error: BaseException, *, was_connected: bool) -> bool:
+def is_fatal(error: BaseException) -> bool:
     """Return whether an error is permanent."""
-    if was_connected and isinstance(error, _FIRST_CONNECTION_TYPES):
-        return False
     return isinstance(error, _FATAL_TYPES) or (getattr(error, "errno", None) in FATAL_CODES and _is_answer(error))
 
 

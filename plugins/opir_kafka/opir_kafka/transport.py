@@ -15,12 +15,15 @@ from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
 from opir_core.plugin import Batch, Transport
-from opir_kafka.connection import OURS, Connector, close_producer
+from opir_kafka.connection import OURS, Connector, close_producer, probe
 from opir_kafka.failures import TOO_LARGE, SmallerBatchesError, is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
 from opir_kafka.settings import KafkaConfig
 
 _log = logging.getLogger(__name__)
+
+#: Time, s, without an acknowledgement before the first look for the reason, and the longest between two looks.
+_PATIENCE_S, _LONGEST_PATIENCE_S = 1.0, 8.0
 
 
 class KafkaTransport(Transport):
@@ -36,13 +39,13 @@ class KafkaTransport(Transport):
         self._connect = connect
         self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
         self.acknowledged: int = 0
+        self.attempts: int = 0
         self._shipments: dict[Shipment, None] = {}
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None
         self._fatal: SinkError | None = None
         self._is_to_retry = asyncio.Event()
         self._pauses_s = self._pauses()
-        self._was_connected = False
         self._most_messages = sys.maxsize
         self._loop = asyncio.new_event_loop()
         self._loop.set_exception_handler(_to_log)
@@ -109,7 +112,8 @@ class KafkaTransport(Transport):
                 await self._one_connection()
             except Exception as error:
                 trouble = words(error, self._config.bootstrap_servers)
-                if is_fatal(error, was_connected=self._was_connected):
+                self.attempts += 1
+                if is_fatal(error):
                     self._fail(SinkError(trouble))
                     await self._is_to_retry.wait()  # without a deadline: only the sink knows when
                     continue
@@ -138,7 +142,7 @@ class KafkaTransport(Transport):
         tasks: list[asyncio.Task[None]] = []
         try:
             self._open_lanes(await self._partitioning(producer))
-            self.trouble, self._was_connected = None, True
+            self.trouble = None
             tasks = [
                 asyncio.create_task(self._send(producer, number, lane), name=f"{OURS} {number}")
                 for number, lane in self._lanes.items()
@@ -176,7 +180,7 @@ class KafkaTransport(Transport):
             batch.close()
             try:
                 async with asyncio.timeout(timeout_s):
-                    await (await producer.send_batch(batch, self._config.topic, partition=partition))
+                    await self._explained(await producer.send_batch(batch, self._config.topic, partition=partition))
             except TOO_LARGE:
                 count = sum(len(rows) for _, rows in sent)
                 if count == 1:
@@ -185,10 +189,32 @@ class KafkaTransport(Transport):
                 self._most_messages = min(self._most_messages, count // 2)
                 raise SmallerBatchesError from None
             self._pauses_s = self._pauses()
+            self.trouble, self.attempts = None, 0
             for shipment, rows in sent:
                 self.acknowledged += len(rows)
                 if shipment.acknowledge(rows):
                     del self._shipments[shipment]
+
+    async def _explained(self, sending: "asyncio.Future[Any]") -> None:
+        """Wait for an acknowledgement; while there is none, connect now and then to see why.
+
+        aiokafka tells its log alone that a broker is gone or refuses a login, and tries ten times a second.
+        """
+        pause_s = _PATIENCE_S
+        while not (await asyncio.wait([sending], timeout=pause_s))[0]:
+            await self._probe()
+            pause_s = min(2.0 * pause_s, _LONGEST_PATIENCE_S)
+        await sending
+
+    async def _probe(self) -> None:
+        """Note why no connection can be made; raise what is permanent."""
+        try:
+            await probe(self._config)
+        except Exception as error:
+            self.attempts += 1
+            if is_fatal(error):
+                raise
+            self._note(words(error, self._config.bootstrap_servers))
 
     def _pauses(self) -> Iterator[float]:
         pauses_s = self._config.pauses_s()

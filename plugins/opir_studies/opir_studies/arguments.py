@@ -4,7 +4,7 @@ import argparse
 
 from opir_scoring import add_score_settings
 
-from opir_core.cli import add_overrides
+from opir_core.cli import add_dead_after, add_overrides
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +17,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc; repeatable",
     )
-    add_overrides(parser)
+    _add_common(parser)
     parser.add_argument("--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)")
     parser.add_argument(
         "--metric",
@@ -104,7 +104,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of worker processes (default 1; timings inflate with more than one)",
     )
     parser.add_argument("--details", action="store_true", help="print all scores of each tracker too")
-    add_overrides(parser)
+    _add_common(parser)
     add_score_settings(parser)
 
 
@@ -121,5 +121,10 @@ def tune_arguments(parser: argparse.ArgumentParser) -> None:
         " line_of_sight_urad=1 or latency_s=0.1; repeatable",
     )
     parser.add_argument("--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)")
-    add_overrides(parser)
+    _add_common(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    add_overrides(parser)
+    add_dead_after(parser)

@@ -8,6 +8,7 @@ from opir_scoring import comparison_text, score_settings, scorecard_text
 
 from opir_core.cli import progress
 from opir_core.errors import Problem, SceneError
+from opir_core.host import ended_if_stuck
 from opir_studies.comparison import Comparison, compared
 
 _HERE = "command line"
@@ -20,7 +21,8 @@ def compare(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         problem = f"{arguments.workers} is not a number of processes; give 1 or more"
         raise SceneError([Problem("--workers", problem)], source=_HERE)
-    with progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
+    watched = ended_if_stuck(arguments.dead_after)
+    with watched, progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
         found = compared(
             arguments.scene,
             trackers=arguments.trackers,
@@ -28,6 +30,7 @@ def compare(arguments: argparse.Namespace) -> int:
             overrides=arguments.overrides,
             settings=score_settings(arguments),
             workers=arguments.workers,
+            dead_after_s=arguments.dead_after,
             on_run=on_run,
         )
     text = json.dumps(found.as_plain(), indent=2) if arguments.json else _text(found, arguments.details)

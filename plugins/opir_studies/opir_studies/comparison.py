@@ -21,6 +21,7 @@ from opir_scoring import (
 from opir_core import Scene, compile_plan, run_of_plan
 from opir_core.arrays import IntArray
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
@@ -85,6 +86,7 @@ def compared(
     overrides: Sequence[str] = (),
     settings: ScoreSettings = USUAL_SETTINGS,
     workers: int = 1,
+    dead_after_s: float = DEAD_AFTER_S,
     on_run: Callable[[str, int], None] = lambda _tracker, _number: None,
 ) -> Comparison:
     """Return the scores of trackers over `runs` runs of a scene file; run k has the scene's seed plus k.
@@ -99,7 +101,7 @@ def compared(
     # All scenes are read before the first run, so that errors in any of them appear at once.
     scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
-    scored = _scored_runs(tasks, list(scenes), workers, on_run)
+    scored = _scored_runs(tasks, list(scenes), (workers, dead_after_s), on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
     paired = paired_figures({label: [row.run for row in own] for label, own in rows.items()}, settings)
     return Comparison({label: _card(own, settings) for label, own in rows.items()}, paired)
@@ -131,11 +133,14 @@ class _Task(NamedTuple):
 
 
 def _scored_runs(
-    tasks: Sequence[_Task], labels: Sequence[str], workers: int, on_run: Callable[[str, int], None]
+    tasks: Sequence[_Task],
+    labels: Sequence[str],
+    workers: tuple[int, float],
+    on_run: Callable[[str, int], None],
 ) -> Sequence[_Scored]:
     """Return scored runs in the order of their tasks, made by an executor."""
-    workers, runs = min(workers, len(tasks)), len(tasks) // len(labels)
-    executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers)
+    count, runs = min(workers[0], len(tasks)), len(tasks) // len(labels)
+    executor = SerialExecutor() if count < 2 else ProcessesExecutor(count, workers[1])
     found: dict[int, _Scored] = {}
     done = dict.fromkeys(labels, 0)
     try:
@@ -146,7 +151,7 @@ def _scored_runs(
             on_run(label, done[label])
     except LostTasksError as error:
         words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
-        raise OpirError(words) from error
+        raise error if error.reasons else OpirError(words) from error
     finally:
         executor.close()
     return [found[index] for index in range(len(tasks))]

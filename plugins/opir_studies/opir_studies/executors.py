@@ -8,19 +8,20 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait as wait_for_objects
 from threading import Thread
 from typing import Any
 
-from attrs import define
+from attrs import define, field
 
 from opir_core.cli import THREADS
 from opir_core.errors import OpirError
+from opir_core.host import DEAD_AFTER_S, STUCK, ended_if_stuck
 from opir_core.plugin import ExecutorContext, NoConfig
 from opir_studies.configs import ProcessesConfig
 
@@ -33,14 +34,17 @@ DEATHS_BESIDE_OTHERS = 2
 class LostTasksError(OpirError):
     """Tasks whose worker died again and again; raised after all other tasks have given their results.
 
-    `tasks` are their indices. An executor of a plugin raises it too.
+    `tasks` are their indices, `reasons` why their workers were ended, as far as that is known. An executor of a plugin
+    raises it too.
     """
 
     exit_code = 4
 
-    def __init__(self, tasks: Sequence[int]) -> None:
-        self.tasks = tuple(tasks)
-        super().__init__(f"the worker of {len(self.tasks)} tasks ended {DEATHS_ALONE} times, possibly out of memory")
+    def __init__(self, tasks: Sequence[int], reasons: Mapping[int, str] | None = None) -> None:
+        self.tasks, self.reasons = tuple(tasks), dict(reasons or {})
+        died = len(self.tasks) - len(self.reasons)
+        words = f"the worker of {died} tasks ended {DEATHS_ALONE} times, possibly out of memory"
+        super().__init__("\n".join([*([words] if died else []), *self.reasons.values()]))
 
 
 class SerialExecutor:
@@ -62,7 +66,7 @@ def serial_executor(_config: NoConfig, _context: ExecutorContext) -> SerialExecu
 
 def processes_executor(config: ProcessesConfig, context: ExecutorContext) -> "ProcessesExecutor":
     """Return the executor `processes`."""
-    return ProcessesExecutor(context.workers or config.workers or _cores())
+    return ProcessesExecutor(context.workers or config.workers or _cores(), context.dead_after_s)
 
 
 def _cores() -> int:
@@ -79,18 +83,24 @@ class _Progress:
     deaths_alone: dict[int, int]
     suspects: deque[int]
     lost: list[int]
+    #: Why the workers of tasks were ended that did not return.
+    stuck: dict[int, str] = field(factory=dict)
 
 
 class ProcessesExecutor:
     """Runs tasks in worker processes of this computer.
 
     If a worker dies, the pool is rebuilt and unfinished tasks run again. A task that was running at several deaths runs
-    alone; if its worker dies three times then, the task is lost (`LostTasksError`, after the others have ended).
+    alone; if its worker dies three times then, the task is lost (`LostTasksError`, after the others have ended). So is
+    a task in which one call of a component lasts `dead_after_s`: its worker says so and ends.
     """
 
-    def __init__(self, workers: int) -> None:
-        self.workers = workers
+    def __init__(self, workers: int, dead_after_s: float = DEAD_AFTER_S) -> None:
+        self.workers, self.dead_after_s = workers, dead_after_s
         self._pool: ProcessPoolExecutor | None = None
+        self._context = get_context("spawn")
+        #: Tasks that did not return, with the reasons.
+        self._stuck = self._context.SimpleQueue()
 
     def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, as they end."""
@@ -106,8 +116,8 @@ class ProcessesExecutor:
                     yield running.pop(future), future.result()
             if dead:
                 yield from self._rebuilt(running, left)
-        if left.lost:
-            raise LostTasksError(sorted(left.lost))
+        if left.lost or left.stuck:
+            raise LostTasksError(sorted([*left.lost, *left.stuck]), left.stuck)
 
     def close(self) -> None:
         """End the workers, also those that are in the middle of a task."""
@@ -138,10 +148,11 @@ class ProcessesExecutor:
         self, queue: deque[int], running: dict[Future[Any], int], function: Callable[[Any], Any], tasks: Sequence[Any]
     ) -> bool:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=start_worker)
+            given = self._stuck, self.dead_after_s
+            self._pool = ProcessPoolExecutor(self.workers, self._context, start_worker, given)
         try:
             with one_thread_each():
-                running[self._pool.submit(function, tasks[queue[0]])] = queue[0]
+                running[self._pool.submit(_done, function, queue[0], tasks[queue[0]])] = queue[0]
         except BrokenProcessPool:
             return False
         queue.popleft()
@@ -154,6 +165,11 @@ class ProcessesExecutor:
         unfinished = sorted(index for future, index in running.items() if future not in ended)
         running.clear()
         self.close()
+        while not self._stuck.empty():
+            index, reason = self._stuck.get()
+            if index in unfinished:
+                unfinished.remove(index)
+                left.stuck[index] = reason
         is_alone = len(unfinished) == 1 and unfinished[0] in left.deaths_alone
         for index in reversed(unfinished):
             _put_back(index, left, is_alone=is_alone)
@@ -188,9 +204,30 @@ def one_thread_each() -> Iterator[None]:
             del os.environ[name]
 
 
-def start_worker() -> None:
-    """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its parent does."""
+#: What lasts as long as a worker: unreferenced, its watchdog would end.
+_WATCHED = ExitStack()
+#: The index of the task that this worker is given.
+_TASK = [-1]
+
+
+def _done(function: Callable[[Any], Any], index: int, task: Any) -> Any:
+    """Return the result of a task, in a worker."""
+    _TASK[0] = index
+    return function(task)
+
+
+def start_worker(stuck: Any, dead_after_s: float) -> None:
+    """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its parent does.
+
+    It also ends, and says why in the queue `stuck`, if one call of a component lasts `dead_after_s`.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end(reason: str) -> None:
+        stuck.put((_TASK[0], reason))
+        os._exit(STUCK)
+
+    _WATCHED.enter_context(ended_if_stuck(dead_after_s, end))
     parent = parent_process()
     if parent is not None:
         Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()

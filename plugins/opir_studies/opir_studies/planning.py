@@ -111,11 +111,11 @@ def _end_note(plan: Plan) -> str:
     )
 
 
-def built_executor(study: Study, workers: int | None, host: Host | None = None) -> Any:
+def built_executor(study: Study, context: ExecutorContext, host: Host | None = None) -> Any:
     """Return the executor of a study; raises `SceneError` or `PluginError` as `planned_study` does."""
     host = host or Host.discover()
     choice = _choice(ExecutorModel.hook, study.executor, "executor", host)
-    return host.component(ExecutorModel, choice.name).build(choice.config, ExecutorContext(workers=workers))
+    return host.component(ExecutorModel, choice.name).build(choice.config, context)
 
 
 def _compiled(study: Study, design: Design, host: Host) -> Plan:

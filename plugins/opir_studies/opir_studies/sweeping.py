@@ -7,7 +7,8 @@ from attrs import define, field, frozen
 
 from opir_core import __version__
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.plugin import Executor
+from opir_core.host import DEAD_AFTER_S
+from opir_core.plugin import Executor, ExecutorContext
 from opir_studies.executors import LostTasksError
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study
@@ -19,6 +20,7 @@ from opir_studies.until import rounds
 #: A round is cut into about so many tasks; each is one file when it has ended.
 _TASKS = 64
 _LONGEST_TASK = 200
+_DIED = "its worker process ended three times, possibly out of memory"
 #: The most failed runs that a message lists.
 _SHOWN = 10
 
@@ -43,11 +45,13 @@ def sweep(
     folder: str | Path,
     *,
     workers: int | None = None,
+    dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
 ) -> StudyResult:
     """Run a study into a folder and return its result; runs that are there already are not run again.
 
-    `workers` is for the study's executor. A script with the executor `processes` needs `if __name__ == "__main__":`.
+    `workers` is for the study's executor; a run fails in which one call of a component lasts `dead_after_s`.
+    A script with the executor `processes` needs `if __name__ == "__main__":`.
     Raises `SceneError` or `PluginError` for an invalid study before the first run, and `StudyError`, when everything
     else has ended, with the runs that failed.
     """
@@ -56,7 +60,12 @@ def sweep(
     remove_unfinished(place)
     wanted = {design.key(number) for design in planned.designs for number in range(study.runs)}
     parts = Parts(place / PARTS, tuple(planned.units))
+<<<<<<< HEAD
     state = SweepState(planned, parts, parts.found(wanted), workers, on_progress)
+=======
+    context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
+    state = _Sweep(planned, parts, parts.found(wanted), context, on_progress)
+>>>>>>> h/sinks
     try:
         counts = state.run()
     finally:
@@ -75,7 +84,7 @@ class SweepState:
     planned: PlannedStudy
     parts: Parts
     records: dict[str, RunRecord]
-    workers: int | None
+    context: ExecutorContext
     on_progress: Callable[[StudyProgress], None]
     executor: Executor | None = None
     found: int = field(init=False)
@@ -127,9 +136,9 @@ class SweepState:
         if tasks:
             lost = list(self._lost(tasks, counts))
             # Which run of a lost task is the cause shows when each is a task of its own.
-            singles = [(place, (number,)) for place, numbers in lost for number in numbers]
-            for place, numbers in singles if len(singles) == len(lost) else self._lost(singles, counts):
-                self._fail(place, numbers[0], "its worker process ended three times, possibly out of memory")
+            singles = [(place, (number,)) for (place, numbers), _ in lost for number in numbers]
+            for (place, numbers), reason in lost if len(singles) == len(lost) else self._lost(singles, counts):
+                self._fail(place, numbers[0], reason)
 
     def _tasks(self, counts: Sequence[int], active: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
         missing = {
@@ -147,16 +156,16 @@ class SweepState:
 
     def _lost(
         self, tasks: Sequence[tuple[int, tuple[int, ...]]], counts: Sequence[int]
-    ) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Run tasks and keep their records; yield those whose worker died again and again."""
-        self.executor = self.executor or built_executor(self.planned.study, self.workers)
+    ) -> Iterator[tuple[tuple[int, tuple[int, ...]], str]]:
+        """Run tasks and keep their records; yield those whose worker died again and again or was ended, and why."""
+        self.executor = self.executor or built_executor(self.planned.study, self.context)
         given = [RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics) for place, numbers in tasks]
         try:
             for index, result in self.executor.results(result_of, given):
                 self._keep(tasks[index][0], result)
                 self._report(counts)
         except LostTasksError as error:
-            yield from (tasks[index] for index in error.tasks)
+            yield from ((tasks[index], error.reasons.get(index, _DIED)) for index in error.tasks)
 
     def _keep(self, place: int, result: TaskResult) -> None:
         if result.core_version != __version__:

@@ -8,6 +8,7 @@ from shlex import quote
 
 from opir_core.cli import prints_on_standard_error, table
 from opir_core.errors import Problem, SceneError
+from opir_core.host import ended_if_stuck
 from opir_studies.differences import MEASURES
 from opir_studies.tuning import Tuned, tune as tune_scene
 
@@ -18,7 +19,7 @@ def tune(arguments: argparse.Namespace) -> int:
         words = f"{arguments.runs} is not a number of runs; give 1 or more"
         raise SceneError([Problem("--runs", words)], source="command line")
     wanted = wanted_of(arguments)
-    with prints_on_standard_error():
+    with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
         found = tune_scene(arguments.scene, wanted, overrides=arguments.overrides, runs=arguments.runs)
     sys.stdout.write((as_json(found) if arguments.json else as_text(arguments.scene, found, wanted)) + "\n")
     return 0 if found.meets else 2

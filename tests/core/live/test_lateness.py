@@ -110,7 +110,7 @@ def test_a_late_run_is_unready_and_refuses_launches_and_settings(monkeypatch: py
     for refused in (lambda: run.launch(LAUNCH), lambda: run.configure(run.settings_mapping())):
         with pytest.raises(BusyError, match="s late; try again later"):
             refused()
-    assert not Service(run, HttpSettings()).is_ready()[0]
+    assert not Service(run, HttpSettings()).health().ready
 
 
 def test_a_slowed_run_takes_longer_and_stays_ready(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from http_service import LAUNCH, Stand, conforms, serving
 from hypothesis import HealthCheck, given, settings, strategies as st
-from opir_http import service
+from opir_http import health
 from opir_http.openapi import document
 from waiting import until, within
 
@@ -161,7 +161,7 @@ def test_health_tells_life_from_readiness(stand: Stand) -> None:
 
 
 def test_a_sink_that_falls_behind_makes_the_service_not_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(service, "LOOK_S", 0.1)
+    monkeypatch.setattr(health, "LOOK_S", 0.1)
     with serving(tmp_path, "--speed", "5") as running:
         outlet = running.service.run._sinks[0]
         gate_ = threading.Event()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from http_service import SCENE, serving
-from rogue_components import Hang, rogue_host
+from rogue_components import Hang, raising, rogue_host
 from waiting import until, within
 
 WORDS = ("--speed", "20", "--unready-after", "0.5", "--dead-after", "3")
@@ -60,14 +60,39 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatc
         until(lambda: stand.ask("GET", "/health/ready").status == 200)
 
 
+def test_a_tracker_that_raises_ends_alone_and_is_told(tmp_path: Path) -> None:
+    host = rogue_host("opir_trackers", "kepler-arc", "step", raising(MemoryError()))
+    with serving(tmp_path, *WORDS, scene=TRACKED, host=host) as stand:
+        until(lambda: stand.ask("GET", "/health/ready").status == 503)
+        (reason,) = stand.ask("GET", "/health/ready").json["reasons"]
+        assert reason.startswith("the tracker has ended: tracker: the tracker 'rogue' of plugin rogue")
+        assert "step at " in reason
+        assert "MemoryError" in reason
+        status = stand.ask("GET", "/status").json
+        assert status["health"]["reasons"] == [reason]
+        assert reason.endswith(status["error"])
+        assert status["state"] == "running"
+        assert stand.ask("GET", "/health/live").status == 200
+        before = status["counts"]["detections"]
+        until(lambda: stand.ask("GET", "/status").json["counts"]["detections"] > before)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("deed", "told"), [("hang", "no cycle has ended for "), ("SystemExit", "the run has failed"), ("MemoryError", "")]
+    ("part", "deed", "told"),
+    [
+        (("opir_trackers", "kepler-arc", "step"), "hang", "no cycle has ended for "),
+        (("opir_confidence_models", "weighted", "confidence"), "SystemExit", "the run has failed"),
+        (("opir_confidence_models", "weighted", "confidence"), "MemoryError", ""),
+    ],
 )
-def test_the_supervisor_ends_the_process_with_its_own_code(tmp_path: Path, deed: str, told: str) -> None:
-    (tmp_path / "scene.yaml").write_text(TRACKED, encoding="utf-8")
+def test_the_supervisor_ends_the_process_with_its_own_code(
+    tmp_path: Path, part: tuple[str, ...], deed: str, told: str
+) -> None:
+    key = "tracker" if part[0] == "opir_trackers" else "confidence"
+    (tmp_path / "scene.yaml").write_text(f"{SCENE}{key}: rogue\n", encoding="utf-8")
     script = Path(__file__).parents[2] / "support" / "rogue_service.py"
-    rogue = [sys.executable, str(script), "opir_trackers", "kepler-arc", "step", deed]
+    rogue = [sys.executable, str(script), *part, deed]
     words = ["serve", str(tmp_path / "scene.yaml"), "--port", "0", "--supervise", *WORDS]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))

@@ -73,7 +73,7 @@ def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(monkeypatch: py
             clock_s[0] += 0.02
             return self.now
 
-    monkeypatch.setattr("opir_http.watchdog.time.monotonic", lambda: clock_s[0])
+    monkeypatch.setattr("opir_core.host.watchdog.time.monotonic", lambda: clock_s[0])
     run = Watched()
     watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02), dead_after_s=20.0)
     watchdog.start()

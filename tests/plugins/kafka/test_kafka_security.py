@@ -90,16 +90,10 @@ def test_a_refused_login_fails_at_once_and_says_what_to_see_to(secret: str) -> N
     )
 
 
-def test_once_let_in_a_refused_login_may_pass() -> None:
-    refused = errors.SaslAuthenticationFailed()
-    assert is_fatal(refused, was_connected=False)
-    assert not is_fatal(refused, was_connected=True)
-
-
 @pytest.mark.parametrize("code", sorted(FATAL_CODES))
 def test_a_fatal_code_is_told_with_its_number(code: int) -> None:
     error = errors.for_code(code)()
-    assert is_fatal(error, was_connected=False)
+    assert is_fatal(error)
     assert f"code {code}" in words(error, "broker:9092")
 
 
@@ -108,7 +102,7 @@ def test_a_fatal_code_is_told_with_its_number(code: int) -> None:
     [TimeoutError(), ConnectionResetError(), errors.KafkaConnectionError(), errors.KafkaError(), OSError(29, "x")],
 )
 def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
-    assert not is_fatal(error, was_connected=False)
+    assert not is_fatal(error)
     assert "broker:9092" in words(error, "broker:9092")
 
 

@@ -6,7 +6,15 @@ from itertools import islice
 import pytest
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_testing import ExecutorContract
-from study_tasks import doubled, doubled_or_always_killed, doubled_or_killed, is_beside, own_number, threads
+from study_tasks import (
+    doubled,
+    doubled_or_always_killed,
+    doubled_or_hung,
+    doubled_or_killed,
+    is_beside,
+    own_number,
+    threads,
+)
 
 
 class TestSerial(ExecutorContract):
@@ -76,3 +84,13 @@ def test_all_other_results_come_before_the_loss(executor):
 def test_an_executor_can_be_used_again(executor):
     for _ in range(2):
         assert dict(executor.results(doubled, [1, 2])) == {0: 2, 1: 4}
+
+
+@pytest.mark.slow
+def test_a_task_that_hangs_is_lost_alone_with_its_reason():
+    executor, found = ProcessesExecutor(2, dead_after_s=1.0), {}
+    with pytest.raises(LostTasksError, match=r"the tracker 'x': step has not returned for 1\.") as caught:
+        found.update(executor.results(doubled_or_hung, range(8)))
+    executor.close()
+    assert caught.value.tasks == (3,)
+    assert found == {number: 2 * number for number in range(8) if number != 3}

@@ -1,0 +1,132 @@
+"""The watchdog: a thread that notices what does not return, for commands, workers and services alike."""
+
+import os
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import Any
+
+from attrs import define, field
+
+from opir_core.host.boundary import overdue_call, place_of_thread
+
+#: The exit code of a process that its watchdog has ended.
+STUCK = 6
+#: Time, s, that a call of a component may last in a command, unless `--dead-after` says otherwise.
+DEAD_AFTER_S = 600.0
+#: Longest interval, s, between two checks.
+CHECK_S = 0.5
+#: A check that comes so much too late, s, shows that the process was paused: stopped, or its machine suspended.
+PAUSED_S = 2.0
+
+
+@define(eq=False)
+class Watchdog:
+    """A thread that asks for the reason why something is stuck, and reports the first one.
+
+    `reason` returns "" while all is well; then `on_well` is called. `on_stuck` is called with the reason, in the
+    watchdog's thread, which ends; None only stops the calls of `on_well`. It watches its own beat first: after a pause
+    of the process nothing is called stuck before it had `dead_after_s` again, except what is `final`, a failure.
+    """
+
+    reason: Callable[[], str]
+    on_stuck: Callable[[str], None] | None
+    dead_after_s: float = DEAD_AFTER_S
+    on_well: Callable[[], None] = lambda: None
+    final: Callable[[], str] = lambda: ""
+    interval_s: float = CHECK_S
+    pauses: int = field(default=0, init=False)
+    longest_pause_s: float = field(default=0.0, init=False)
+    _stopping: threading.Event = field(factory=threading.Event, init=False)
+
+    def start(self) -> None:
+        """Start the thread."""
+        threading.Thread(target=self._work, name="opir-watchdog", daemon=True).start()
+
+    def stop(self) -> None:
+        """End the checks."""
+        self._stopping.set()
+
+    def _work(self) -> None:
+        beat_s, judged_from_s = time.monotonic(), -float("inf")
+        while not self._stopping.wait(self.interval_s):
+            now_s = time.monotonic()
+            if now_s - beat_s > self.interval_s + PAUSED_S:
+                judged_from_s = now_s + self.dead_after_s
+                self.pauses += 1
+                self.longest_pause_s = max(self.longest_pause_s, now_s - beat_s - self.interval_s)
+            beat_s = now_s
+            try:
+                found = self.reason()
+                reason = self.final() or (found if now_s >= judged_from_s else "")
+            except BaseException as error:
+                reason = f"the watchdog has failed: {type(error).__name__}: {error}"
+            if not reason:
+                self.on_well()
+            elif self.on_stuck is not None:
+                self.on_stuck(reason)
+                return
+
+
+#: The limit in force, s, which processes inherit that are copied from this one.
+_IN_FORCE = [DEAD_AFTER_S]
+
+
+@contextmanager
+def ended_if_stuck(dead_after_s: float | None = None, on_stuck: Callable[[str], None] | None = None) -> Iterator[None]:
+    """End this process if a component that this thread calls does not return within `dead_after_s`.
+
+    By default the limit is that in force; `on_stuck` is called with the reason instead.
+    """
+    thread, within_s = threading.get_ident(), dead_after_s or _IN_FORCE[-1]
+    watchdog = Watchdog(lambda: overdue_call(thread, within_s), on_stuck or _end_process, within_s)
+    _IN_FORCE.append(within_s)
+    watchdog.start()
+    try:
+        yield
+    finally:
+        watchdog.stop()
+        _IN_FORCE.pop()
+
+
+def _end_process(reason: str) -> None:
+    """Print the reason and end this process with `STUCK`, without waiting for its threads: one may never return."""
+    sys.stderr.write(f"opir: {reason}; the watchdog ends this process with exit code {STUCK}\n")
+    sys.stderr.flush()
+    os._exit(STUCK)
+
+
+class OverdueError(Exception):
+    """A call in another thread that does not return; its text is the line that the thread executes."""
+
+
+class CallThread:
+    """A thread for calls that may not return; it is left alone then."""
+
+    def __init__(self) -> None:
+        self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]]] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="opir-call", daemon=True)
+        self._thread.start()
+
+    def result(self, call: Callable[[], Any], within_s: float) -> Any:
+        """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
+        answer: Future[Any] = Future()
+        self._calls.put((answer, call))
+        try:
+            return answer.result(within_s)
+        except TimeoutError:
+            if answer.done():
+                raise
+            raise OverdueError(place_of_thread(self._thread.ident)) from None
+
+    def _work(self) -> None:
+        while True:
+            answer, call = self._calls.get()
+            try:
+                answer.set_result(call())
+            except BaseException as error:
+                answer.set_exception(error)

@@ -1,0 +1,73 @@
+"""The watchdog of commands: it names the call that does not return; and calls in a thread that may not."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from waiting import until
+
+from opir_core.host.boundary import blamed_call, overdue_call
+from opir_core.host.watchdog import CallThread, OverdueError, ended_if_stuck
+
+ME = threading.get_ident()
+
+
+@pytest.fixture
+def over() -> Iterator[threading.Event]:
+    event = threading.Event()
+    yield event
+    event.set()
+
+
+def begun(name: str, call: Callable[[], object]) -> int:
+    """Begin a call of a component in a thread of its own; return the thread."""
+    thread = threading.Thread(target=lambda: blamed_call(lambda: name, "hint", "step", call), daemon=True)
+    thread.start()
+    assert thread.ident is not None
+    return thread.ident
+
+
+def test_a_call_that_does_not_return_is_named_with_its_line(over: threading.Event) -> None:
+    thread = begun("the tracker 'x'", over.wait)
+    until(lambda: overdue_call(thread, 0.2))
+    assert overdue_call(thread, 0.2).startswith("the tracker 'x': step has not returned for 0.")
+    assert "test_watchdog.py, line " in overdue_call(thread, 0.2)
+    assert overdue_call(thread, 60.0) == ""
+    over.set()
+    until(lambda: not overdue_call(thread, 0.0))
+
+
+def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_life(over: threading.Event) -> None:
+    inner = threading.Event()
+
+    def outer() -> None:
+        blamed_call(lambda: "inner", "hint", "build", inner.wait)
+        over.wait()
+
+    thread = begun("outer", outer)
+    until(lambda: overdue_call(thread, 0.3))
+    assert overdue_call(thread, 0.3).startswith("inner: build")
+    inner.set()
+    until(lambda: not overdue_call(thread, 0.3))
+    until(lambda: overdue_call(thread, 0.3))
+    assert overdue_call(thread, 0.3).startswith("outer: step")
+
+
+def test_only_calls_of_the_thread_that_is_watched_end_it(over: threading.Event) -> None:
+    reasons: list[str] = []
+    begun("another", over.wait)
+    with ended_if_stuck(0.1, reasons.append):
+        time.sleep(1.2)  # no call of a component: a long pause between two is no reason
+        assert reasons == []
+        blamed_call(lambda: "mine", "hint", "step", lambda: until(lambda: reasons))
+    assert reasons[0].startswith("mine: step has not returned for ")
+
+
+def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event) -> None:
+    calls = CallThread()
+    assert calls.result(lambda: 7, 60.0) == 7
+    with pytest.raises(ZeroDivisionError):
+        calls.result(lambda: 1 // 0, 60.0)
+    with pytest.raises(OverdueError, match=r"test_watchdog\.py, line"):
+        calls.result(lambda: over.wait(60.0), 0.1)

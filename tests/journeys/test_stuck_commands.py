@@ -1,0 +1,77 @@
+"""Components that hang: each command ends within its limit, names the part, and has the exit code for it."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+pytestmark = pytest.mark.slow
+
+SCRIPT = Path(__file__).parents[1] / "support" / "rogue_service.py"
+SCENE: dict[str, Any] = {
+    "scene": "stuck",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60,
+    "sensors": [{"constellation": "DSP"}],
+    "targets": [
+        {
+            "id": "a",
+            "type": "ICBM",
+            "launch": {"lat_deg": 39, "lon_deg": 127, "time_s": 0},
+            "aim": {"lat_deg": 38, "lon_deg": -77},
+        }
+    ],
+}
+TRACKER = ("opir_trackers", "kepler-arc")
+
+
+def ended(folder: Path, part: tuple[str, ...], *words: str, **changes: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command whose component `rogue` hangs; it may take a minute at most."""
+    (folder / "scene.yaml").write_text(yaml.safe_dump({**SCENE, **changes}), encoding="utf-8")
+    command = [sys.executable, str(SCRIPT), *part, "hang", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize(
+    ("part", "changes", "told"),
+    [
+        ((*TRACKER, "step"), {"tracker": "rogue"}, "tracker: the tracker 'rogue'"),
+        (("opir_classifiers", "paper", "pair_type"), {"classification": "rogue"}, "a component of the scene stuck"),
+    ],
+)
+def test_a_run(tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], told: str) -> None:
+    done = ended(tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes)
+    assert done.returncode == 6, done.stderr
+    assert f"opir: {told}" in done.stderr
+    assert "has not returned for 2." in done.stderr
+    assert not (tmp_path / "events.jsonl").exists()
+
+
+def test_the_start_of_a_service(tmp_path: Path) -> None:
+    target = {**SCENE["targets"][0], "model": "rogue"}
+    part = ("opir_target_models", "ballistic", "build")
+    done = ended(tmp_path, part, "serve", "scene.yaml", "--port", "0", "--dead-after", "2", targets=[target])
+    assert done.returncode == 6
+    assert "opir: targets[0]: the target model 'rogue' of " in done.stderr
+    assert "build has not returned for 2." in done.stderr
+
+
+@pytest.mark.parametrize("method", ["write", "close"])
+def test_a_sink_of_a_run_fails_alone(tmp_path: Path, method: str) -> None:
+    outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
+    done = ended(tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", outputs=outputs)
+    assert done.returncode == 5
+    assert "outputs[1]: the sink 'rogue' of plugin rogue" in done.stderr
+    assert f"{method} has not returned for 30 s" in done.stderr
+    assert len((tmp_path / "other.jsonl").read_text(encoding="utf-8").splitlines()) > 100
+
+
+def test_a_study_in_this_process(tmp_path: Path) -> None:
+    words = ("sweep", "scene.yaml", "--runs", "2", "--executor", "serial", "--dead-after", "2")
+    done = ended(tmp_path, (*TRACKER, "step"), *words, tracker="rogue")
+    assert done.returncode == 6, done.stderr
+    assert "tracker: the tracker 'rogue'" in done.stderr
