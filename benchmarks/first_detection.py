@@ -73,8 +73,8 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 {headline}
 
 Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
-height, as ranges over five climates. DSP is its preset `heritage` ({faint} % of the SRBM are reported): a look every 10 s,
-and three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
+height, as ranges over five climates. DSP is its preset `heritage` ({faint} % of the SRBM are reported): a look every
+10 s, and three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 

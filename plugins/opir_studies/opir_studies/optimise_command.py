@@ -7,6 +7,7 @@ from pathlib import Path
 
 from opir_core.cli import grouped, table
 from opir_core.errors import Problem, SceneError
+from opir_core.host import ended_if_stuck
 from opir_studies.optimising import Optimised, best_row, optimise as best_of
 from opir_studies.requirements import Requirement
 from opir_studies.sweep_command import cell, shown_progress, study_of
@@ -22,13 +23,15 @@ def optimise(arguments: argparse.Namespace) -> int:
         words = f"{arguments.evaluations} is not a number of designs; give 1 or more"
         raise SceneError([Problem("--evaluations", words)], source="command line")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-optimum")
-    with shown_progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
+    is_shown = sys.stderr.isatty() and not arguments.quiet
+    with ended_if_stuck(arguments.dead_after), shown_progress(is_shown=is_shown) as on_progress:
         found = best_of(
             study,
             folder,
             arguments.objective,
             evaluations=arguments.evaluations,
             workers=arguments.workers,
+            dead_after_s=arguments.dead_after,
             on_progress=on_progress,
         )
     if not arguments.quiet:

@@ -9,7 +9,8 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError
-from opir_core.plugin import Host
+from opir_core.host import DEAD_AFTER_S
+from opir_core.plugin import ExecutorContext, Host
 from opir_studies.axes import Axis, AxisError, Design, axis_of
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedStudy, planned_study
@@ -61,6 +62,7 @@ def optimise(
     *,
     evaluations: int = 100,
     workers: int | None = None,
+    dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
 ) -> Optimised:
     """Evaluate designs of a study to find the best one under its requirements; write the folder of a study.
@@ -70,7 +72,8 @@ def optimise(
     """
     wanted = Objective.of(objective)
     axes = _axes(study)
-    work = _Evaluation(study, axes, wanted, Path(folder), workers, on_progress)
+    context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
+    work = _Evaluation(study, axes, wanted, Path(folder), context, on_progress)
     search = Search(tuple(len(axis.levels) for axis in axes), tuple(_is_ordered(axis) for axis in axes), study.seed)
     work.require_objective()
     search.run(evaluations, work.outcomes)
@@ -117,13 +120,13 @@ class _Evaluation:
         axes: Sequence[Axis],
         objective: Objective,
         folder: Path,
-        workers: int | None,
+        context: ExecutorContext,
         on_progress: Callable[[StudyProgress], None],
     ) -> None:
         self.host = Host.discover()
         self.records: dict[Point, Sequence[RunRecord]] = {}
         self._study, self._axes, self._objective, self._folder = study, axes, objective, folder
-        self._workers, self._on_progress = workers, on_progress
+        self._context, self._on_progress = context, on_progress
         remove_unfinished(folder)
 
     def design(self, number: int, point: Point) -> Design:
@@ -141,7 +144,7 @@ class _Evaluation:
         planned = planned_study(self._study, self.host, [self.design(*each) for each in enumerate(points)])
         parts = Parts(self._folder / PARTS, tuple(planned.units))
         keys = {design.key(number) for design in planned.designs for number in range(self._study.runs)}
-        state = SweepState(planned, parts, parts.found(keys), self._workers, self._on_progress)
+        state = SweepState(planned, parts, parts.found(keys), self._context, self._on_progress)
         try:
             counts = state.run()
         finally:

@@ -13,12 +13,8 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.cli import grouped, table
-<<<<<<< HEAD
 from opir_core.errors import Problem, SceneError
-=======
-from opir_core.errors import Problem, SceneError, nearest
 from opir_core.host import ended_if_stuck
->>>>>>> h/sinks
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
 from opir_studies.requirements import Requirement
@@ -41,13 +37,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     if arguments.workers is not None and arguments.workers < 1:
         raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
-<<<<<<< HEAD
-    with shown_progress(is_shown=sys.stderr.isatty() and not arguments.quiet) as on_progress:
-=======
     given = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
     is_shown = sys.stderr.isatty() and not arguments.quiet
-    with ended_if_stuck(arguments.dead_after), _progress(is_shown=is_shown) as on_progress:
->>>>>>> h/sinks
+    with ended_if_stuck(arguments.dead_after), shown_progress(is_shown=is_shown) as on_progress:
         try:
             result = result_of_sweep(study, folder, **given, on_progress=on_progress)
         except KeyboardInterrupt:

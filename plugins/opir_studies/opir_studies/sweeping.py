@@ -60,12 +60,8 @@ def sweep(
     remove_unfinished(place)
     wanted = {design.key(number) for design in planned.designs for number in range(study.runs)}
     parts = Parts(place / PARTS, tuple(planned.units))
-<<<<<<< HEAD
-    state = SweepState(planned, parts, parts.found(wanted), workers, on_progress)
-=======
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    state = _Sweep(planned, parts, parts.found(wanted), context, on_progress)
->>>>>>> h/sinks
+    state = SweepState(planned, parts, parts.found(wanted), context, on_progress)
     try:
         counts = state.run()
     finally:
