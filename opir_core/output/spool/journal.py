@@ -5,7 +5,9 @@ or absent (https://www.sqlite.org/wal.html). The checksum of a row detects damag
 """
 
 import json
+import os
 import sqlite3
+import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps
@@ -15,7 +17,7 @@ from zlib import crc32
 
 import numpy as np
 
-from opir_core.errors import SinkError
+from opir_core.errors import SinkError, reason_of
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import DamagedError, FullError
 from opir_core.output.temporary_files import sync_folder
@@ -29,6 +31,8 @@ _ROW_BYTES = 128
 #: Pages of the schema, the table's interior and the free list.
 _SPARE_PAGES = 32
 _LOG_BYTES = 1 << 22
+#: Longest time, s, for which a batch is not on the disk for sure: what a power cut may take.
+SYNC_S = 1.0
 
 _TABLE = """CREATE TABLE IF NOT EXISTS parcel (
     number INTEGER PRIMARY KEY AUTOINCREMENT, events INTEGER NOT NULL, bytes INTEGER NOT NULL, crc INTEGER NOT NULL,
@@ -78,6 +82,9 @@ class Journal:
         self._max_bytes = max_bytes
         self._bytes = 0
         self.waiting = 0
+        #: Time of the monotonic clock since which something is not on the disk for sure; None if all is.
+        self._unsynced_since_s: float | None = None
+        self._syncs = not survives_power_cut
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
         #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
         self.is_open = False
@@ -106,6 +113,27 @@ class Journal:
         self._database.execute(_INSERT, row)
         self._bytes += row[1]
         self.waiting += len(batch)
+        if self._syncs:
+            self._unsynced_since_s = self._unsynced_since_s or time.monotonic()
+            with suppress(FullError):  # the batch is in the file; who sends it tells of the disk
+                self.sync_if_due()
+
+    def sync_if_due(self) -> None:
+        """Make the log last, if a batch in it waits for that for a second; raise `FullError` if the disk fails.
+
+        The log is a file without locks: closing another descriptor of it gives up none.
+        """
+        if self._unsynced_since_s is None or time.monotonic() - self._unsynced_since_s < SYNC_S:
+            return
+        try:
+            descriptor = os.open(f"{self.path}-wal", os.O_RDONLY)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            raise FullError(f"its disk answers {reason_of(error)!r}") from error
+        self._unsynced_since_s = None
 
     @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:

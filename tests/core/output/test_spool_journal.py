@@ -1,11 +1,14 @@
 """A spool's file: what is none is refused and left alone, damage is told, and whose it is is known."""
 
+import errno
 import random
 import sqlite3
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from failing_disk import FailingDisk, can_fail
 from spool_transports import (
     ENCODER,
     MIB,
@@ -17,6 +20,7 @@ from spool_transports import (
     spooled,
     window,
 )
+from waiting import until
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
@@ -139,3 +143,25 @@ def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
     number, rest = again.after(0) or (0, made)
     assert (number, rest.messages(), rest.key_of.tolist()) == (1, [b"b", b"c"], [1, 0])
     again.close()
+
+
+@pytest.mark.skipif(not can_fail(), reason="needs a SQLite whose calls can be seen")
+def test_the_log_is_synced_within_a_second_with_and_without_new_batches(tmp_path: Path) -> None:
+    with FailingDisk(tmp_path) as disk:
+        sink = spooled(tmp_path / "spool", Holding())
+        sink.write(window(5))
+        before = len(disk.calls)
+        until(lambda: ("fsync", "spool-wal") in disk.calls[before:], within_s=10.0)
+        synced = disk.calls.count(("fsync", "spool-wal"))
+        time.sleep(1.5)
+        assert disk.calls.count(("fsync", "spool-wal")) == synced  # nothing new: nothing to sync
+        for _ in range(30):
+            sink.write(window(5))
+            time.sleep(0.05)
+        assert disk.calls.count(("fsync", "spool-wal")) > synced
+        disk.fail_at(1, errno.EIO, lasts=True, kinds=("fsync",))
+        sink.write(window(5))
+        until(lambda: "cannot be written" in (sink.parked or ""), within_s=10.0)
+        disk.heal()
+        until(lambda: sink.parked is None, within_s=10.0)
+        sink.close()
