@@ -10,6 +10,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from confluent_kafka.admin import (
     ResourceType,
     ScramCredentialInfo,
     ScramMechanism,
+    UserScramCredentialDeletion,
     UserScramCredentialUpsertion,
 )
 from kafka_broker import brief, closed, examine, kafka_sink, messages
@@ -90,6 +92,15 @@ def let_in(admin: Any) -> None:
         done.result(30.0)
 
 
+def shut_out(admin: Any) -> None:
+    """Take the user opir away, which another test may have made."""
+    for done in admin.alter_user_scram_credentials(
+        [UserScramCredentialDeletion("opir", ScramMechanism.SCRAM_SHA_512)]
+    ).values():
+        with suppress(confluent_kafka.KafkaException):  # there is none
+            done.result(30.0)
+
+
 def permission(topic: str) -> AclBinding:
     parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
     return AclBinding(*parts, AclOperation.WRITE, AclPermissionType.ALLOW)
@@ -147,6 +158,7 @@ def test_the_broker_is_stopped_for_a_while(one: Cluster, spool: Path) -> None:
 
 def test_a_login_is_refused_until_it_exists(one: Cluster, spool: Path, login: SecurityConfig) -> None:
     topic, address = one.topic(), one.addresses("SASL_PLAINTEXT")
+    shut_out(one.admin())
     permit(one.admin(), topic)
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(address, topic, spool, policy, security=login)
@@ -178,6 +190,29 @@ def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool:
     until(lambda: sink.delivery_so_far().delivered == 300)
     assert closed(sink) == Delivery(delivered=300)
     examine(one, topic, 300)
+
+
+def test_a_login_refused_after_a_good_one_is_parked_and_told(one: Cluster, spool: Path, login: SecurityConfig) -> None:
+    topic, admin = one.topic(), one.admin()
+    let_in(admin)
+    permit(admin, topic)
+    policy = evolve(brief(stall_s=30.0), retry_s=0.5)
+    sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
+    fill(sink, 5, 20, 0, 0.0)
+    until(lambda: sink.delivery_so_far().delivered == 100)
+    shut_out(admin)
+    one.nodes[0].stop()  # a connection that is open stays so
+    one.nodes[0].start()
+    one.wait_for_brokers(1)
+    fill(sink, 5, 20, 100, 0.0)
+    until(lambda: sink.parked is not None)
+    assert "(code 58); see security.username" in (sink.parked or "")
+    assert sink.attempts > 0
+    let_in(admin)
+    until(lambda: sink.delivery_so_far().delivered == 200)
+    assert (sink.attempts, sink.trouble) == (0, None)
+    assert closed(sink) == Delivery(delivered=200)
+    examine(one, topic, 200)
 
 
 def test_a_login_may_write_to_no_topic(one: Cluster, spool: Path, login: SecurityConfig) -> None:

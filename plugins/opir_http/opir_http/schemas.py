@@ -32,6 +32,10 @@ _KINDS = {float: "number", int: "integer", str: "string", bool: "boolean"}
 _BOUNDS = {"minimum": "minimum", "maximum": "maximum", "above": "exclusiveMinimum", "below": "exclusiveMaximum"}
 
 
+#: The length of an array of four: generators of clients know no `items: false`.
+_FOUR: Schema = {"minItems": 4, "maxItems": 4, "items": {"anyOf": [TEXT, NUMBER, {"type": "null"}]}}
+
+
 def closed(properties: Schema, optional: tuple[str, ...] = ()) -> Schema:
     """Return the schema of an object with these properties and no others."""
     required = [name for name in properties if name not in optional]
@@ -113,9 +117,18 @@ def config() -> Schema:
 def detection() -> Schema:
     """Return the core's schema of a detection, and of the parts that it refers to."""
     text = json.dumps(detection_schema()).replace("#/$defs/", "#/components/schemas/detection-")
-    whole: Schema = json.loads(text)
+    whole: Schema = json.loads(text, object_hook=_without_listed_numbers)
     parts = {f"detection-{name}": part for name, part in whole["$defs"].items()}
     return {"Detection": {key: value for key, value in whole.items() if not key.startswith("$")}, **parts}
+
+
+def _without_listed_numbers(schema: Schema) -> Schema:
+    """Return a schema with the bounds of fractions that it lists: generators of clients know no such `enum`."""
+    values = schema.get("enum")
+    if not isinstance(values, list) or not all(isinstance(value, float) for value in values):
+        return schema
+    rest = {key: value for key, value in schema.items() if key != "enum"}
+    return {"type": "number", **rest, "minimum": min(values), "maximum": max(values)}
 
 
 def problem() -> Schema:
@@ -190,7 +203,7 @@ def track() -> Schema:
             | {"description": "probability of each of what the object may be; null if the tracker weighs none"},
             **{f"probability_{name}": share for name in ("launch", "missile", "orbit", "comes_down")},
             "end": {"enum": [*TRACK_ENDS[1:], None], "description": "how the track ended; null for one that goes on"},
-            "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], "items": False})
+            "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], **_FOUR})
             | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},
         },
         ("trail",),

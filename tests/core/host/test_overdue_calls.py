@@ -32,7 +32,7 @@ def test_a_call_that_does_not_return_is_named_with_its_line(over: threading.Even
     thread = begun("the tracker 'x'", over.wait)
     until(lambda: overdue_call(thread, 0.2))
     assert overdue_call(thread, 0.2).startswith("the tracker 'x': step has not returned for 0.")
-    assert "test_watchdog.py, line " in overdue_call(thread, 0.2)
+    assert "test_overdue_calls.py, line " in overdue_call(thread, 0.2)
     assert overdue_call(thread, 60.0) == ""
     over.set()
     until(lambda: not overdue_call(thread, 0.0))
@@ -69,5 +69,5 @@ def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event)
     assert calls.result(lambda: 7, 60.0) == 7
     with pytest.raises(ZeroDivisionError):
         calls.result(lambda: 1 // 0, 60.0)
-    with pytest.raises(OverdueError, match=r"test_watchdog\.py, line"):
+    with pytest.raises(OverdueError, match=r"test_overdue_calls\.py, line"):
         calls.result(lambda: over.wait(60.0), 0.1)
