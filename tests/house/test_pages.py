@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
 
 #: References that are generated whole, and the changelog, are as long as what they list.
-GENERATED = re.compile(r"docs/reference/(api/.*|claims|commands|components|http|scene)\.md|CHANGELOG\.md")
+GENERATED = re.compile(r"docs/reference/(api/.*|claims|commands|components|http|paper-figures|scene)\.md|CHANGELOG\.md")
 
 MOST_WORDS = 1500
 MOST_ROWS = 20

@@ -20,6 +20,7 @@ NAMES = (
     "geojson_validator",
     "numba",
     "oem",
+    "optuna",
     "pandas",
     "playwright",
     "polars",
