@@ -52,8 +52,9 @@ def steps_per_row(act: Callable[[int], object], few: int, many: int) -> float:
 _CLOCK = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "process_time", "sleep"}
 _DATES = {"now", "utcnow", "today"}
 #: Modules that may use clock and entropy themselves. Philox draws entropy for a seed sequence that it does not use,
-#: because the core's streams give it a key.
-_EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", "opir_core.random_streams.philox"}
+#: because the core's streams give it a key; the boundary of plugins notes when a call began, for the watchdog.
+_OWN = {"opir_core.random_streams.philox", "opir_core.host.boundary"}
+_EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", *_OWN}
 #: The seed of both global generators during monitoring; no other code uses it.
 _MARK = 0x6F706972
 
