@@ -1,6 +1,6 @@
 """Targets from files keep the contract of their kind."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from opir_readers.configs_of_sites import SiteConfig
@@ -57,8 +57,10 @@ class TestRocketPy(ReaderContract):
     name = "rocketpy"
 
 
-class AtSite(ReaderContract):
+class AtSite:
     """A reader of local places, with a launch point."""
+
+    component: ClassVar[Callable[[], Any]]
 
     @classmethod
     def read(cls, text: str) -> Any:
@@ -66,11 +68,11 @@ class AtSite(ReaderContract):
         return cls.component().build(config, ReaderContext(text=text))
 
 
-class TestRasAero(AtSite):
+class TestRasAero(AtSite, ReaderContract):
     name = "rasaero"
 
 
-class TestWebcast(AtSite):
+class TestWebcast(AtSite, ReaderContract):
     name = "webcast"
 
 
