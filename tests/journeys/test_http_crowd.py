@@ -41,6 +41,7 @@ def page(stand: Stand) -> Iterator[Page]:
         page.goto(f"http://127.0.0.1:{stand.port}/")
         expect(page.locator("#state")).to_have_text("running", timeout=PATIENCE_MS)
         page.wait_for_function("() => Number.isFinite(opirStore.lastS)")
+        page.locator("#sort").select_option("number")
         page.evaluate(ADDED, COUNT)
         yield page
 
