@@ -23,7 +23,9 @@ class PairClassifier(Classifier):
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
-        return self.pair_type(sightings.sensor, sightings.target, rng)
+        codes = self.pair_type(sightings.sensor, sightings.target, rng)
+        assert codes is not None
+        return codes
 
 
 @frozen(eq=False)

@@ -41,7 +41,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-photons": (
         "atmosphere_models.lowtran",
         "background_models.earth",
-        "classifiers.spectral",
+        *("classifiers.spectral", "confidence_models.posterior"),
         "detection_models.snr",
         *("sensor_models.AHI", "sensor_models.GOES-ABI"),
         "signature_models.plume",

@@ -59,6 +59,7 @@ def stated(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
     yield checked("3.1", "DSP: scan period of 6 revolutions a minute (preset heritage)", rounded("10"), 10.0, "s", rpm)
     for number, (name, sensor) in enumerate(sensors.items(), 1):
         period_ms, probability = STATED[name]
+        assert sensor.radiometer is not None
         rows = (
             ("bands, um", _BANDS[name], ", ".join(_band_text(band) for band in sensor.bands)),
             ("scan period, ms", period_ms, f"{sensor.scan.period_ns * 1e-6:g}"),
