@@ -3,7 +3,7 @@
 import sys
 
 from opir_core.cli.streams import plain_text
-from opir_core.errors import ModelError, OpirError
+from opir_core.errors import ModelError, OpirError, SinkError, reason_of
 from opir_core.host.error_messages import described_error
 
 
@@ -11,6 +11,8 @@ def report(error: BaseException) -> int:
     """Print an error as one message and return its exit code; what opir did not foresee is named with its line."""
     if isinstance(error, OpirError):
         message, code = str(error), error.exit_code
+    elif isinstance(error, OSError) and error.filename in ("<stdout>", "<stderr>"):
+        message, code = f"{error.filename[1:-1]} cannot be written: {reason_of(error)}", SinkError.exit_code
     elif isinstance(error, SystemExit | GeneratorExit):
         # An exit that nobody asked for must not look like success.
         message, code = f"a component raised {described_error(error)}", ModelError.exit_code

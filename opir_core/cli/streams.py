@@ -58,4 +58,12 @@ def _escape(stream: Any) -> None:
         return
     stream.reconfigure(errors="backslashreplace")
     write = stream.write
-    stream.write = lambda text: write(text.translate(_ESCAPES))
+
+    def written(text: str) -> int:
+        try:
+            return int(write(text.translate(_ESCAPES)))
+        except OSError as error:
+            error.filename = stream.name
+            raise
+
+    stream.write = written

@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -223,3 +225,12 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
     listed = set(re.findall(r"^  (\d+)  +\w", capsys.readouterr().out, re.MULTILINE))
     errors = (OpirError, SceneError, PluginError, ModelError, SinkError)
     assert listed == {"0", "6", "130", "141", *(str(error.exit_code) for error in errors)}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", [("plugins",), ("explain", str(EXAMPLE)), ("run", str(EXAMPLE))])
+def test_a_full_standard_output_is_an_output_that_failed(words: tuple[str, ...], tmp_path: Path) -> None:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        command = [sys.executable, "-m", "opir_core", *words]
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (5, "opir: stdout cannot be written: no space left on device\n")
