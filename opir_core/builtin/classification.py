@@ -23,9 +23,7 @@ class PairClassifier(Classifier):
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
-        codes = self.pair_type(sightings.sensor, sightings.target, rng)
-        assert codes is not None
-        return codes
+        return np.asarray(self.pair_type(sightings.sensor, sightings.target, rng), dtype=np.uint8)
 
 
 @frozen(eq=False)

@@ -7,9 +7,6 @@ from importlib import import_module
 from opir_core.cli.main import full_parser
 from opir_core.errors import PluginError
 
-#: The shells that shtab knows.
-SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
-
 
 def completion_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the shell."""
@@ -19,7 +16,7 @@ def completion_arguments(parser: argparse.ArgumentParser) -> None:
         'zsh:  eval "$(opir completion zsh)" in ~/.zshrc, after compinit\n'
         "fish: opir completion fish > ~/.config/fish/completions/opir.fish"
     )
-    parser.add_argument("shell", choices=SHELLS, help="the shell")
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh", "powershell"), help="the shell")
 
 
 def completion(arguments: argparse.Namespace) -> int:
