@@ -73,8 +73,8 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 {headline}
 
 Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
-height, as ranges over five climates. DSP is its preset `heritage` ({faint} % of the SRBM are reported): a look every
-10 s, and three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
+height, as ranges over five climates. DSP is its preset `heritage`, which reports {faint} % of the SRBM: a look every
+10 s, of which three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
@@ -84,12 +84,14 @@ itself under a clear sky:
 - **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there; {cloudy} % of
   the SRBM by DSP. Half cover is drawn once in a run.
 - **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air SBIRS-GEO reports
-  an SRBM after {swir_delay}. What is seen near the ground is soot in the wings of MWIR, a level that holds within a
-  factor of 3.
-- **Background.** It matters in long waves; without it DSP, which has none, reports an IRBM after {lwir_delay}.
+  an SRBM after {swir_delay}. What is seen near the ground is soot in the wings of MWIR,
+  a level that holds within a factor of 3.
+- **Background.** It matters in long waves; without it DSP, which has none, reports an IRBM after
+  {lwir_delay}.
 - **The paper's presets.** Their rules make every band a veto, and DSP's long-wave band reports
-  practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}. Ratio gates allow for a factor of
-  {mwir_over_swir} in MWIR/SWIR that air makes ([detection](../explanation/detection.md#rules-over-bands)).
+  practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}. Ratio gates
+  allow for a factor of {mwir_over_swir} in MWIR/SWIR that air makes
+  ([detection](../explanation/detection.md#rules-over-bands)).
 - **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; DSP without it reports an ICBM
   after {confirmed_delay}.
 
