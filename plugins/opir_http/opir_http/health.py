@@ -73,13 +73,17 @@ class Backlogs:
         return rises >= _RISES
 
 
+#: A run that has stopped says so itself, at its end.
+_ENDED = "the run has stopped"
+
+
 def log_health(health: Callable[[], Health], stopping: threading.Event) -> None:
     """Log why a service is not ready, once for each reason, and that it is ready again, in a thread of its own."""
 
     def look() -> None:
         known: set[str] = set()
         while not stopping.wait(LOOK_S):
-            reasons = {re.sub(r"[0-9.]+", "#", reason): reason for reason in health().reasons}
+            reasons = {re.sub(r"[0-9.]+", "#", reason): reason for reason in health().reasons if reason != _ENDED}
             for kind in reasons.keys() - known:
                 warn(f"not ready: {reasons[kind]}")
             if known and not reasons:
