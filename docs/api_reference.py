@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 _ARRAY_LIKE = re.compile(re.escape(inspect.formatannotation(ArrayLike)))
 _EXAMPLE = re.compile(r"^>>> .*(?:\n.+)*", re.MULTILINE)
 _WIDTH = 100
+#: Characters of a constant that are shown.
+_LONGEST = 400
 
 #: The packages that users import from, in the order of the page, and for whom each is.
 PUBLIC = (
@@ -97,7 +99,8 @@ def section(package: str) -> str:
 def entry(name: str, value: Any) -> str:
     """Return the entry of one name: its signature and its docstring."""
     if not (inspect.isclass(value) or inspect.isroutine(value)):
-        return f"## {name}\n\nConstant, `{re.sub(' at 0x[0-9a-f]+', '', repr(value))}`.\n"
+        text = re.sub(" at 0x[0-9a-f]+", "", repr(value))
+        return f"## {name}\n\nConstant, `{text if len(text) <= _LONGEST else f'{text[:_LONGEST]}…'}`.\n"
     text = _EXAMPLE.sub(r"```pycon\n\g<0>\n```", inspect.cleandoc(value.__doc__ or ""))
     return f"## {name}\n\n```text\n{signature(name, value)}\n```\n\n{text}\n{members(value)}"
 

@@ -10,6 +10,9 @@ from opir_core.host.discovery import (
     installed_sources as installed_sources,
 )
 from opir_core.host.error_messages import (
+    PACKAGES as PACKAGES,
+    Search as Search,
+    contested as contested,
     described_error as described_error,
 )
 from opir_core.host.registry import (

@@ -30,7 +30,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         *("run_views.pandas", "run_views.polars", "run_views.tables"),
     ),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
-    "opir-http": ("commands.serve", "commands.view"),
+    "opir-http": ("commands.doctor", "commands.serve", "commands.view"),
     "opir-kafka": ("sinks.kafka",),
     "opir-leo": (
         *("constellations.LEO-MEDIUM", "constellations.LEO-WIDE"),

@@ -66,6 +66,7 @@ from opir_core.output.saved_runs import (
     read_run as read_run,
 )
 from opir_core.output.sink_thread import (
+    WITHOUT_SPOOL as WITHOUT_SPOOL,
     SinkStatus as SinkStatus,
 )
 from opir_core.output.temporary_files import (

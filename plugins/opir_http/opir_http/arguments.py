@@ -1,4 +1,4 @@
-"""The arguments of `opir serve` and `opir view`."""
+"""The arguments of `opir serve`, `opir view` and `opir doctor`."""
 
 import argparse
 import math
@@ -6,6 +6,7 @@ import math
 from opir_core.cli import add_scene_arguments
 
 _FASTEST = 1000.0
+_PORT = 8000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,10 +74,17 @@ def add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); any other needs a token"
     )
-    parser.add_argument("--port", type=_port, default=8000, help="port to bind (default 8000); 0: any free port")
+    parser.add_argument("--port", type=_port, default=_PORT, help=f"port to bind (default {_PORT}); 0: any free port")
     parser.add_argument(
         "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
     )
+
+
+def add_examined(parser: argparse.ArgumentParser) -> None:
+    """Add what `opir doctor` examines, a scene and a port, and the output format."""
+    parser.add_argument("scene", metavar="SCENE", nargs="?", help="a scene whose outputs are examined too")
+    parser.add_argument("--port", type=int, default=_PORT, help=f"the port of `opir serve` to try (default {_PORT})")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def _no_workers(_word: str) -> None:

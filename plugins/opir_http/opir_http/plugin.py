@@ -1,4 +1,4 @@
-"""The commands `opir serve` and `opir view`; web libraries are imported when they run."""
+"""The commands `opir serve`, `opir view` and `opir doctor`; web libraries are imported when they run."""
 
 import argparse
 from typing import Any
@@ -7,12 +7,13 @@ from opir_core.plugin import hookimpl
 
 _SUMMARY = "run a scene in real time, with an HTTP interface and a web page"
 _VIEW = "show a saved run on a web page, with a time axis"
+_DOCTOR = "examine this machine and installation: versions, plugins, limits, disks, ports, outputs"
 
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add both commands."""
-    from opir_http.arguments import add_address, add_arguments
+    """Add the three commands."""
+    from opir_http.arguments import add_address, add_arguments, add_examined
 
     parser = commands.add_parser("serve", help=_SUMMARY)
     add_arguments(parser)
@@ -21,6 +22,9 @@ def opir_add_commands(commands: Any) -> None:
     view.add_argument("run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)")
     add_address(view)
     view.set_defaults(run=_view)
+    doctor = commands.add_parser("doctor", help=_DOCTOR)
+    add_examined(doctor)
+    doctor.set_defaults(run=_doctor)
 
 
 def _serve(arguments: argparse.Namespace) -> int:
@@ -33,3 +37,9 @@ def _view(arguments: argparse.Namespace) -> int:
     from opir_http.viewing import view
 
     return view(arguments)
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from opir_http.doctor import doctor
+
+    return doctor(arguments)

@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from opir_core.cli.doctor import plugins
+import pytest
+
+doctor = pytest.importorskip("opir_http.doctor", reason="needs opir-http")
 
 COMMANDS = """
 @hookimpl
@@ -12,7 +14,7 @@ def opir_add_commands(commands):
 
 
 def clashes() -> list[str]:
-    return [found.text for found in plugins() if found.state == "warn"]
+    return [found.text for found in doctor.plugins() if found.state == "warn"]
 
 
 def test_a_component_of_two_plugins_is_reported_with_both(shop: Any, trackers: Any) -> None:

@@ -20,14 +20,12 @@ from pathlib import Path
 
 from attrs import asdict, frozen
 
-from opir_core._version import __version__
-from opir_core.cli.terminal import table
+from opir_core import Host, __version__, load_scene
+from opir_core.cli import table
 from opir_core.errors import OpirError, reason_of
-from opir_core.host.error_messages import PACKAGES, Search, contested
-from opir_core.host.host import Host
-from opir_core.output.sink_thread import WITHOUT_SPOOL
-from opir_core.reading import load_scene
-from opir_core.scene.scene import Choice
+from opir_core.host import PACKAGES, Search, contested
+from opir_core.output import WITHOUT_SPOOL
+from opir_core.scene import Choice
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 
@@ -39,7 +37,6 @@ _GIB = 1 << 30
 _LEAST_FREE = _GIB
 #: Files and sockets that a service with a few hundred viewers holds open.
 _FILES = 1024
-_PORT = 8000
 #: Earliest plausible time of day, s since 1970: that of this release. A machine without a clock starts in 1970.
 _RELEASED_S = 1_790_000_000.0
 
@@ -54,13 +51,6 @@ class Finding:
     area: str
     state: str
     text: str
-
-
-def doctor_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene, the port and the output format."""
-    parser.add_argument("scene", metavar="SCENE", nargs="?", help="a scene whose outputs are examined too")
-    parser.add_argument("--port", type=int, default=_PORT, help=f"the port of `opir serve` to try (default {_PORT})")
-    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def doctor(arguments: argparse.Namespace) -> int:

@@ -82,7 +82,7 @@ def test_a_full_spool_is_reported(capsys: pytest.CaptureFixture[str], tmp_path: 
 def test_a_plugin_that_is_missing_is_reported(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("OPIR_PLUGINS", "dsp,no-such-plugin")
+    monkeypatch.setenv("OPIR_PLUGINS", "dsp,http,no-such-plugin")
     _, found = findings(capsys)
     assert any(state == "warn" and "no-such-plugin" in text for state, text in found["plugins"])
 
