@@ -120,7 +120,7 @@ def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
     text, settings = (
         io.StringIO(),
-        {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,paper,readers,report,studies,testing"},
+        {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing"},
     )
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])

@@ -21,7 +21,6 @@ COMMANDS = {
     "explain": ("explain", "show what a scene computes, and what it skips and why"),
     "plugins": ("components", "list the installed plugins and their components"),
     "describe": ("components", "show the settings of a component: units, ranges, defaults, sources"),
-    "spool": ("spool", "check the spool of an output, or salvage a damaged one"),
     "schema": ("schema", "print the JSON Schema of an event"),
     "completion": ("completion", "print a completion script for a shell"),
 }

@@ -31,7 +31,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     ),
     "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
     "opir-http": ("commands.doctor", "commands.serve", "commands.view"),
-    "opir-kafka": ("sinks.kafka",),
+    "opir-kafka": ("commands.spool", "sinks.kafka"),
     "opir-leo": (
         *("constellations.LEO-MEDIUM", "constellations.LEO-WIDE"),
         *("sensor_models.LEO-MEDIUM", "sensor_models.LEO-WIDE"),

@@ -69,6 +69,12 @@ from opir_core.output.sink_thread import (
     WITHOUT_SPOOL as WITHOUT_SPOOL,
     SinkStatus as SinkStatus,
 )
+from opir_core.output.spool.salvage import (
+    Salvage as Salvage,
+    SpoolState as SpoolState,
+    salvage as salvage,
+    spool_state as spool_state,
+)
 from opir_core.output.temporary_files import (
     file_digest as file_digest,
 )

@@ -158,6 +158,7 @@ def test_a_command_that_is_none_is_told_all_that_are(capsys: pytest.CaptureFixtu
     [
         (("serve", "scene.yaml"), "opir-http"),
         (("doctor",), "opir-http"),
+        (("spool", "check", "events.spool"), "opir-kafka"),
         (("score", "events.jsonl"), "opir-scoring"),
         ((*RUN, "--sink", "kafka"), "opir-kafka"),
         ((*RUN, "--tracker", "imm"), "opir-trackers"),

@@ -1,7 +1,7 @@
-"""The sink `kafka`: aiokafka is imported when the sink is built."""
+"""The sink `kafka`, and the command `opir spool`: aiokafka is imported when the sink is built."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from opir_core.plugin import SinkModel, hookimpl
 from opir_kafka.settings import KafkaConfig
@@ -26,3 +26,13 @@ def opir_sinks() -> Iterable[SinkModel]:
         config=KafkaConfig,
         build=_kafka,
     )
+
+
+@hookimpl
+def opir_add_commands(commands: Any) -> None:
+    """Add `opir spool`, for the spool of any output."""
+    from opir_kafka.spool import spool, spool_arguments
+
+    parser = commands.add_parser("spool", help="check the spool of an output, or salvage a damaged one")
+    spool_arguments(parser)
+    parser.set_defaults(run=spool)

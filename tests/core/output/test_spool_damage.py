@@ -1,7 +1,6 @@
 """Damaged spools are set aside whole, and what is whole of them is sent; a disk that fails follows `when_full`."""
 
 import errno
-import json
 import random
 import resource
 import shutil
@@ -18,7 +17,6 @@ from failing_disk import OPEN, READ, WRITE, WRITING, FailingDisk, can_fail
 from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, ids_of, window
 from waiting import until
 
-from opir_core.cli.main import main
 from opir_core.errors import SinkError
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
@@ -89,8 +87,8 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
     assert int.from_bytes(content[36:40], "big") > 1
     content[32:36] = b"\x7f\xff\xff\xff"
     path.write_bytes(content)
-    assert main(["spool", "check", str(path)]) == 5
-    assert spool_state(path).damaged == ()
+    state = spool_state(path)
+    assert (state.is_whole, state.damaged) == (False, ())
     salvaged = salvaged_at_start(path)
     assert salvaged is not None
     assert (salvaged.state.batches, salvaged.state.is_sound) == (BATCHES - 10, False)
@@ -169,24 +167,6 @@ def test_a_killed_salvage_is_begun_again_or_finished(
     whole = ids_of(window((BATCHES + 5) * ROWS))
     assert ids == whole[100:]
     assert told.delivered == 2400
-
-
-def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["spool", "check", str(spool)]) == 0
-    assert "2000 events in 20 batches are whole" in capsys.readouterr().out
-    flip_body(spool, 350, 1500)
-    assert main(["spool", "check", str(spool), "--json"]) == 5
-    told = json.loads(capsys.readouterr().out)
-    assert (told["whole"], told["damaged"], told["events"], told["lost_events"]) == (False, [4, 16], 1800, 200)
-    assert main(["spool", "salvage", str(spool)]) == 0
-    assert "1800 events are salvaged" in capsys.readouterr().out
-    assert main(["spool", "salvage", str(spool)]) == 0
-    assert "nothing was changed" in capsys.readouterr().out
-    assert main(["spool", "check", str(spool) + ".no"]) == 5
-    assert "there is no spool" in capsys.readouterr().err
-    (spool.parent / "text").write_text("text", encoding="utf-8")
-    assert main(["spool", "salvage", str(spool.parent / "text")]) == 5
-    assert "is not a spool" in capsys.readouterr().err
 
 
 def test_a_spool_in_use_is_not_salvaged(spool: Path) -> None:

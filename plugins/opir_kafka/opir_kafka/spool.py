@@ -7,7 +7,7 @@ from typing import Any
 
 from attrs import asdict
 
-from opir_core.output.spool.salvage import SpoolState, salvage, spool_state
+from opir_core.output import SpoolState, salvage, spool_state
 
 _DAMAGED = 5
 
