@@ -98,7 +98,7 @@ class CheckedSink(CheckedPart, Sink):
 
     @property
     def attempts(self) -> Any:
-        """How often it was tried in vain."""
+        """Number of failed attempts."""
         return self._part.attempts
 
     def retry(self) -> Any:
