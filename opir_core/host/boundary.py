@@ -42,8 +42,8 @@ def is_interruption(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread()
 
 
-#: The calls of components that have not returned, by thread, the innermost last: what names one, and when it began or
-#: the last call in it returned, in seconds of the monotonic clock.
+#: The calls of components that have not returned, by thread, the innermost last: a function that returns the name, and
+#: when the call began or the last call in it returned, in seconds of the monotonic clock.
 _CALLS: dict[int, list[tuple[Callable[[], str], float]]] = {}
 
 
@@ -57,7 +57,7 @@ def _end() -> None:
 
 
 def still_at_work() -> None:
-    """Let the time of the call of a component in which this thread is begin anew."""
+    """Restart the time of the innermost call of a component in this thread."""
     calls = _CALLS.get(threading.get_ident())
     if calls:
         calls[-1] = calls[-1][0], time.monotonic()
@@ -67,12 +67,13 @@ def still_at_work() -> None:
 
 def overdue_call(thread: int | None, after_s: float) -> str:
     """Return the call of a component that a thread has been in for longer than `after_s`, with its line; "" if none."""
-    calls = _CALLS.get(thread or 0)
-    duration_s = time.monotonic() - calls[-1][1] if calls else 0.0
-    if not calls or duration_s <= after_s:
+    # A copy: the thread goes on meanwhile, and its list may be empty at the next step.
+    latest = _CALLS.get(thread or 0, [])[-1:]
+    duration_s = time.monotonic() - latest[0][1] if latest else 0.0
+    if duration_s <= after_s:
         return ""
     place = place_of_thread(thread)
-    return f"{calls[-1][0]()} has not returned for {duration_s:.1f} s{f': in {place}' if place else ''}"
+    return f"{latest[0][0]()} has not returned for {duration_s:.1f} s{f': in {place}' if place else ''}"
 
 
 def place_of_thread(thread: int | None) -> str:

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from typing import Any
 
@@ -67,7 +67,7 @@ class Watchdog:
                 reason = f"the watchdog has failed: {type(error).__name__}: {error}"
             if not reason:
                 self.on_well()
-            elif self.on_stuck is not None:
+            elif self.on_stuck is not None and not self._stopping.is_set():
                 self.on_stuck(reason)
                 return
 
@@ -105,27 +105,26 @@ class OverdueError(Exception):
 
 
 class CallThread:
-    """A thread for calls that may not return; it is left alone then."""
+    """A thread for calls that may not return; it is left behind then, and ends after its last call."""
 
     def __init__(self) -> None:
-        self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]]] = queue.SimpleQueue()
+        self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any], bool]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="opir-call", daemon=True)
         self._thread.start()
 
-    def result(self, call: Callable[[], Any], within_s: float) -> Any:
+    def result(self, call: Callable[[], Any], within_s: float, *, is_last: bool = False) -> Any:
         """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
         answer: Future[Any] = Future()
-        self._calls.put((answer, call))
-        try:
-            return answer.result(within_s)
-        except TimeoutError:
-            if answer.done():
-                raise
-            raise OverdueError(place_of_thread(self._thread.ident)) from None
+        self._calls.put((answer, call, is_last))
+        for _ in range(int(-(-within_s // CHECK_S))):  # a pause of the process counts as one step, however long
+            if wait([answer], CHECK_S).done:
+                return answer.result()
+        raise OverdueError(place_of_thread(self._thread.ident))
 
     def _work(self) -> None:
-        while True:
-            answer, call = self._calls.get()
+        is_last = False
+        while not is_last:
+            answer, call, is_last = self._calls.get()
             try:
                 answer.set_result(call())
             except BaseException as error:

@@ -92,7 +92,7 @@ class Sink(PluginPart):
 
     @optional
     def attempts(self) -> int:
-        """How often it was tried in vain since something got through; callable from any thread."""
+        """Number of failed attempts since the last success; callable from any thread."""
         return 0
 
     def retry(self) -> bool:
@@ -153,7 +153,7 @@ class Transport(PluginPart):
 
     @optional
     def attempts(self) -> int:
-        """How often it was tried in vain since something got through."""
+        """Number of failed attempts since the last success."""
         return 0
 
     @optional

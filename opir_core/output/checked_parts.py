@@ -70,7 +70,8 @@ class CheckedSink(CheckedPart, Sink):
         if self._stuck:
             raise SinkError(self._stuck)
         try:
-            return self._thread.result(lambda: self._called(method, *given), self._within_s)
+            is_last = method == "close"
+            return self._thread.result(lambda: self._called(method, *given), self._within_s, is_last=is_last)
         except OverdueError as place:
             self._stuck = f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
         raise SinkError(self._stuck)
@@ -97,7 +98,7 @@ class CheckedSink(CheckedPart, Sink):
 
     @property
     def attempts(self) -> Any:
-        """How often it was tried in vain."""
+        """Number of failed attempts."""
         return self._part.attempts
 
     def retry(self) -> Any:

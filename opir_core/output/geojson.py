@@ -134,7 +134,7 @@ def _parts(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wid
 def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
     """Return whether a polygon may be written as it is: edges short in longitude, or cut already and read back.
 
-    An edge along the 180th meridian or along a pole tells a cut.
+    Edges along the 180th meridian or along a pole are cuts.
     """
     widest_deg, is_cut = 0.0, False
     for ring in polygon:

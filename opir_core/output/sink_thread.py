@@ -45,7 +45,7 @@ class SinkStatus:
     """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
 
     `error` is why the sink has failed or is parked, or, of an open one, why nothing gets through at the moment;
-    `attempts` is how often that was tried in vain since something got through.
+    `attempts` is the number of failed attempts since the last success.
     `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is the
     largest number of events by which the sink's own figures did not add up; the counts here do. `has_spool` is whether
     a file keeps what waits for the destination; otherwise it is lost with the process.

@@ -192,7 +192,7 @@ class GridRefiner:
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
         is_short = (stop - start) * UNIT_NS <= LEAST_SCANS * period_ns[pair]
         if is_short.all():
-            self._rows(pair[:1], scan[0, :1])  # any look: it tells the number of bands
+            self._rows(pair[:1], scan[0, :1])  # any look: its values have the number of bands
         pieces = Intervals(pair, scan, np.zeros_like(scan), np.full((2, len(pair)), np.nan))
         long = pieces.take(~is_short)
         long.row[::2] = self._rows(np.broadcast_to(long.pair, (3, len(long.pair))), long.scan[::2])

@@ -202,7 +202,7 @@ class CheckedTracker(Tracker):
 
 
 class EndingTracker(Tracker):
-    """A tracker that ends at its first error, which `on_error` is told: from then on nothing is associated."""
+    """A tracker that ends at its first error, which is reported to `on_error`; then nothing is associated any more."""
 
     def __init__(self, tracker: Tracker, on_error: Callable[[str], None]) -> None:
         self._tracker: Tracker | None = tracker

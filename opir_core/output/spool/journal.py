@@ -115,7 +115,7 @@ class Journal:
         self.waiting += len(batch)
         if self._syncs:
             self._unsynced_since_s = self._unsynced_since_s or time.monotonic()
-            with suppress(FullError):  # the batch is in the file; who sends it tells of the disk
+            with suppress(FullError):  # the batch is in the file; the sender tries again and reports the error
                 self.sync_if_due()
 
     def sync_if_due(self) -> None:

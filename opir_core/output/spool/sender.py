@@ -49,12 +49,13 @@ class Sender:
 
     @property
     def trouble(self) -> str | None:
-        """Why nothing gets through at the moment, or None: as the transport tells, or its `send` does not return."""
+        """Why nothing gets through at the moment, or None: the transport's reason, or a `send` that does not return."""
         return self._overdue(TROUBLED_S) or self.transport.trouble
 
     def _overdue(self, after_s: float) -> str | None:
         since_s = self._sending_since_s
-        duration_s = 0.0 if since_s is None else time.monotonic() - since_s
+        # A `send` that raised has ended, and the thread with it.
+        duration_s = 0.0 if since_s is None or not self._thread.is_alive() else time.monotonic() - since_s
         if duration_s <= after_s:
             return None
         place = place_of_thread(self._thread.ident)
@@ -93,12 +94,10 @@ class Sender:
         trouble = self.trouble
         wait_s = min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic()))
         try:
-            CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S)
+            CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True)
         except OverdueError as place:
-            words = (
-                f"{self.store.name}: close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in {place}"
-            )
-            self.error = self.error or SinkError(words)
+            words = f"close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in {place}"
+            self.error = self.error or SinkError(f"{self.store.name}: {words}")
         try:
             self._remove_acknowledged()
         except SinkError as error:

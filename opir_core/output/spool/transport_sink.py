@@ -82,7 +82,7 @@ class TransportSink(Sink):
 
     @property
     def attempts(self) -> int:
-        """How often the transport has tried in vain since something got through."""
+        """Number of failed attempts of the transport since the last success."""
         return self._sender.transport.attempts
 
     def retry(self) -> bool:

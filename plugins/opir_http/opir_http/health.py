@@ -52,7 +52,7 @@ class Backlogs:
 
     def reason(self, sink: SinkStatus) -> str:
         """Return why an output is not ready, or ""."""
-        tried = f" ({sink.attempts} attempts in vain)" if sink.attempts else ""
+        tried = f" (failed attempts: {sink.attempts})" if sink.attempts else ""
         if sink.state == "failed":
             return f"the sink {sink.path} has failed: {sink.error}"
         if sink.state == "parked":
@@ -73,8 +73,10 @@ class Backlogs:
         return rises >= _RISES
 
 
-#: A run that has stopped says so itself, at its end.
-_ENDED = "the run has stopped"
+#: The reason of a run that was stopped: the log is over then, for a run reports its own end.
+STOPPED = "the run has stopped"
+#: What changes in a reason that stays: its figures, but not the number in a path like outputs[0].
+_FIGURES = re.compile(r" \(failed attempts: \d+\)|(?<![\[\d.])\d[\d.]*")
 
 
 def log_health(health: Callable[[], Health], stopping: threading.Event) -> None:
@@ -82,10 +84,11 @@ def log_health(health: Callable[[], Health], stopping: threading.Event) -> None:
 
     def look() -> None:
         known: set[str] = set()
-        while not stopping.wait(LOOK_S):
-            reasons = {re.sub(r"[0-9.]+", "#", reason): reason for reason in health().reasons if reason != _ENDED}
-            for kind in reasons.keys() - known:
-                warn(f"not ready: {reasons[kind]}")
+        while not stopping.wait(LOOK_S) and STOPPED not in (found := health().reasons):
+            reasons = {_FIGURES.sub("", reason): reason for reason in found}
+            for kind, reason in reasons.items():
+                if kind not in known:
+                    warn(f"not ready: {reason}")
             if known and not reasons:
                 warn("ready again")
             known = set(reasons)

@@ -100,7 +100,7 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
         "queued_windows": "Windows in the queues of sinks",
         "unbalanced": "Events by which the own figures of sinks did not add up, at most",
         "busy_s": "Duration of the present call of sinks",
-        "attempts": "Attempts in vain, since something got through, of sinks",
+        "attempts": "Failed attempts of sinks since the last success",
     }
     for name, words in gauges.items():
         series = name.replace("busy_s", "busy_seconds")

@@ -126,7 +126,8 @@ class Service:
     def health(self, live: LiveStatus | None = None) -> Health:
         """Return the health of the service: the same for every route, the metrics and the log."""
         live, progress = live or self.run.status(), self.run.progress()
-        reasons = [] if live.state in ("running", "ended") else [f"the run has {live.state}"]
+        state = "the run is starting" if live.state == "starting" else f"the run has {live.state}"
+        reasons = [] if live.state in ("running", "ended") else [state]
         reasons += progress.delays
         if self.feed.error is not None:
             reasons.append(f"the stream has failed: {self.feed.error}")

@@ -66,11 +66,11 @@ def serve(arguments: argparse.Namespace) -> int:
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = Watchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     service.watchdog, stopping = watchdog.thread, threading.Event()
-    log_health(service.health, stopping)
     with bound_socket(arguments) as listening:
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
             service.run.start()
+        log_health(service.health, stopping)
         asked_at_s = None
         try:
             asked_at_s = asyncio.run(_served(service, (token, log), listening, arguments.host, watchdog.start))

@@ -1,5 +1,6 @@
 """The watchdog of commands: it names the call that does not return; and calls in a thread that may not."""
 
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -54,6 +55,23 @@ def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_
     assert overdue_call(thread, 0.3).startswith("outer: step")
 
 
+def test_a_call_may_return_while_it_is_looked_at(over: threading.Event, monkeypatch: pytest.MonkeyPatch) -> None:
+    thread = begun("short", over.wait)
+    until(lambda: overdue_call(thread, 0.0))
+    ended = next(each for each in threading.enumerate() if each.ident == thread)
+    clock = time.monotonic
+
+    def late() -> float:
+        if threading.get_ident() == ME and ended.is_alive():
+            over.set()
+            ended.join()
+        return clock()
+
+    monkeypatch.setattr("opir_core.host.boundary.time.monotonic", late)
+    assert overdue_call(thread, 0.0).startswith("short: step has not returned for ")
+    assert overdue_call(thread, 0.0) == ""
+
+
 def test_only_calls_of_the_thread_that_is_watched_end_it(over: threading.Event) -> None:
     reasons: list[str] = []
     begun("another", over.wait)
@@ -71,3 +89,20 @@ def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event)
         calls.result(lambda: 1 // 0, 60.0)
     with pytest.raises(OverdueError, match=r"test_overdue_calls\.py, line"):
         calls.result(lambda: over.wait(60.0), 0.1)
+
+
+def test_a_thread_for_calls_ends_after_the_last_one() -> None:
+    calls = CallThread()
+    assert calls.result(threading.get_ident, 60.0) == calls.result(threading.get_ident, 60.0, is_last=True)
+    until(lambda: not calls._thread.is_alive())
+
+
+def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event) -> None:
+    """A process that sleeps in a signal handler for longer than the limit, as one that was stopped, gets its answer."""
+    calls, main = CallThread(), signal.getsignal(signal.SIGALRM)
+    signal.signal(signal.SIGALRM, lambda *_: (time.sleep(2.5), over.set()))
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    try:
+        assert calls.result(lambda: over.wait(60.0), 2.0)
+    finally:
+        signal.signal(signal.SIGALRM, main)

@@ -61,8 +61,8 @@ def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
 @pytest.mark.parametrize(
     ("state", "told"),
     [
-        ("open", "the sink outputs[0] delivers nothing: no broker (3 attempts in vain)"),
-        ("parked", "the sink outputs[0] is refused and keeps its events: no broker (3 attempts in vain)"),
+        ("open", "the sink outputs[0] delivers nothing: no broker (failed attempts: 3)"),
+        ("parked", "the sink outputs[0] is refused and keeps its events: no broker (failed attempts: 3)"),
         ("failed", "the sink outputs[0] has failed: no broker"),
     ],
 )
@@ -89,3 +89,29 @@ def test_the_log_says_once_why_a_service_is_not_ready_and_when_it_is_again(
     until(lambda: len(looks) > 25)
     stopping.set()
     assert said == ["not ready: no cycle for 1.5 s", "ready again"]
+
+
+def test_the_log_has_each_output_once_whatever_its_figures_and_nothing_of_a_run_that_was_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(health, "LOOK_S", 0.01)
+    said, stopping = list[str](), threading.Event()
+    monkeypatch.setattr(health, "warn", said.append)
+    lost = "the sink outputs[{}].kafka delivers nothing: no broker{}"
+    looks = iter(
+        [
+            [lost.format(0, ""), lost.format(1, "")],
+            [lost.format(0, " (failed attempts: 3)"), lost.format(1, " (failed attempts: 12)")],
+            [health.STOPPED],
+        ]
+    )
+    threads = set(threading.enumerate())
+    health.log_health(lambda: health.Health.of(next(looks), [], 0.0, None), stopping)
+    until(lambda: set(threading.enumerate()) <= threads)
+    assert said == [f"not ready: {lost.format(number, '')}" for number in (0, 1)]
+
+
+def test_a_run_that_starts_says_so() -> None:
+    run: Any = RunWithBacklog()
+    run.status = lambda: SimpleNamespace(state="starting", sinks=(), cycle_age_s=0.0)
+    assert service.Service(run, HttpSettings()).health().reasons == ("the run is starting",)
