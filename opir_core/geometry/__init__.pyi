@@ -8,9 +8,6 @@ from opir_core.geometry.angles import (
     local_axes as local_axes,
     nadir_angle_rad as nadir_angle_rad,
 )
-from opir_core.geometry.celestial_frames import (
-    nutation_rad as nutation_rad,
-)
 from opir_core.geometry.crossings import (
     Crossings as Crossings,
     zero_crossings as zero_crossings,
