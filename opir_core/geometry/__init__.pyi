@@ -41,7 +41,6 @@ from opir_core.geometry.occlusion import (
 from opir_core.geometry.sphere import (
     AzimuthalEquidistant as AzimuthalEquidistant,
     great_circle_m as great_circle_m,
-    map_area_m2 as map_area_m2,
     unit_vectors as unit_vectors,
 )
 from opir_core.geometry.sun import (

@@ -72,7 +72,7 @@ def arguments(leading, trailing, seed=1):
 
 
 def test_every_public_function_is_tried_here():
-    elsewhere = {"geodesic_direct", "geodesic_inverse", "great_circle_m", "map_area_m2", "unit_vectors"}
+    elsewhere = {"geodesic_direct", "geodesic_inverse", "great_circle_m", "unit_vectors"}
     # Of components, of crossings, and with a time as a number: their own tests try them.
     elsewhere |= {"angle_between_rad", "components", "dot", "length", "vector", "zero_crossings"}
     elsewhere |= {"shadow_margins_rad", "sun_ecef_m"}
