@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
+from opir_trackers.filter.measurement_updates import measurement_update
 from opir_trackers.lines_of_sight import AngleMeasurements
 
 from opir_core.estimation import square_root, tangent_axes
@@ -62,7 +63,7 @@ def once_more(
     residual, slope = sights.residuals(taylor_positions(np.repeat(motion.taylor(point), len(sights), axis=0), weight))
     rows = (slope[:, :, None, :] * weight[:, None, :2, None]).reshape(-1, COAST)
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)[None]
-    upper, step, _ = square_root.measurement_update(root, np.sum(root * (mean - point)[:, None, :], axis=2), whole)
+    upper, step, _ = measurement_update(root, np.sum(root * (mean - point)[:, None, :], axis=2), whole)
     return point + step, upper
 
 

@@ -53,9 +53,6 @@ from opir_core.flight.propagation import (
     impact_states_eci as impact_states_eci,
     propagate as propagate,
 )
-from opir_core.geometry.celestial_frames import (
-    ecef_state as ecef_state,
-)
 from opir_core.scene.target_classes import (
     BoostProfile as BoostProfile,
 )

@@ -8,9 +8,6 @@ from opir_core.geometry.angles import (
     local_axes as local_axes,
     nadir_angle_rad as nadir_angle_rad,
 )
-from opir_core.geometry.celestial_frames import (
-    nutation_rad as nutation_rad,
-)
 from opir_core.geometry.crossings import (
     Crossings as Crossings,
     zero_crossings as zero_crossings,
@@ -44,7 +41,6 @@ from opir_core.geometry.occlusion import (
 from opir_core.geometry.sphere import (
     AzimuthalEquidistant as AzimuthalEquidistant,
     great_circle_m as great_circle_m,
-    map_area_m2 as map_area_m2,
     unit_vectors as unit_vectors,
 )
 from opir_core.geometry.sun import (

@@ -75,15 +75,3 @@ class AzimuthalEquidistant:
         ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
         unit = (point * ratio[:, None]) @ self.axes[:2] + np.cos(angle)[:, None] * self.axes[2]
         return np.stack([np.arcsin(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)
-
-
-def map_area_m2(ring: FloatArray) -> float:
-    """Return the area on the sphere, m², of a closed ring (k, 2) of points of an azimuthal equidistant map.
-
-    Each triangle of the map's centre and an edge counts as a sector of the sphere does beside one of the plane.
-    """
-    x, y = ring.T
-    most = (np.pi * EARTH_EQUATORIAL_RADIUS_M) ** 2
-    square = np.minimum(0.5 * (x[:-1] ** 2 + y[:-1] ** 2 + x[1:] ** 2 + y[1:] ** 2), most)
-    share = np.square(np.sinc(0.5 * np.sqrt(square) / EARTH_EQUATORIAL_RADIUS_M / np.pi))
-    return abs(0.5 * float(np.sum((x[:-1] * y[1:] - x[1:] * y[:-1]) * share)))

@@ -3,9 +3,9 @@
 import erfa
 import numpy as np
 import pytest
+from opir_readers.celestial_frames import ecef_state, nutation_rad
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry.celestial_frames import ecef_state
 
 YEARS = (1970, 1985, 1999, 2016, 2026, 2050, 2099)
 
@@ -58,3 +58,11 @@ def test_states_of_itrf_are_taken_as_they_are():
     taken = ecef_state("ITRF", position, velocity, 0, np.zeros(3))
     assert taken[0] is position
     assert taken[1] is velocity
+
+
+def test_nutation_of_times_of_any_shape_is_that_of_each():
+    times = np.random.default_rng(5).uniform(-0.3, 1.0, (2, 3, 4))
+    whole = np.stack(nutation_rad(times), axis=-1)
+    assert whole.shape == (2, 3, 4, 3)
+    for place in np.ndindex(times.shape):
+        assert np.array_equal(whole[place], np.stack(nutation_rad(times[place])))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from astropy.time import Time
 from oem import OrbitEphemerisMessage
+from opir_readers.celestial_frames import ecef_state
 from opir_readers.oem_table import oem_table
 
-from opir_core.geometry.celestial_frames import ecef_state
 from opir_core.plugin import BadFileError
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")

@@ -21,7 +21,7 @@ LONGEST_FUNCTION = 40
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "misc"}
 
 #: Lines of the core: the number only falls. A feature that needs more moves something out.
-CORE_LINES = 35_100
+CORE_LINES = 34_900
 
 #: Modules that may lie flat in the core.
 FLAT = {"__init__", "__main__", "_version", "arrays", "constants", "doors", "errors"}

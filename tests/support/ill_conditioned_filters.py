@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
+from opir_trackers.filter.measurement_updates import measurement_update
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.lines_of_sight import AngleMeasurements
 
@@ -149,7 +150,7 @@ def one_more(
     rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(2 * len(sights), motion.size)
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
     owed = (root[0] @ (before - point)[0])[None]
-    after, step, _ = square_root.measurement_update(root, owed, whole[None])
+    after, step, _ = measurement_update(root, owed, whole[None])
     return point + step, after, np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1)
 
 

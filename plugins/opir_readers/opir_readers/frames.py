@@ -1,4 +1,4 @@
-"""States in the frames that ephemerides are written in, to ECEF: those of the core, and frames frozen at an epoch.
+"""States in the frames that ephemerides are written in, to ECEF, and frames frozen at an epoch.
 
 Polar motion is left out and UTC taken for UT1, as everywhere in opir: the first is below 0.6 arcseconds, the second
 below 0.9 s of the Earth's rotation.
@@ -7,8 +7,7 @@ below 0.9 s of the Earth's rotation.
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.flight import ecef_state
-from opir_core.geometry import nutation_rad
+from opir_readers.celestial_frames import ecef_state, nutation_rad
 
 #: What ephemerides call the frames, in capitals, and what they are here. ICRF and GCRF differ from EME2000 by 0.02
 #: arcseconds.

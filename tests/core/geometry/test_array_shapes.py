@@ -24,7 +24,6 @@ from opir_core.geometry import (
     line_of_sight,
     local_axes,
     nadir_angle_rad,
-    nutation_rad,
     sun_position_ecef_m,
     sun_position_eci_m,
     sun_position_of_date_m,
@@ -50,7 +49,6 @@ FUNCTIONS = {
     "intersection_with_ellipsoid": (intersection_with_ellipsoid, [(3,), (3,), ()]),
     "is_occluded": (is_occluded, [(3,), (3,), ()]),
     "is_sunlit": (is_sunlit, [(3,), (3,)]),
-    "nutation_rad": (lambda t: np.stack(nutation_rad(t), axis=-1), [()]),
     "julian_date": (lambda time: julian_date(EPOCH, time), [()]),
     "line_of_sight": (line_of_sight, [(3,), (), ()]),
     "local_axes": (local_axes, [(3,)]),
@@ -74,7 +72,7 @@ def arguments(leading, trailing, seed=1):
 
 
 def test_every_public_function_is_tried_here():
-    elsewhere = {"geodesic_direct", "geodesic_inverse", "great_circle_m", "map_area_m2", "unit_vectors"}
+    elsewhere = {"geodesic_direct", "geodesic_inverse", "great_circle_m", "unit_vectors"}
     # Of components, of crossings, and with a time as a number: their own tests try them.
     elsewhere |= {"angle_between_rad", "components", "dot", "length", "vector", "zero_crossings"}
     elsewhere |= {"shadow_margins_rad", "sun_ecef_m"}

@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import opir_photons.detection as detection
 import opir_scoring as scoring
+from opir_trackers.filter.measurement_updates import least_squares
 
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
@@ -175,7 +176,7 @@ def solution(rows, right):
 
 def _stack(rows, right):
     stack = np.concatenate([rows.reshape(-1, 6, 3), right[:, :, None]], axis=2)
-    return square_root.least_squares(stack)[1]
+    return least_squares(stack)[1]
 
 
 def _lines(rng, n):
@@ -381,7 +382,7 @@ CASES = (
         lambda p: np.array([sigmas(one) for one in p.tolist()]),
         lambda p: mp.sqrt(-2 * mp.log1p(-p)),
     ),
-    Case("estimation.square_root.least_squares", _lines, _stack, solution, share=0.2),
+    Case("trackers.least_squares", _lines, _stack, solution, share=0.2),
     Case(
         "estimation.square_root.inverse_root",
         _roots,

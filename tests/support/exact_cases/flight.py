@@ -363,7 +363,6 @@ LEFT_OUT = {
         **dict.fromkeys(("BoostPath", "ImpactReason", "ImpactStates"), "a record"),
         **dict.fromkeys(("ForceModel", "LOWEST_HEIGHT_M", "PROFILES_BY_TYPE"), "a type or a constant"),
         "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
-        "ecef_state": "an OEM state in other frames, held to other libraries (tests/against)",
         "forces_of": "looks a name up",
         **dict.fromkeys(("joined_burns_s", "plain_gaps_s"), "the times given, laid out otherwise"),
         **dict.fromkeys(("height_and_up", "height_m"), "through ecef_to_geodetic, to 2e-8 m (tests/core/flight)"),

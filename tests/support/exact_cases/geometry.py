@@ -421,12 +421,10 @@ BOUNDS = (
 LEFT_OUT = {
     **dict.fromkeys(("ASTRONOMICAL_UNIT_M", "SUN_RADIUS_M", "WGS84"), "a constant"),
     **dict.fromkeys(("components", "dot", "length", "vector"), "arithmetic of components, a few operations each"),
-    "AzimuthalEquidistant": "a map for drawing and areas; through map_area_m2 and unit_vectors (tests/core/geometry)",
+    "AzimuthalEquidistant": "a map for drawing and areas; against geographiclib (tests/core/geometry)",
     "Crossings": "a record",
-    "nutation_rad": "a series of stated accuracy (tests/against/test_against_astropy_frames.py)",
     "angle_between_rad": "through nadir_angle_rad",
     "great_circle_m": "a distance on the sphere, for maps (tests/core/geometry)",
-    "map_area_m2": "an area for maps (tests/core/geometry)",
     "shadow_margins_rad": "through is_sunlit and sunlit_fraction",
     "sun_ecef_m": "through sun_position_ecef_m",
     "unit_vectors": "places on the unit sphere, for maps (tests/core/geometry)",

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_readers import ecef_state
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.flight import ecef_state
 from opir_core.output import OutputFiles
 from opir_core.plugin import Detections
 from opir_export.ccsds.keyword_values import block, header, time_texts

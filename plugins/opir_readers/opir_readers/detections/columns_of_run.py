@@ -11,10 +11,10 @@ from attrs import frozen
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
-from opir_core.flight import ecef_state
 from opir_core.geometry import line_of_sight
 from opir_core.plugin import BadFileError, Sensor
 from opir_core.random_streams import id_key, uuid8_words
+from opir_readers.celestial_frames import ecef_state
 from opir_readers.detections.numbers import finite, number_of_row, place_of, shown, vector_of_row
 from opir_readers.detections.times import unix_ns
 from opir_readers.detections.truth import truth_of

@@ -22,6 +22,7 @@ from opir_core.estimation import COAST, dot, matvec, square_root
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import BURN_SHARE, in_parts
 from opir_trackers.filter.iterated_update import Mode, Updated
+from opir_trackers.filter.measurement_updates import information_root, moment_matched
 from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
 
 #: Means (n, 3, d), information roots (n, 3, d, d) and probabilities (n, 3) of steady burn, staging and free.
@@ -304,7 +305,7 @@ class BurnModes:
         share[:, 1] += begins
         into /= share[:, 1:2]
         first = stage.begun(mean[:, 0], root[:, 0])
-        mean[:, 1], root[:, 1] = square_root.moment_matched(into, (first[0], mean[:, 1]), (first[1], root[:, 1]))
+        mean[:, 1], root[:, 1] = moment_matched(into, (first[0], mean[:, 1]), (first[1], root[:, 1]))
         return mean, root, share
 
     def _end_free(self, mean: FloatArray, root: FloatArray, share: FloatArray, step_s: float) -> None:
@@ -318,7 +319,7 @@ class BurnModes:
         share[rows, 0] += ends
         share[rows, 2] -= ends
         into /= share[rows, :1]
-        mean[rows, 0], root[rows, 0] = square_root.moment_matched(
+        mean[rows, 0], root[rows, 0] = moment_matched(
             into, (mean[rows, 0], mean[rows, 2]), (root[rows, 0], root[rows, 2])
         )
 
@@ -338,7 +339,7 @@ def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatA
 
 def force_root(root: FloatArray) -> FloatArray:
     """Return the roots (n, 4, 4) of force and growth, whatever position and velocity, of burns (n, 10, 10)."""
-    return square_root.information_root(square_root.inverse_root(root)[:, COAST:])
+    return information_root(square_root.inverse_root(root)[:, COAST:])
 
 
 def moments(burns: Burns) -> Gaussian:
@@ -346,9 +347,9 @@ def moments(burns: Burns) -> Gaussian:
     mean, root, share = burns
     count = np.count_nonzero(share[:, 2])
     if not count:
-        return square_root.moment_matched(share[:, :2], (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
+        return moment_matched(share[:, :2], (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
     if count == len(share):
-        return square_root.moment_matched(share, tuple(mean.swapaxes(0, 1)), tuple(root.swapaxes(0, 1)))
+        return moment_matched(share, tuple(mean.swapaxes(0, 1)), tuple(root.swapaxes(0, 1)))
     whole, free = (np.empty_like(mean[:, 0]), np.empty_like(root[:, 0])), are_free(share)
     for rows in (free, ~free):
         whole[0][rows], whole[1][rows] = moments((mean[rows], root[rows], share[rows]))

@@ -12,6 +12,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.estimation import dot, square_root
 from opir_core.geometry import ecef_to_geodetic
+from opir_trackers.filter.measurement_updates import measurement_update
 
 #: Heights further below the ground than this, in standard deviations, count as this far: their density is rounding.
 _FARTHEST = -5.0
@@ -44,5 +45,5 @@ def _truncated(mean: FloatArray, root: FloatArray, height: FloatArray) -> tuple[
     rows = np.zeros((len(mean), 1, mean.shape[1] + 1))
     rows[:, 0, :3] = up / (sigma * np.sqrt(variance))[:, None]
     rows[:, 0, -1] = shift * (1.0 + variance) / np.sqrt(variance)
-    after, step, _ = square_root.measurement_update(root, np.zeros_like(mean), rows)
+    after, step, _ = measurement_update(root, np.zeros_like(mean), rows)
     return mean + step, after

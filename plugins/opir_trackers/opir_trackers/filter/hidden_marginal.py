@@ -8,6 +8,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.estimation import COAST, square_root
 from opir_trackers.filter.burn_modes import Gaussian
+from opir_trackers.filter.measurement_updates import information_root
 
 
 def replaced(
@@ -26,4 +27,4 @@ def replaced(
     gain = np.linalg.solve(seen @ seen.transpose(0, 2, 1), seen @ side.transpose(0, 2, 1)).transpose(0, 2, 1)
     after = mean + (gain @ (along[:, :, None] - rows @ mean[:, :, None]))[:, :, 0]
     wide = np.concatenate([side - gain @ seen, gain @ np.linalg.cholesky(covariance)], axis=2)
-    return after, square_root.information_root(wide)
+    return after, information_root(wide)

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import matvec, square_root, taylor_positions, taylor_weights
+from opir_core.estimation import matvec, taylor_positions, taylor_weights
 from opir_trackers.filter.dynamics import Dynamics
+from opir_trackers.filter.measurement_updates import least_squares, log_determinant_ratio
 from opir_trackers.lines_of_sight import AngleMeasurements, TangentPlanes
 
 #: Iteration stops once no measurement would change by more than this many standard deviations.
@@ -46,7 +47,7 @@ def updated(modes: Sequence[Mode], time_s: float, measurements: AngleMeasurement
             stack = slice_.stacked(mode, point, off, gain)
             if turn:
                 stack[:, : mode.mean.shape[1], -1] = matvec(mode.root, mode.mean - point)
-            upper, step, left = square_root.least_squares(stack)
+            upper, step, left = least_squares(stack)
             steps.append(step)
             after.append(Updated(point + step, upper, left))
         points = [result.mean for result in after]
@@ -57,7 +58,7 @@ def updated(modes: Sequence[Mode], time_s: float, measurements: AngleMeasurement
 
 def log_likelihoods(mode: Mode, after: Updated) -> FloatArray:
     """Return the log likelihoods (n,) of the measurements of an update."""
-    total: FloatArray = square_root.log_determinant_ratio(mode.root, after.root) - 0.5 * after.left
+    total: FloatArray = log_determinant_ratio(mode.root, after.root) - 0.5 * after.left
     return total
 
 

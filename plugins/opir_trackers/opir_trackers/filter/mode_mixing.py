@@ -23,6 +23,7 @@ from opir_core.estimation import COAST, matvec, square_root
 from opir_trackers.filter import burn_modes
 from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.measurement_updates import measurement_update, moment_matched
 
 #: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the root mean square of
 #: one component over the burns of the three classes' median profiles (1240 m/s), 0.75 times that at burnout (2700 m/s);
@@ -49,7 +50,7 @@ def with_velocity_prior(mean: FloatArray, root: FloatArray) -> tuple[FloatArray,
     rows = np.zeros((len(mean), 3, mean.shape[1] + 1))
     rows[:, :, 3:6] = axes.transpose(0, 2, 1) * inverse_sigma[:, :, None]
     rows[:, :, -1] = np.sum(rows[:, :, 3:6] * (ground - mean[:, 3:6])[:, None], axis=2)
-    after, step, _ = square_root.measurement_update(root, np.zeros_like(mean), rows)
+    after, step, _ = measurement_update(root, np.zeros_like(mean), rows)
     return mean + step, after
 
 
@@ -212,7 +213,7 @@ def _into_coast(estimates: ModeEstimates, share: FloatArray, scan_s: float) -> t
     burnt = coast_from_boost(estimates, scan_s)
     if not np.count_nonzero(share[:, 1]):
         return burnt
-    return square_root.moment_matched(share, (burnt[0], estimates.coast_mean), (burnt[1], estimates.coast_root))
+    return moment_matched(share, (burnt[0], estimates.coast_mean), (burnt[1], estimates.coast_root))
 
 
 def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -> tuple[Gaussian, Burns]:
@@ -223,7 +224,7 @@ def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -
     if modes.stage is not None:
         return relit(estimates, estimates.coast_mean, estimates.coast_root, modes)
     means, roots = (estimates.boost_mean, _extended_mean(estimates)), (estimates.boost_root, _extended_root(estimates))
-    lit = square_root.moment_matched(share, means, roots)
+    lit = moment_matched(share, means, roots)
     return lit, burn_modes.parts_of(lit)
 
 

@@ -17,7 +17,7 @@ from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry import AzimuthalEquidistant, map_area_m2, unit_vectors
+from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
 
@@ -285,3 +285,15 @@ def _on_earth(ring: FloatArray) -> FloatArray:
     share = np.minimum(1.0, _FARTHEST_M / np.maximum(far, 1.0))
     inside: FloatArray = ring * share[:, None]
     return inside
+
+
+def map_area_m2(ring: FloatArray) -> float:
+    """Return the area on the sphere, m², of a closed ring (k, 2) of points of an azimuthal equidistant map.
+
+    Each triangle of the map's centre and an edge counts as a sector of the sphere does beside one of the plane.
+    """
+    x, y = ring.T
+    most = (np.pi * EARTH_EQUATORIAL_RADIUS_M) ** 2
+    square = np.minimum(0.5 * (x[:-1] ** 2 + y[:-1] ** 2 + x[1:] ** 2 + y[1:] ** 2), most)
+    share = np.square(np.sinc(0.5 * np.sqrt(square) / EARTH_EQUATORIAL_RADIUS_M / np.pi))
+    return abs(0.5 * float(np.sum((x[:-1] * y[1:] - x[1:] * y[:-1]) * share)))

@@ -11,6 +11,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import COAST, square_root
 from opir_core.interfaces import Columns
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.measurement_updates import information_root
 
 
 @frozen(eq=False, repr=False)
@@ -67,7 +68,7 @@ def widened(estimates: ModeEstimates, added: FloatArray) -> ModeEstimates:
     side = np.zeros((len(added), estimates.boost_mean.shape[1], COAST))
     side[:, :COAST] = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
     boost, coast = (
-        square_root.information_root(np.concatenate([square_root.inverse_root(root), side[:, : root.shape[1]]], axis=2))
+        information_root(np.concatenate([square_root.inverse_root(root), side[:, : root.shape[1]]], axis=2))
         for root in (estimates.boost_root, estimates.coast_root)
     )
     means = estimates.boost_mean, boost, estimates.coast_mean, coast

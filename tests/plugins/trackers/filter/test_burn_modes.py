@@ -101,7 +101,7 @@ def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
 
 def _seen(mode, place_m, sigma_m):
     """Return a mode after a measured position."""
-    from opir_core.estimation.square_root import least_squares
+    from opir_trackers.filter.measurement_updates import least_squares
 
     size = mode.mean.shape[1]
     stack = np.zeros((len(mode.mean), size + 3, size + 1))

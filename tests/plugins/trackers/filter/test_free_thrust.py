@@ -7,9 +7,10 @@ from opir_trackers.filter.burn_modes import BurnModes, FreeBurn, NewStage
 from opir_trackers.filter.estimates import BURN_SHARE, in_parts
 from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.iterated_update import Updated, log_likelihoods
+from opir_trackers.filter.measurement_updates import least_squares
 from opir_trackers.filter.thrust import Thrust
 
-from opir_core.estimation.square_root import covariance, least_squares
+from opir_core.estimation.square_root import covariance
 from opir_core.flight.forces import Forces, ZonalField
 
 #: A sphere of next to no mass: what is left is the force.

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from opir_trackers.filter.hidden_marginal import replaced
+from opir_trackers.filter.measurement_updates import information_root
 
-from opir_core.estimation.square_root import covariance, information_root
+from opir_core.estimation.square_root import covariance
 
 SIZE = 10
 

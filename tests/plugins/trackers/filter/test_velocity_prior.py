@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from opir_scoring.containments import nees
 from opir_scoring.evidence import true_states_ecef
+from opir_trackers.filter.measurement_updates import information_root
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity, with_velocity_prior
 
 import opir_core as opir
@@ -33,7 +34,7 @@ def test_what_goes_with_a_velocity_goes_with_it() -> None:
     side = rng.normal(size=(6, 6)) * np.repeat([1e4, 4000.0], 3)[:, None]
     covariance = side @ side.T
     mean = np.concatenate([[7e6, 0.0, 0.0], rng.normal(size=3) * 3000.0])
-    after, root = with_velocity_prior(mean[None], square_root.information_root(side[None]))
+    after, root = with_velocity_prior(mean[None], information_root(side[None]))
     variance, axes = np.linalg.eigh(covariance[3:, 3:])
     for long in np.flatnonzero(variance > SPEED_SIGMA_M_S**2):
         row = np.concatenate([np.zeros(3), axes[:, long]])

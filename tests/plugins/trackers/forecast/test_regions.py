@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.regions import regions
+from opir_trackers.forecast.regions import map_area_m2, regions
 
 from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
@@ -124,3 +124,11 @@ def test_regions_of_few_points_hold_what_is_none_of_them() -> None:
     share = np.mean(held, axis=(0, 1))
     # Three standard errors of 60 sets of points. With points in their own kernels it would be 0.35, 0.81 and 0.86.
     assert share == pytest.approx([0.5, 0.9, 0.95], abs=0.05)
+
+
+@pytest.mark.parametrize("radius_deg", [0.01, 5.0, 60.0, 120.0])
+def test_areas_of_circles_are_those_of_caps(radius_deg: float) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 721)
+    ring = np.radians(radius_deg) * RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    cap_m2 = 2.0 * np.pi * RADIUS_M**2 * (1.0 - np.cos(np.radians(radius_deg)))
+    assert map_area_m2(ring) == pytest.approx(cap_m2, rel=1e-4)

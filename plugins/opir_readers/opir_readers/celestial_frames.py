@@ -6,7 +6,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry.frames import gmst_rad
+from opir_core.geometry import gmst_rad
 
 _ARCSECOND = np.pi / 648000.0
 _DEGREE = np.pi / 180.0

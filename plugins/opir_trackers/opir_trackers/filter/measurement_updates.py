@@ -1,0 +1,73 @@
+"""Measurement updates, mixtures and evidence of Gaussian estimates in the form of `opir_core.estimation.square_root`.
+
+All functions work on stacks (n, ...), one estimate each.
+"""
+
+from math import log, prod
+from typing import Any
+
+import numpy as np
+from scipy.linalg import lapack
+
+from opir_core.arrays import FloatArray
+from opir_core.estimation.square_root import inverse_root, triangular
+
+
+def information_root(side: FloatArray) -> FloatArray:
+    """Return R (n, d, d) for the covariance A Aᵀ, with A (n, d, m), m ≥ d, of full rank."""
+    upper = triangular(side.transpose(0, 2, 1))
+    return triangular(inverse_root(upper).transpose(0, 2, 1))
+
+
+def measurement_update(
+    root: FloatArray, owed: FloatArray, rows: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return R after a linear measurement, the step (n, d) to the new mean and the least sum of squares (n,).
+
+    `owed` (n, d) is R (prior mean - linearisation point); `rows` (n, m, d + 1) are whitened rows [H | residual] at that
+    point. The step starts at the linearisation point.
+    """
+    count, size = owed.shape
+    stack = np.empty((count, size + rows.shape[1], size + 1))
+    stack[:, :size, :size], stack[:, :size, size], stack[:, size:] = root, owed, rows
+    return least_squares(stack)
+
+
+def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return R (n, d, d), solutions (n, d) and least sums of squares (n,) of stacked rows (n, m, d + 1) [A | b]."""
+    size = stack.shape[2] - 1
+    factor = triangular(stack)
+    upper, right = factor[:, :size, :size], factor[:, :size, size:]
+    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(stack))
+    return upper, _solved(upper, right)[:, :, 0], left
+
+
+def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, d, k) of upper triangular systems."""
+    if len(upper) == 1:
+        lone, singular = lapack.dtrtrs(upper[0], right[0])
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return lone[None]
+    raw: Any = np.linalg.solve(upper, right)
+    return raw
+
+
+def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
+    """Return log |det R / det R'| (n,) of two sets of roots."""
+    if len(root) == 1:
+        own, others = prod(root[0].diagonal().tolist()), prod(other[0].diagonal().tolist())
+        return np.array([log(abs(own / others))])
+    ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
+    return np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
+
+
+def moment_matched(
+    weight: FloatArray, mean: tuple[FloatArray, ...], root: tuple[FloatArray, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment matching."""
+    center = sum((weight[:, [k]] * mean[k] for k in range(len(mean))), np.zeros_like(mean[0]))
+    scale = np.sqrt(weight)
+    sides = [inverse_root(root[k]) * scale[:, k, None, None] for k in range(len(mean))]
+    shifts = [((mean[k] - center) * scale[:, [k]])[:, :, None] for k in range(len(mean))]
+    return center, information_root(np.concatenate([*sides, *shifts], axis=2))
