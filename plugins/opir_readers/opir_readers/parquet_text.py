@@ -55,7 +55,7 @@ def _require_size(rows: int, columns: int) -> None:
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the columns that text can hold, NaN as a missing number, truth values as 1 and 0, vectors by parts, UUIDs."""
+    """Yield the columns that text can hold: NaN as a missing number, truth values as 1 and 0, vectors by parts."""
     import pyarrow
     from pyarrow import compute, types
 
@@ -70,11 +70,14 @@ def _columns(table: Any) -> Iterator[tuple[str, Any]]:
         elif types.is_boolean(kind):
             yield name, column.cast(pyarrow.int8())
         elif name in _VECTORS and (types.is_list(kind) or types.is_fixed_size_list(kind)):
-            for part, own in enumerate(_VECTORS[name]):
-                yield own, compute.list_element(column, part)
+            yield from zip(_VECTORS[name], (compute.list_element(column, part) for part in range(3)), strict=True)
         elif any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
             yield name, column
         elif types.is_fixed_size_binary(kind) and kind.byte_width == _UUID_BYTES:
-            yield name, pyarrow.array([each and str(UUID(bytes=each)) for each in column.to_pylist()], pyarrow.string())
+            yield name, pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
         elif types.is_timestamp(kind) or types.is_date(kind):
             yield name, column.cast(pyarrow.timestamp("ns", tz="UTC"))
+
+
+def _uuid_text(content: bytes | None) -> str | None:
+    return None if content is None else str(UUID(bytes=content))
