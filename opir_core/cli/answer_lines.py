@@ -61,10 +61,7 @@ def _seen(target: Row) -> str:
 
 
 def says_text(seen: Row, track: Row | None) -> str:
-    """Return what a target or source is, and who says so: its tracker if it has an answer, else the detections.
-
-    Of what was not detected, why not.
-    """
+    """Return what a target or source is by its tracker, else by its detections, or why it was not detected."""
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
         return f"tracker: {likeliest}"

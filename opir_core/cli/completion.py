@@ -12,6 +12,7 @@ def completion_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the shell."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
+        'needs shtab: pip install "opir-core[completion]"\n\n'
         'bash: eval "$(opir completion bash)" in ~/.bashrc\n'
         'zsh:  eval "$(opir completion zsh)" in ~/.zshrc, after compinit\n'
         "fish: opir completion fish > ~/.config/fish/completions/opir.fish"

@@ -19,6 +19,7 @@ from attrs import asdict
 from opir_core.cli.scene_arguments import add_dead_after, add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, listed, prints_on_standard_error, progress, table
 from opir_core.errors import Problem, SceneError
+from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
 from opir_core.host.watchdog import ended_if_stuck
@@ -91,17 +92,18 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
             workers=arguments.workers,
         )
-    _add_reasons(plan, outcome.summary)
+    if not arguments.quiet:
+        _add_reasons(plan, outcome.summary)
     return scene, outcome, files
 
 
 def _add_reasons(plan: Plan, summary: Mapping[str, Any]) -> None:
-    """Add why they were not to the rows of targets and sources that were never detected."""
+    """Add to the rows of targets and sources why they were never detected, None if they were."""
     number = {name: target for target, name in enumerate(plan.targets.ids)}
-    for kind in ("target", "source"):
-        for row in summary[f"{kind}s"]:
-            missed = not row["detections"]
-            row["undetected_because"] = undetected_text(plan, number[row[f"{kind}_id"]]) if missed else None
+    rows = [(row, row[f"{kind}_id"]) for kind in ("target", "source") for row in summary[f"{kind}s"]]
+    with PluginErrors(plan.host, plan.scene):
+        for row, name in rows:
+            row["undetected_because"] = None if row["detections"] else undetected_text(plan, number[name])
 
 
 @contextmanager

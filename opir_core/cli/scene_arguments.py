@@ -42,14 +42,14 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
 def add_dead_after(parser: argparse.ArgumentParser) -> None:
     """Add the time after which the watchdog ends the command."""
     words = f"end with exit code {STUCK} if one call of a component lasts so long (default {DEAD_AFTER_S:g} s)"
-    parser.add_argument("--dead-after", metavar="S", type=_seconds, default=DEAD_AFTER_S, help=words)
+    parser.add_argument("--dead-after", metavar="S", type=seconds, default=DEAD_AFTER_S, help=words)
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 < seconds < float("inf"):
+def seconds(text: str) -> float:
+    """Return a duration in s; argparse names this function in its message about another text."""
+    if not 0.0 < float(text) < float("inf"):
         raise ValueError(text)
-    return seconds
+    return float(text)
 
 
 def scene_of(

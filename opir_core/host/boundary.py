@@ -67,8 +67,7 @@ def still_at_work() -> None:
 
 def overdue_call(thread: int | None, after_s: float) -> str:
     """Return the call of a component that a thread has been in for longer than `after_s`, with its line; "" if none."""
-    # A copy: the thread goes on meanwhile, and its list may be empty at the next step.
-    latest = _CALLS.get(thread or 0, [])[-1:]
+    latest = _CALLS.get(thread or 0, [])[-1:]  # a copy: the thread goes on, and its list may be empty at the next step
     duration_s = time.monotonic() - latest[0][1] if latest else 0.0
     if duration_s <= after_s:
         return ""

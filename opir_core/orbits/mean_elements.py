@@ -56,7 +56,7 @@ _TLE_LENGTH = 69
 #: More turns a day than any orbit above the ground has.
 _MOST_TURNS_A_DAY = 18.0
 
-#: A larger drag term, by the Earth's radius, than that of any satellite: 0.14 days before it decays.
+#: A larger drag term, per Earth radius, than elements have: 1.2 on the day of a launch, hundreds where a sign is lost.
 _MOST_BSTAR = 10.0
 
 #: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day, km.

@@ -69,12 +69,12 @@ class CheckedSink(CheckedPart, Sink):
             return self._called(method, *given)
         if self._stuck:
             raise SinkError(self._stuck)
+        last = method == "close"
         try:
-            is_last = method == "close"
-            return self._thread.result(lambda: self._called(method, *given), self._within_s, is_last=is_last)
+            return self._thread.result(lambda: self._called(method, *given), self._within_s, is_last=last)
         except OverdueError as place:
             self._stuck = f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
-        raise SinkError(self._stuck)
+            raise SinkError(self._stuck) from None
 
     @property
     def waits(self) -> Any:

@@ -4,6 +4,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.host.boundary import still_at_work
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines, Visibility, distance_m
@@ -58,6 +59,7 @@ class LookGeometry:
         self, pair: IntArray, scan: IntArray, *, with_geometry: bool = True, time_s: FloatArray | None = None
     ) -> Exposures:
         """Return the exposures of looks; `time_s` (n,) are their times, if known."""
+        still_at_work()  # windows are computed in blocks of looks: however many, each is a sign of life
         time_s = look_times_s(self.pairs, pair, scan) if time_s is None else time_s
         sensor, target = self.pairs.sensor[pair], self.pairs.target[pair]
         place = self.sightlines.place(pair, time_s)

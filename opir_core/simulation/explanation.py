@@ -124,9 +124,8 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
 def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
     """Return the figures of the focal planes by band, with the noise of looks in this scene; none without planes."""
     figures = getattr(plan.detection, "focal_plane_figures", None)
-    if figures is None:
-        return []
-    return list(figures(plan.sensors, few_looks(plan, np.flatnonzero(plan.pairs.looks > 0))[2]))
+    looking = np.flatnonzero(plan.pairs.looks > 0)
+    return [] if figures is None else list(figures(plan.sensors, few_looks(plan, looking)[2]))
 
 
 def _reporting(plan: Plan) -> list[Mapping[str, Any]]:

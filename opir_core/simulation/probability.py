@@ -78,9 +78,9 @@ def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolan
         return None
     from opir_core.simulation.interpolation import KnotCurves
 
-    of = model, plan.sightlines, plan.sensors
-    known, curves = plan.kept.get("curves", ((), None))
-    if curves is None or any(one is not other for one, other in zip(known, of, strict=True)):
+    made_of = model, plan.sightlines, plan.sensors
+    *kept_of, curves = plan.kept.get("curves", (None,) * 4)
+    if any(own is not kept for own, kept in zip(made_of, kept_of, strict=True)):
         curves = KnotCurves.of(geometry, model, model.probability_tolerance)
-        plan.kept["curves"] = of, curves
+        plan.kept["curves"] = *made_of, curves
     return curves.at_scans(geometry)

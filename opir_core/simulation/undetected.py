@@ -1,4 +1,4 @@
-"""Why a run detects a target or a source never, in words, from a few looks of its pairs."""
+"""Why a run never detects a target or a source, in words, from a few looks of its pairs."""
 
 import numpy as np
 
@@ -15,10 +15,10 @@ _REASONS = {
     Blocked.NEAR_THE_SUN: "the Sun is within the exclusion angle throughout the {part}",
 }
 
-#: Looks of a pair that stand for all.
+#: Looks of a pair that are evaluated, for all of them.
 _LOOKS = 16
 
-#: From this P_d of a look on a target is missed by chance.
+#: P_d of a look from which a target is missed by chance.
 _CHANCE = 0.01
 
 
@@ -37,7 +37,7 @@ def few_looks(plan: Plan, pair: IntArray) -> tuple[IntArray, IntArray, Exposures
 
 
 def undetected_text(plan: Plan, target: int) -> str:
-    """Return why a target or source, by its number, was never detected: by all sensors, or by the one that is nearest.
+    """Return why a target or source, by its number, was never detected: by all sensors, or by the best look of one.
 
     A detection model with signals says by how much they were too faint (`shortfall_text`).
     """
@@ -54,4 +54,5 @@ def undetected_text(plan: Plan, target: int) -> str:
     where = f"by {plan.sensors[looks.sensor[best]].id} at {looks.time_s[best]:.1f} s"
     if chances[best] < _CHANCE and hasattr(plan.detection, "shortfall_text"):
         return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
-    return f"by chance, in {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
+    why = "by chance, in" if chances[best] > 0.0 else "in"
+    return f"{why} {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"

@@ -47,10 +47,9 @@ class Store:
     @property
     def fault(self) -> str | None:
         """Why the spool's disk fails, or None."""
-        unwritten = self._unwritten or self._unsynced
-        if not unwritten:
-            return self._unread or None
-        return f"{self.name}: the spool {self._place} cannot be written: {unwritten}"
+        if unwritten := self._unwritten or self._unsynced:
+            return f"{self.name}: the spool {self._place} cannot be written: {unwritten}"
+        return self._unread or None
 
     def full(self, trouble: str | None) -> str:
         """Return that there is no room; `trouble` is the transport's."""

@@ -198,7 +198,7 @@ class KafkaTransport(Transport):
     async def _explained(self, sending: "asyncio.Future[Any]") -> None:
         """Wait for an acknowledgement; while there is none, connect now and then to see why.
 
-        aiokafka tells its log alone that a broker is gone or refuses a login, and tries ten times a second.
+        aiokafka only logs that a broker is gone or refuses a login, and tries ten times a second.
         """
         pause_s = _PATIENCE_S
         while not (await asyncio.wait([sending], timeout=pause_s))[0]:

@@ -19,6 +19,9 @@ from opir_paper.simulated import Simulated
 #: Section 2.4: range of the least intensity, m; its threshold is 5.
 _RANGE_M = 3.6e7
 
+#: Section 3.1: revolutions of DSP a minute.
+_DSP_RPM = 6.0
+
 _BANDS = {
     "DSP": "LWIR 8-12",
     "SBIRS-GEO": "SWIR 2.5-3, MWIR 4-5",
@@ -55,8 +58,10 @@ def intensities(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
 
 def stated(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
     """Yield the sensors' parameters (3.1 to 3.4, 6.3), which are the defaults of the packages."""
-    rpm = Simulated(*3 * (_heritage_period_s(),))
-    yield checked("3.1", "DSP: scan period of 6 revolutions a minute (preset heritage)", rounded("10"), 10.0, "s", rpm)
+    period_s = _heritage_period_s()
+    simulated = Simulated(period_s, period_s, period_s)
+    name = f"DSP: scan period of {_DSP_RPM:g} revolutions a minute (preset heritage)"
+    yield checked("3.1", name, rounded("10"), 60.0 / _DSP_RPM, "s", simulated)
     for number, (name, sensor) in enumerate(sensors.items(), 1):
         period_ms, probability = STATED[name]
         assert sensor.radiometer is not None

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
+from uuid import UUID
 
 from opir_core.plugin import BadFileError
 
@@ -11,6 +12,9 @@ MAGIC = b"PAR1"
 
 #: The most cells of a table: a small file may hold endless repetitions.
 _MOST_CELLS = 20_000_000
+
+#: The length of an id that is no text.
+_UUID_BYTES = 16
 
 #: Columns of vectors, and those of their parts.
 _VECTORS = {
@@ -51,7 +55,7 @@ def _require_size(rows: int, columns: int) -> None:
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the columns that text can hold: no NaN, which is a missing number; truths as 1 and 0; vectors by parts."""
+    """Yield the columns that text can hold: NaN as a missing number, truth values as 1 and 0, vectors by parts."""
     import pyarrow
     from pyarrow import compute, types
 
@@ -66,9 +70,14 @@ def _columns(table: Any) -> Iterator[tuple[str, Any]]:
         elif types.is_boolean(kind):
             yield name, column.cast(pyarrow.int8())
         elif name in _VECTORS and (types.is_list(kind) or types.is_fixed_size_list(kind)):
-            for part, own in enumerate(_VECTORS[name]):
-                yield own, compute.list_element(column, part)
+            yield from zip(_VECTORS[name], (compute.list_element(column, part) for part in range(3)), strict=True)
         elif any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
             yield name, column
+        elif types.is_fixed_size_binary(kind) and kind.byte_width == _UUID_BYTES:
+            yield name, pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
         elif types.is_timestamp(kind) or types.is_date(kind):
             yield name, column.cast(pyarrow.timestamp("ns", tz="UTC"))
+
+
+def _uuid_text(content: bytes | None) -> str | None:
+    return None if content is None else str(UUID(bytes=content))

@@ -5,10 +5,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
+from opir_testing.bench import bench_scene
 from waiting import until
 
-from opir_core.host.boundary import blamed_call, overdue_call
+import opir_core as opir
+from opir_core.host.boundary import PluginErrors, blamed_call, overdue_call
 from opir_core.host.watchdog import CallThread, OverdueError, ended_if_stuck
 
 ME = threading.get_ident()
@@ -70,6 +73,16 @@ def test_a_call_may_return_while_it_is_looked_at(over: threading.Event, monkeypa
     monkeypatch.setattr("opir_core.host.boundary.time.monotonic", late)
     assert overdue_call(thread, 0.0).startswith("short: step has not returned for ")
     assert overdue_call(thread, 0.0) == ""
+
+
+def test_each_block_of_looks_is_a_sign_of_life() -> None:
+    """A window of millions of looks may take longer than one call of a component."""
+    plan = opir.compile_plan(opir.scene_from_mapping(bench_scene()))
+    first = np.zeros(1, dtype=np.int64)
+    with PluginErrors(plan.host, plan.scene):
+        until(lambda: overdue_call(ME, 0.3))
+        plan.look_geometry().exposures(first, first)
+        assert overdue_call(ME, 0.3) == ""
 
 
 def test_only_calls_of_the_thread_that_is_watched_end_it(over: threading.Event) -> None:

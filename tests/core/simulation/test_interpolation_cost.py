@@ -67,7 +67,9 @@ class Counting:
     # A difference of frames bends signals, while a plume moves away from where it was, at a lag that is 10 s.
     [
         ("none", {}, STILL, 120),
-        ("none", {}, {}, 155),
+        # Without the two breakpoints of pitch-over 150. These add a piece of three knots, and one of 0.1 s, whose looks
+        # are evaluated: two, where the period is 50 ms.
+        ("none", {}, {}, 150 + 3 + 2),
         ("none", AIR, {}, 165),
         ("paper", {}, {}, 150),
         ("paper", AIR, {}, 150),

@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 import opir_core
 from opir_core.cli.main import main
-from opir_core.output.run_files import truth_records
+from opir_core.output.run_files import FILES_KEY, truth_records
 
 
 def texts(ids: Any) -> list[str]:
@@ -56,6 +56,31 @@ def test_a_run_with_columns_of_truth_is_read_back(tmp_path: Path) -> None:
             getattr(columns.truth, name), getattr(lines.truth, name), rtol=0.0, atol=1e-3, equal_nan=True
         )
     assert opir_core.load_run(tmp_path / "columns" / "events.truth.parquet").summary == columns.summary
+
+
+@pytest.mark.slow
+def test_files_with_ids_as_texts_are_read_as_those_with_bytes(tmp_path: Path) -> None:
+    """As opir wrote them before: the same columns, but texts of 36 characters, compressed."""
+    files = [tmp_path / "new" / name for name in ("events.parquet", "events.truth.parquet")]
+    older = tmp_path / "old"
+    for folder in (files[0].parent, older):
+        folder.mkdir()
+    words = ["--quiet", "--set", "duration_s=70", "--set", "tracker=none"]
+    assert main(["run", str(SCENE), *words, "--out", str(files[0]), "--truth", str(files[1])]) == 0
+    manifest = json.loads((files[0].parent / "events.manifest.json").read_text(encoding="utf-8"))
+    del manifest[FILES_KEY]  # digests of the files that are written anew here
+    (older / "events.manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    for path in files:
+        table = parquet.read_table(path)
+        column = table.column_names.index("detection_id")
+        table = table.set_column(column, "detection_id", pa.array(texts(table["detection_id"])))
+        parquet.write_table(table, older / path.name, compression="zstd")
+    new, old = (opir_core.load_run(folder / "events.parquet") for folder in (files[0].parent, older))
+    assert len(new.detections) == len(old.detections) > 1000
+    assert np.array_equal(new.detections.detection_id, old.detections.detection_id)
+    for name in ("target", "range_m"):
+        assert np.array_equal(getattr(new.truth, name), getattr(old.truth, name))
+    assert old.summary == new.summary
 
 
 def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from satellite_elements import OMM, OTHER, TLE, omm_texts
 
 from opir_core import compile_plan, scene_from_mapping
 from opir_core.errors import SceneError
@@ -13,38 +14,7 @@ from opir_core.host.discovery import Selection
 from opir_core.plugin import Host
 from opir_core.reading import scene_mapping
 
-TLE = """ISS (ZARYA)
-1 25544U 98067A   26091.50000000  .00000000  00000-0  11606-4 0  9991
-2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
-TWO
-1 25545U 98067B   26071.50000000  .00000000  00000-0  11606-4 0  9990
-2 25545  97.6416 247.4627 0006703 130.5360 325.0288 15.72125391563538
-"""
-OMM = {
-    "OBJECT_NAME": "ISS (ZARYA)",
-    "NORAD_CAT_ID": 25544,
-    "EPOCH": "2026-04-01T12:00:00",
-    "MEAN_MOTION": 15.72125391,
-    "ECCENTRICITY": 0.0006703,
-    "INCLINATION": 51.6416,
-    "RA_OF_ASC_NODE": 247.4627,
-    "ARG_OF_PERICENTER": 130.5360,
-    "MEAN_ANOMALY": 325.0288,
-    "BSTAR": 0.11606e-4,
-}
-OTHER = {**OMM, "OBJECT_NAME": "TWO", "NORAD_CAT_ID": 5, "INCLINATION": 97.0, "EPOCH": "2026-03-12T12:00:00"}
 SCENE = {"scene": "fleet", "epoch": "2026-04-01T12:00:00Z", "duration_s": 300}
-
-
-def omm_texts(rows):
-    """Return the same messages in each form."""
-    csv = "\n".join([",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)])
-    kvn = "\n".join("\n".join(["CCSDS_OMM_VERS = 2.0", *(f"{k} = {v}" for k, v in row.items())]) for row in rows)
-    tags = ("".join(f"<{k}>{v}</{k}>" for k, v in row.items()) for row in rows)
-    bodies = "".join(
-        f"<omm><body><segment><data><meanElements>{tag}</meanElements></data></segment></body></omm>" for tag in tags
-    )
-    return {"json": json.dumps(rows), "csv": csv, "kvn": kvn, "xml": f"<ndm>{bodies}</ndm>"}
 
 
 @pytest.fixture(autouse=True)

@@ -132,6 +132,8 @@ def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
         assert main(["run", str(folder / "scene.yaml"), "-q", "--out", str(path)]) == 0
     # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside it.
     own = track(path, folder / "sensors.yaml")
+    ids = [json.loads(line)["detection_id"] for line in (tmp_path / "tracked.jsonl").read_text().splitlines()]
+    assert ids == [row["detection_id"] for row in events_of(folder)]
     same(own, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=0.05)
 
 

@@ -52,7 +52,7 @@ export class Order {
   }
 
   // How many tracks are folded.
-  tell(count) {
+  showEarlier(count) {
     const text = `Earlier: ${count}`, button = byId("earlier");
     if (button.textContent !== text) button.textContent = text;
     button.disabled = count === 0 && !this.showsEarlier;

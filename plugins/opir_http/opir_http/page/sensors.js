@@ -1,7 +1,7 @@
 // The table of sensors: what each does, and what the tracker has found of its registration, noise and innovations.
 import { byId } from "/page/panels.js";
 
-const HONEST = [0.5, 2], MOST_OUTLIERS = 0.1, FAR = 3;
+const EXPECTED = [0.5, 2], MOST_OUTLIERS = 0.1, FAR = 3;
 // A bias that is known this well, rad, is one that a scene states not to be there.
 const LEAST_RAD = 5e-8;
 
@@ -23,7 +23,7 @@ export function lineOf(sensor) {
   const clock = health.clock_s === null ? "–" : health.clock_sigma_s === 0 ? "as stated" : `${(1e3 * health.clock_s).toFixed(0)} ± ${(1e3 * health.clock_sigma_s).toFixed(0)}`;
   const isBiased = health.bias_rad.some((value, axis) => value !== null && Math.abs(value) > FAR * health.bias_sigma_rad[axis]);
   const isLate = health.clock_s !== null && Math.abs(health.clock_s) > FAR * health.clock_sigma_s;
-  const isNoisy = health.innovations !== null && (health.innovations < HONEST[0] || health.innovations > HONEST[1]);
+  const isNoisy = health.innovations !== null && (health.innovations < EXPECTED[0] || health.innovations > EXPECTED[1]);
   return { cells: [...cells, bias(health), clock, figure(health.innovations, 2), figure(health.outlier_share, 2)], isOdd: isBiased || isLate || isNoisy || health.outlier_share > MOST_OUTLIERS };
 }
 

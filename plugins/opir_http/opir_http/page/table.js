@@ -42,7 +42,7 @@ export class TrackTable {
       if (order.isShown(report, timeS) || track.id === this.selected) lines.push({ id: track.id, report });
     }
     this.lines = order.sorted(lines, timeS);
-    order.tell(earlier);
+    order.showEarlier(earlier);
     this.table.setAttribute("aria-rowcount", String(this.lines.length + 1));
     this.none.hidden = this.lines.length > 0;
     this.measure();

@@ -282,8 +282,8 @@ class SnrDetection(DetectionProbability):
         if response.snr.max() >= threshold:
             return "rejected by the sensor's rule over bands"
         signal = float(response.probit[0]) + threshold
-        below = f"{threshold / signal:.2g} times below" if signal > _FAINT else "next to nothing of"
-        return f"at best {below} the threshold of {threshold:g} sigma"
+        times = f"{'at best' if signal > _FAINT else 'more than'} {threshold / max(signal, _FAINT):.3g} times"
+        return f"{times} below the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
         return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)

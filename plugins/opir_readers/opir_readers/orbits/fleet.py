@@ -38,7 +38,7 @@ class FleetFilter:
         return "by age" if self.most_age_days is not None and self._age_days(row) > self.most_age_days else ""
 
     def left_out_by_identity(self, row: Row) -> str:
-        """Return whether name or number leave a satellite out, which elements with errors have too; "" if neither."""
+        """Return "by name" or "by number" if that leaves a satellite out, with errors or not; else ""."""
         if self.name is not None and not fnmatch.fnmatchcase(omm_name(row).casefold(), self.name.casefold()):
             return "by name"
         number = number_of(row)

@@ -18,12 +18,13 @@ def satellites_of_file(
         text = file_text(path).text
         reader = reader_of(text, [each for each in readers if each.yields == "orbits"])
         rows = content_of(text, reader, {}, epoch_us)
-        why = Counter(chosen.left_out(row) for row in rows)
-        kept = latest([row for row in rows if not chosen.left_out(row)])
-        if not kept and "with errors" not in why:
-            left = ", ".join(f"{count} {reason}" for reason, count in why.items() if reason)
+        why = [chosen.left_out(row) for row in rows]
+        kept = latest([row for row, reason in zip(rows, why, strict=True) if not reason])
+        wrong = [row for row, reason in zip(rows, why, strict=True) if reason == "with errors"]
+        if not kept and not wrong:
+            left = ", ".join(f"{count} {reason}" for reason, count in Counter(why).items())
             raise BadFileError(f"no satellite is left of {len(rows)}; left out {left}")
-        _require_elements([*kept, *(row for row in rows if chosen.left_out(row) == "with errors")])
+        _require_elements([*kept, *wrong])
     except BadFileError as error:
         raise BadFileError(f"{path}: {error}") from error
     return list(satellites_of(kept))

@@ -63,6 +63,12 @@ def test_a_probability_without_signals_is_given_as_it_is() -> None:
     assert re.fullmatch(r"by chance, in 5\d\d looks: P_d at most 0.25, by S at [\d.]+ s", undetected_text(plan, 0))
 
 
+def test_no_chance_at_all_is_not_called_chance() -> None:
+    never = plan_of(detection="constant", classification="paper", sensor={"detection_probability": {"SRBM": 0.0}})
+    assert re.fullmatch(r"in 5\d\d looks: P_d at most 0, by S at [\d.]+ s", undetected_text(never, 0))
+    assert undetected_text(plan_of(1e-9), 0).startswith("more than 110 times below the threshold of 5.5 sigma, by S at")
+
+
 def test_a_veto_of_the_rule_over_bands_is_named() -> None:
     bounds = {"SWIR": [1e-9, 2e-9]}
     rule = {"spectral_discrimination": "dual-band-ratio", "plausible_ratios": bounds}
