@@ -282,7 +282,8 @@ class SnrDetection(DetectionProbability):
         if response.snr.max() >= threshold:
             return "rejected by the sensor's rule over bands"
         signal = float(response.probit[0]) + threshold
-        below = f"{threshold / signal:.2g} times below" if signal > _FAINT else "next to nothing of"
+        factor = threshold / max(signal, _FAINT)
+        below = f"{factor:.{2 if factor < 100.0 else 3}g} times below" if signal > _FAINT else "next to nothing of"
         return f"at best {below} the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
