@@ -153,9 +153,11 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
 def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
-    roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
+    # As if just detected: what is asked of tracks without any detection is nan.
+    first_s = np.zeros(len(number))
+    roster = evolve(TrackTable.fresh(number, 0.0, len(_SLOTS)), first_s=first_s, seen_s=first_s)
     prior = tracking.models.groups.prior
-    motion = MotionStatistics.fresh(bank.likelier_position_m, 0.0, np.zeros(len(bank)), prior)
+    motion = MotionStatistics.fresh(bank.likelier_position_m, 0.0, first_s, prior)
     return evolve(tracking.start(), estimates=bank, table=roster, motion=motion, next_number=len(bank))
 
 

@@ -126,7 +126,11 @@ _FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 
 
 class Fixes(NamedTuple):
-    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...)."""
+    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...).
+
+    The least squares of a single line are 0: as a difference they would be rounding errors, of some 100 where lines
+    have errors of metres.
+    """
 
     point: tuple[FloatArray, FloatArray, FloatArray]
     covariance: tuple[FloatArray, ...]
@@ -147,7 +151,8 @@ def fixes(table: FloatArray) -> Fixes:
     minors = first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     a, b, c, d, e, f = (minor * share for minor in minors)
     point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
-    return Fixes(point, (a, b, c, d, e, f), rest - point[0] * x - point[1] * y - point[2] * z)
+    misfit = np.where(table[..., 11] > 1.5, rest - point[0] * x - point[1] * y - point[2] * z, 0.0)
+    return Fixes(point, (a, b, c, d, e, f), misfit)
 
 
 def intersections(table: FloatArray) -> FloatArray:

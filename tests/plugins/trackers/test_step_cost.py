@@ -126,9 +126,10 @@ def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
 def test_new_impact_regions_take_few_calls() -> None:
     """They are due every five seconds. Particles are columns, not rows of a loop: 256 of them would take more.
 
-    The budget is a tenth above the count, as the numbers of burns and families vary with the flight.
+    The numbers of burns and families vary with the flight, and from a tick to the next: the first of these ticks, which
+    takes the most calls, builds polygons too, since the law of elevations leaves enough particles to say where.
     """
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
     renewed = calls[calls > 5000]
     assert len(renewed) == 5
-    assert max(renewed) <= 11_900
+    assert max(renewed) <= 12_900

@@ -282,7 +282,8 @@ class SnrDetection(DetectionProbability):
         if response.snr.max() >= threshold:
             return "rejected by the sensor's rule over bands"
         signal = float(response.probit[0]) + threshold
-        times = f"{'at best' if signal > _FAINT else 'more than'} {threshold / max(signal, _FAINT):.3g} times"
+        factor = threshold / max(signal, _FAINT)
+        times = f"{'at best' if signal > _FAINT else 'more than'} {factor:.{2 if factor < 100.0 else 3}g} times"
         return f"{times} below the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:

@@ -107,7 +107,7 @@ class StraightTrajectories(Trajectories):
     burnout_s: FloatArray
     start_ecef_m: FloatArray
     velocity_ecef_m_s: FloatArray
-    told: tuple[Mapping[str, Any], ...]
+    emitters_truth: tuple[Mapping[str, Any], ...]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of emitters (m,) at scene times (m,); nan when they do not shine."""
@@ -118,7 +118,7 @@ class StraightTrajectories(Trajectories):
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the truth of each source, its kind and start, as plain values."""
-        return self.told
+        return self.emitters_truth
 
 
 @frozen(eq=False)
@@ -204,7 +204,7 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
 
 
 def _sources(context: SourceContext, trajectories: StraightTrajectories, signatures: Signatures) -> Sources:
-    ids = tuple(f"{context.id}-{number}" for number in range(1, len(trajectories.told) + 1))
+    ids = tuple(f"{context.id}-{number}" for number in range(1, len(trajectories.emitters_truth) + 1))
     return EmitterSources(ids, trajectories, signatures)
 
 
@@ -226,7 +226,7 @@ def _trajectories(
         end_s = np.minimum(end_s, emitters["start_s"] + emitters["flash_s"])
     names = tuple(emitters.columns)
     rows = zip(*(emitters[name].tolist() for name in names), strict=True)
-    told = [
+    emitters_truth = [
         {"id": f"{context.id}-{number}", "type": kind, **dict(zip(names, row, strict=True))}
         for number, row in enumerate(rows, start=1)
     ]
@@ -236,7 +236,7 @@ def _trajectories(
         burnout_s=np.maximum(end_s, emitters["start_s"]),
         start_ecef_m=start,
         velocity_ecef_m_s=velocity,
-        told=tuple(told),
+        emitters_truth=tuple(emitters_truth),
     )
 
 

@@ -31,9 +31,9 @@ class ReportedTracks(NamedTuple):
     end: NDArray[np.uint8]
 
 
-def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
+def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
     """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
-    tracks = told.tracks
+    tracks = reported.tracks
     no_launch = np.flatnonzero(~launched)
     launch, covariance = tracks.launch, tracks.launch_covariance
     if len(no_launch):
@@ -49,7 +49,7 @@ def with_launches(told: ReportedTracks, found: LaunchForecasts, launched: BoolAr
         impact_regions=found.impact_regions,
         probability_burning=found.probability_burning,
         probability_relights=found.probability_relights,
-        end=np.where(told.end > 0, told.end, found.end).astype(np.uint8),
+        end=np.where(reported.end > 0, reported.end, found.end).astype(np.uint8),
     )
 
 

@@ -51,15 +51,15 @@ class ImmTracker(Tracker):
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        told = self._tracking.reported_tracks(self._now)
-        launched = told.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
-        found = self._forecaster.launch_forecasts(told.tracks, told.estimates, told.reports, launched)
-        glides = told.groups[:, LAUNCH] * found.given_launch[:, self._glides].sum(axis=1)
-        tracks = with_glides(with_launches(told, found, launched), told.estimates, glides)
+        reported = self._tracking.reported_tracks(self._now)
+        launched = reported.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        found = self._forecaster.launch_forecasts(reported.tracks, reported.estimates, reported.reports, launched)
+        glides = reported.groups[:, LAUNCH] * found.given_launch[:, self._glides].sum(axis=1)
+        tracks = with_glides(with_launches(reported, found, launched), reported.estimates, glides)
         if np.count_nonzero(found.end):
             # Nothing new can come of them.
             self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
-        return self._composition.composed(tracks, told.groups, found.given_launch)
+        return self._composition.composed(tracks, reported.groups, found.given_launch)
 
     def is_idle(self) -> bool:
         """Return whether there is neither a track nor a line of sight that may begin one."""

@@ -69,7 +69,7 @@ class ImmTracking:
         """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
         lines = self.lines_of_sight(detections) if cached is None else cached
         now = now if now.ended is None else evolve(now, ended=None)
-        is_idle = now.is_empty
+        is_idle, step_s = now.is_empty, tick_s - now.time_s
         if is_idle and not len(lines.time_s):
             return evolve(now, time_s=tick_s)
         reported = detections.reported_type.astype(np.int64)
@@ -78,11 +78,11 @@ class ImmTracking:
             idle = bisect_right(ends, lines.time_s.min())
             now, ends = evolve(now, time_s=[now.time_s, *ends][idle]), ends[idle:]
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
-            return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported)))
+            return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported), step_s))
         cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
         for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
             now = self._after_slice(now, end, lines.take(slice(first, last)), reported[first:last])
-        return self._standing(self._assessed(now))
+        return self._standing(self._assessed(now, step_s))
 
     def _after_slice(self, now: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray) -> TrackerState:
         """Return the state after a slice with lines of sight and their reported types (m,).
@@ -99,13 +99,13 @@ class ImmTracking:
             return then
         return renewed(then, models.view(then.registration), models.filter, models.config)
 
-    def _assessed(self, now: TrackerState) -> TrackerState:
-        """Return the state with the probabilities of what each track is."""
+    def _assessed(self, now: TrackerState, step_s: float) -> TrackerState:
+        """Return the state with the probabilities of what each track is, a tick of a length after the last one."""
         table, motion = now.table, now.motion
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self.models.longest(self.models.period_s, table)
-        motion = self.models.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s)
+        motion = self.models.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s, step_s)
         return now.after(now.time_s, now.estimates, table, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:

@@ -63,15 +63,25 @@ class GroupPosterior:
         return np.append(0.0, share / share.sum())
 
     def assessed(
-        self, statistics: MotionStatistics, time_s: float, first_s: FloatArray, seen_s: FloatArray, pause_s: FloatArray
+        self,
+        statistics: MotionStatistics,
+        time_s: float,
+        first_s: FloatArray,
+        seen_s: FloatArray,
+        pause_s: FloatArray,
+        step_s: float = 1.0,
     ) -> MotionStatistics:
-        """Return the statistics with new probabilities of the undecided tracks at a time.
+        """Return the statistics with new probabilities of the undecided tracks at a time, a step after the last one.
 
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s` (n,) the longest scan
-        period of the sensors that see the track. Lines that are not of one motion say nothing of it: these statistics
-        begin anew.
+        period of the sensors that see the track. What has been seen for long, still is, and is less probably a launch
+        than before the first line is assessed now and then. Lines that are not of one motion say nothing of it: these
+        statistics begin anew.
         """
-        open_ = self._due(statistics, time_s, first_s, seen_s, pause_s).nonzero()[0]
+        steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + step_s)
+        steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
+        rests = np.floor((time_s - first_s) / _AGAIN_S) == np.floor((time_s - step_s - first_s) / _AGAIN_S)
+        open_ = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
         if not len(open_):
             return statistics
         mine, pause_s = statistics.part(open_), pause_s[open_]
@@ -85,14 +95,6 @@ class GroupPosterior:
         decided[mixed] = False
         statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(mixed, time_s) if len(mixed) else statistics
-
-    def _due(
-        self, statistics: MotionStatistics, time_s: float, first_s: FloatArray, seen_s: FloatArray, pause_s: FloatArray
-    ) -> BoolArray:
-        """Return which undecided tracks (n,) are assessed: those seen for long, and still seen, now and then."""
-        steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + _STEP_S)
-        often = np.floor((time_s - first_s) / _AGAIN_S) == np.floor((time_s - _STEP_S - first_s) / _AGAIN_S)
-        return np.asarray(~statistics.is_decided & ~(steady & often))
 
     def probabilities(
         self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
@@ -114,9 +116,9 @@ class GroupPosterior:
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-#: Tracks first seen longer ago than this, s, are assessed again after the second time, s, if steps are of a second.
-#: What they are changes little by then.
-_YOUNG_S, _AGAIN_S, _STEP_S = 20.0, 5.0, 1.0
+#: What was first seen longer ago than this, s, and is less probably a launch than before is assessed again after the
+#: second time, s: fires, which are many. Slow launches are by then more probable: they are recognised no later for it.
+_YOUNG_S, _AGAIN_S = 20.0, 5.0
 
 
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:

@@ -77,7 +77,16 @@ def test_two_that_part_keep_their_lines_and_equivalent_lines_are_no_surer_than_l
     tracks, lines, seen, right = followed(place, speed, 0.8, 12, 1)
     assert np.linalg.norm(places_m(tracks) - (place + 12.0 * speed), axis=1).max() < 600.0
     assert right[8:].mean() > 0.97
-    told = np.bincount(lines.time_s.astype(np.int64), np.square(SIGMA_RAD / lines.sigma_rad))
-    assert (told <= seen * (1.0 + 1e-9)).all()
-    assert told[0] < 0.9 * seen[0], "a shared line counts for less"
-    assert told[11] > 0.99 * seen[11]
+    # In looks, by second: an equivalent line is of a few scans.
+    worth = np.bincount(lines.time_s.astype(np.int64), np.square(SIGMA_RAD / lines.sigma_rad))
+    assert (worth <= seen * (1.0 + 1e-9)).all()
+    assert worth[0] < 0.9 * seen[0], "a shared line counts for less"
+    assert worth[11] > 0.99 * seen[11]
+
+
+def test_a_track_that_begins_from_a_state_has_its_direction_rate_and_error() -> None:
+    tracks = begun(np.array([[5e4, -2e4]]), np.array([[700.0, -300.0]]))
+    later = tracks.predicted(2.0)
+    assert np.allclose(places_m(later), [[5e4 + 1400.0, -2e4 - 600.0]], atol=5.0)
+    assert np.sqrt(tracks.covariance[0, 0, 0]) * RANGE_M == pytest.approx(300.0, rel=0.01)
+    assert np.sqrt(tracks.covariance[0, 1, 1]) * RANGE_M == pytest.approx(30.0, rel=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 from opir_trackers.pairing import (
     Directions,
     SetModel,
@@ -81,6 +82,21 @@ def test_lines_cross_at_the_target_with_the_misfit_of_their_noise() -> None:
     truth = place[0] + np.arange(400)[:, None] * velocity[0]
     assert np.median(np.linalg.norm(point + centre - truth, axis=1)) < 500.0
     assert misfit.mean() == pytest.approx(3.0, abs=0.5)
+
+
+def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
+    """The least squares of one line alone are 0, and no rounding error of sums that cancel: those were some 60."""
+    rng = np.random.default_rng(12)
+    place, velocity = targets_m(40, 3e6, rng)
+    for row in range(len(place)):
+        directions, rows, sensor, _ = looked_at(place[[row]], 0.0 * velocity[[row]], 2, 1, rng)
+        exact = place[row] - directions.origin_ecef_m
+        exact /= np.linalg.norm(exact, axis=1)[:, None]
+        sharp = evolve(directions, direction_ecef=exact, sigma_rad=np.full(2, 3e-8))
+        table, centre = normal_equations(sharp, rows, 2, np.full(2, 3.5e7))
+        assert fixes(table).misfit.tolist() == [[0.0], [0.0]]
+        one, other = table[:1], table[1:]
+        assert SetModel(centre).may_be_one(one, other) == SetModel(centre).may_be_one(other, one)
 
 
 def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:

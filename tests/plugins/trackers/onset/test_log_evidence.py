@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_priors import MotionPriors
@@ -160,3 +161,30 @@ def test_lines_of_two_sources_say_nothing_of_a_motion():
     assert anew.lines.tolist() == [0.0]
     assert anew.epoch_s.tolist() == [6.0]
     assert not statistics_of(lines.take(slice(1, None)), PLACE, 0.0).are_unlike_any_motion().any()
+
+
+@pytest.mark.parametrize("step_s", [0.5, 1.0, 2.0, 5.0, 10.0])
+def test_a_fire_that_is_seen_for_long_is_assessed_every_five_seconds_or_every_step(step_s):
+    rng = np.random.default_rng(13)
+    lines = lines_to(np.tile(PLACE, (60, 1)), 0.5 * np.arange(60), rng.integers(0, 2, 60), rng)
+    posterior = GroupPosterior.of(HypothesesConfig(), np.full(2, 1.0), np.ones(2))
+    known = statistics_of(lines, PLACE, 0.0)
+    assessed = []
+    for tick_s in np.arange(25.3, 65.0, step_s):
+        stale = evolve(known, probability=np.full((1, 5), 0.2) * [[1.0, 4.0, 0.0, 0.0, 0.0]])
+        now = posterior.assessed(stale, tick_s, np.zeros(1), np.full(1, tick_s - 0.05), np.array([0.1]), step_s)
+        if now.probability is not stale.probability:
+            assessed.append(tick_s)
+    assert len(assessed) > 2
+    assert np.abs(np.diff(assessed) - max(5.0, step_s)).max() < step_s
+
+
+def test_a_launch_that_may_be_one_is_assessed_every_second():
+    rng = np.random.default_rng(14)
+    lines = lines_to(np.tile(PLACE, (60, 1)), 0.5 * np.arange(60), rng.integers(0, 2, 60), rng)
+    posterior = GroupPosterior.of(HypothesesConfig(), np.full(2, 1.0), np.ones(2))
+    known = statistics_of(lines, PLACE, 0.0)
+    for tick_s in np.arange(21.0, 25.0):
+        doubtful = evolve(known, probability=np.array([[0.0, 0.9, 0.0, 0.1, 0.0]]))
+        now = posterior.assessed(doubtful, tick_s, np.zeros(1), np.full(1, tick_s), np.array([0.1]))
+        assert now.probability[0, GROUND] > 0.99
