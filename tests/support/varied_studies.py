@@ -97,7 +97,9 @@ def written(folder: Path, name: str) -> Path:
     parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")
     definition = {
         "study_version": 1, "study": name, "scene": "s", "design": design, "vary": list(vary), "runs": RUNS,
-        "until": "", "figures": FIGURES, "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},
+        "until": "", "figures": FIGURES,
+        "bounds": {figure: [0.0, 1.0 if figure in ("warned", "tracked") else None] for figure in FIGURES},
+        "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},
         "designs": [{"design": number} for number in range(len(every))],
         "shown": ["latency_s", "position_rmse_m"], "notes": [],
         "requirements": [{"figure": "latency_s", "limit": 0.5, "is_least": False}],

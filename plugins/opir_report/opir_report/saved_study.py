@@ -1,13 +1,14 @@
 """A study as `opir sweep` wrote it: its definition, and a row per design and figure."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.output import FILES_KEY, file_digest, finish_interrupted
 from opir_report.figure_data import FigureData
@@ -73,20 +74,25 @@ class SavedStudy:
         return None
 
     def rows(self, figure: str) -> FigureData:
-        """Return the rows of a figure, one per design; raises `KeyError` for an unknown figure."""
+        """Return the rows of a figure, one per design, with the intervals of means cut at the figure's bounds.
+
+        Raises `KeyError` for an unknown figure.
+        """
         if figure not in self.units:
             raise KeyError(f"the study has no figure {figure!r}; it has {', '.join(self.units)}")
         rows = self.results.where(self.results["figure"] == figure)
-        low, high = self._bounds(figure, rows)
-        columns = {name: np.clip(rows[name], low, high) for name in ("low_95", "high_95")}
-        return FigureData({**rows.columns, **columns})
+        return self.cut(figure, rows)
 
-    def _bounds(self, figure: str, rows: FigureData) -> tuple[float, float]:
-        """Return the values between which a figure's mean lies: from 0 for what is never negative, to 1 for shares."""
-        values = np.array([rows[name] for name in ("mean", "q10", "q90")]) if len(rows) else np.empty(0)
-        known = values[np.isfinite(values)]
-        is_share = not self.units[figure] and bool(np.all(known <= 1.0))
-        return (0.0 if np.all(known >= 0.0) else -np.inf), (1.0 if is_share else np.inf)
+    def cut(self, figure: str, rows: FigureData) -> FigureData:
+        """Return rows with the intervals of a figure's means, `low_95` and `high_95`, cut at the figure's bounds."""
+        low, high = self.definition.get("bounds", {}).get(figure, (None, None))
+        ends = -np.inf if low is None else low, np.inf if high is None else high
+        return FigureData({**rows.columns, **{name: np.clip(rows[name], *ends) for name in ("low_95", "high_95")}})
+
+    def is_met(self, requirement: Mapping[str, Any]) -> BoolArray:
+        """Return whether the mean of each design meets a requirement; nan does not."""
+        mean, limit = self.rows(requirement["figure"])["mean"], requirement["limit"]
+        return np.asarray(mean >= limit if requirement["is_least"] else mean <= limit)
 
     def labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:
         """Return the values of what varies in rows (n,), `scan period 50 ms, tracker imm`; by default of all paths."""
@@ -167,12 +173,19 @@ def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
         "study": " and ".join(names),
         "vary": [STUDY, *first.paths],
         "figures": {name: first.units[name] for name in figures},
+        "bounds": {name: _shared_bounds(studies, name) for name in figures},
         "metrics": {
             metric: [each for each in own if each in figures] for metric, own in first.definition["metrics"].items()
         },
         "designs": [design for each in studies for design in each.definition["designs"]],
     }
     return SavedStudy(definition, _joined(parts, names, counts))
+
+
+def _shared_bounds(studies: Sequence[SavedStudy], figure: str) -> list[float | None]:
+    """Return the bounds of a figure that all studies have."""
+    own = [each.definition.get("bounds", {}).get(figure, (None, None)) for each in studies]
+    return [end if all(each[side] == end for each in own) else None for side, end in enumerate(own[0])]
 
 
 def _distinct(names: list[str]) -> list[str]:

@@ -101,7 +101,7 @@ def compared(
     # All scenes are read before the first run, so that errors in any of them appear at once.
     scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
-    scored = _scored_runs(tasks, list(scenes), (workers, dead_after_s), on_run)
+    scored = _scored_runs(tasks, list(scenes), workers, dead_after_s, on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
     paired = paired_figures({label: [row.run for row in own] for label, own in rows.items()}, settings)
     return Comparison({label: _card(own, settings) for label, own in rows.items()}, paired)
@@ -135,12 +135,13 @@ class _Task(NamedTuple):
 def _scored_runs(
     tasks: Sequence[_Task],
     labels: Sequence[str],
-    workers: tuple[int, float],
+    workers: int,
+    dead_after_s: float,
     on_run: Callable[[str, int], None],
 ) -> Sequence[_Scored]:
     """Return scored runs in the order of their tasks, made by an executor."""
-    count, runs = min(workers[0], len(tasks)), len(tasks) // len(labels)
-    executor = SerialExecutor() if count < 2 else ProcessesExecutor(count, workers[1])
+    workers, runs = min(workers, len(tasks)), len(tasks) // len(labels)
+    executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers, dead_after_s)
     found: dict[int, _Scored] = {}
     done = dict.fromkeys(labels, 0)
     try:
@@ -150,8 +151,10 @@ def _scored_runs(
             done[label] += 1
             on_run(label, done[label])
     except LostTasksError as error:
+        if error.reasons:
+            raise
         words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
-        raise error if error.reasons else OpirError(words) from error
+        raise OpirError(words) from error
     finally:
         executor.close()
     return [found[index] for index in range(len(tasks))]

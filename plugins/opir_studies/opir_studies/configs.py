@@ -64,18 +64,22 @@ def _moments_complaint(times: Any) -> str | None:
     return None if list(times) == sorted(set(times)) else "the times must increase"
 
 
+def _containment_percent(of: str) -> Any:
+    """Return the field of the containment of what a tracker reports; `_require_containment` checks it."""
+    words = f"containment of {of}: 50, 90 or 95"
+    return number(help=words, default=95.0, unit="%", minimum=50.0, maximum=95.0, source="convention")
+
+
+def _require_containment(percent: float) -> None:
+    if percent not in _CONTAINMENTS_PERCENT:
+        raise ValueError(f"containment_percent: {percent:g} is not 50, 90 or 95")
+
+
 @frozen(kw_only=True)
 class ImpactConfig:
     """The settings of the metric `impact_region`."""
 
-    containment_percent: float = number(
-        help="containment of the regions: 50, 90 or 95",
-        default=95.0,
-        unit="%",
-        minimum=50.0,
-        maximum=95.0,
-        source="convention",
-    )
+    containment_percent: float = _containment_percent("the regions")
     phases: tuple[str, ...] = nested(
         help="phases of the flight",
         default=("last estimate", "5 s after burnout", "75 % of burn"),
@@ -92,8 +96,7 @@ class ImpactConfig:
     )
 
     def __attrs_post_init__(self) -> None:
-        if self.containment_percent not in _CONTAINMENTS_PERCENT:
-            raise ValueError(f"containment_percent: {self.containment_percent:g} is not 50, 90 or 95")
+        _require_containment(self.containment_percent)
         if not self.phases and not self.times_s:
             raise ValueError("give phases or times_s")
 
@@ -123,15 +126,7 @@ class WarningConfig:
         above=0.0,
         source="notional",
     )
-    containment_percent: float = number(
-        help="containment of region and ellipse: 50, 90 or 95",
-        default=95.0,
-        unit="%",
-        minimum=50.0,
-        maximum=95.0,
-        source="convention",
-    )
+    containment_percent: float = _containment_percent("region and ellipse")
 
     def __attrs_post_init__(self) -> None:
-        if self.containment_percent not in _CONTAINMENTS_PERCENT:
-            raise ValueError(f"containment_percent: {self.containment_percent:g} is not 50, 90 or 95")
+        _require_containment(self.containment_percent)

@@ -96,6 +96,8 @@ class ProcessesExecutor:
     """
 
     def __init__(self, workers: int, dead_after_s: float = DEAD_AFTER_S) -> None:
+        if workers < 1:  # would wait for ever
+            raise ValueError(f"{workers} is not a number of workers; give 1 or more")
         self.workers, self.dead_after_s = workers, dead_after_s
         self._pool: ProcessPoolExecutor | None = None
         self._context = get_context("spawn")

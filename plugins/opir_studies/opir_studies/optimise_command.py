@@ -7,10 +7,9 @@ from pathlib import Path
 
 from opir_core.cli import grouped, table
 from opir_core.errors import Problem, SceneError
-from opir_core.host import ended_if_stuck
 from opir_studies.optimising import Optimised, best_row, optimise as best_of
 from opir_studies.requirements import Requirement
-from opir_studies.sweep_command import cell, shown_progress, study_of
+from opir_studies.sweep_command import cell, study_of, watched_runs
 
 #: The designs that are printed.
 _ROWS = 5
@@ -23,8 +22,7 @@ def optimise(arguments: argparse.Namespace) -> int:
         words = f"{arguments.evaluations} is not a number of designs; give 1 or more"
         raise SceneError([Problem("--evaluations", words)], source="command line")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-optimum")
-    is_shown = sys.stderr.isatty() and not arguments.quiet
-    with ended_if_stuck(arguments.dead_after), shown_progress(is_shown=is_shown) as on_progress:
+    with watched_runs(arguments, folder) as on_progress:
         found = best_of(
             study,
             folder,
@@ -45,7 +43,7 @@ def as_text(found: Optimised) -> str:
     objective = result.definition["objective"]
     requirements = [Requirement(**each) for each in result.definition["requirements"]]
     figures = list(dict.fromkeys([objective["figure"], *(each.figure for each in requirements)]))
-    rows = {name: result.rows(name) for name in figures}
+    rows = {name: result.shown_rows(name) for name in figures}
     sign = -1.0 if objective["is_largest"] else 1.0
 
     def rank(number: int) -> tuple[float, float]:

@@ -26,8 +26,8 @@ from opir_studies.runs import identity_of, run_key
 from opir_studies.study import Study
 from opir_studies.until import Until, until_of
 
-#: The most problems that one message lists.
-_MOST_PROBLEMS = 20
+#: The most problems that one message lists, and notes of a study.
+_MOST_PROBLEMS, _MOST_NOTES = 20, 3
 #: Metrics whose figures change when a burnout is recognised, and how long after it a scene should last, s: the phases
 #: of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time"}
@@ -91,8 +91,14 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     names, source = _numbered([choice.name for choice in choices]), f"study {study.study}"
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
-    told = tuple(dict.fromkeys(notes)) if set(names) & _OF_WHOLE_BURNS else ()
-    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, told)
+    shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
+    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown)
+
+
+def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a few of the notes on designs, and how many are left out."""
+    more = len(notes) - _MOST_NOTES
+    return notes if more <= 0 else (*notes[:_MOST_NOTES], f"{more} more designs have scenes that end too early")
 
 
 def _end_note(plan: Plan) -> str:

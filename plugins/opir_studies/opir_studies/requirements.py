@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import Problem, SceneError, nearest
 
 _FORM = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>|≤|≥)\s*(\S+)\s*")
@@ -28,7 +28,7 @@ class Requirement:
         missing = self.limit - mean if self.is_least else mean - self.limit
         return max(missing, 0.0) / (abs(self.limit) or 1.0)
 
-    def is_met(self, means: FloatArray) -> FloatArray:
+    def is_met(self, means: FloatArray) -> BoolArray:
         """Return whether means (n,) meet it; nan does not."""
         return np.array([self.violation(float(each)) == 0.0 for each in means])
 

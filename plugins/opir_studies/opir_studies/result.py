@@ -7,6 +7,7 @@ definition. Processor times are in `run_times.csv` alone, which differs from one
 import csv
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,11 @@ RESULTS, RESULTS_CSV, RUNS, DEFINITION, TIMES = (
     "run_times.csv",
 )
 _VERSION = 1
+#: How the names of figures begin that are shares of launches; others without a unit are counts, which may exceed 1.
+_SHARES = (
+    *("detected", "tracked", "completeness", "warned", "warning_contained"),
+    *("impact_contained", "impact_predicted"),
+)
 
 
 @frozen(eq=False)
@@ -65,6 +71,15 @@ class StudyResult:
         if figure not in self.units:
             raise KeyError(f"{figure}; there are {', '.join(self.units)}")
         return [row for row in self.table.to_pylist() if row["figure"] == figure]
+
+    def shown_rows(self, figure: str) -> list[dict[str, Any]]:
+        """Return the rows of a figure with the intervals of means cut at the figure's bounds, as tables show them."""
+        low, high = self.definition["bounds"][figure]
+        least, most = -math.inf if low is None else low, math.inf if high is None else high
+        return [
+            {**row, "low_95": max(row["low_95"], least), "high_95": min(row["high_95"], most)}
+            for row in self.rows(figure)
+        ]
 
     def to_pandas(self) -> Any:
         """Return the table as a data frame of pandas."""
@@ -113,7 +128,7 @@ def written_result(
     try:
         for name, content in contents.items():
             files.write(folder / name, content, "study's", is_made_up=True)
-        definition = files.commit({**_definition(planned), **(extra or {})})
+        definition = files.commit({**_definition(planned), "bounds": _bounds(planned, runs), **(extra or {})})
     except BaseException:
         files.abandon()
         raise
@@ -143,6 +158,14 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
             }
             for each in planned.designs
         ],
+    }
+
+
+def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | None]]:
+    """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for no bound."""
+    is_least = {name: not any(value < 0.0 for value in runs[name].to_pylist()) for name in planned.units}
+    return {
+        name: [0.0 if is_least[name] else None, 1.0 if name.startswith(_SHARES) else None] for name in planned.units
     }
 
 

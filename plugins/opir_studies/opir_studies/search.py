@@ -73,7 +73,10 @@ class Search:
                     yield other
 
     def _asked(self, count: int) -> list[tuple[Any, Point]]:
-        """Return trials of Optuna with designs that were not evaluated; repeated suggestions are told what is known."""
+        """Return trials of Optuna with designs that were not evaluated.
+
+        Optuna may suggest a design again: it is given the outcome of that design if there is one, and asked anew.
+        """
         asked: dict[Point, Any] = {}
         repeated = 0
         while len(asked) < count:

@@ -25,6 +25,8 @@ from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
 _HERE = "command line"
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
+#: The most designs that are named as meeting a requirement.
+_MOST_NAMED = 12
 #: Means from here on are printed to three digits.
 _LARGE = 1e5
 #: The most figures that are printed, the first of each metric, unless the user names them.
@@ -34,17 +36,10 @@ _MOST_FIGURES = 4
 def sweep(arguments: argparse.Namespace) -> int:
     """Run the study of the arguments and print its results."""
     study = study_of(arguments)
-    if arguments.workers is not None and arguments.workers < 1:
-        raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
     given = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
-    is_shown = sys.stderr.isatty() and not arguments.quiet
-    with ended_if_stuck(arguments.dead_after), shown_progress(is_shown=is_shown) as on_progress:
-        try:
-            result = result_of_sweep(study, folder, **given, on_progress=on_progress)
-        except KeyboardInterrupt:
-            sys.stderr.write(f"stopped; finished runs are kept in {folder}, and the same command continues\n")
-            raise
+    with watched_runs(arguments, folder) as on_progress:
+        result = result_of_sweep(study, folder, **given, on_progress=on_progress)
     if arguments.quiet:
         return 0
     text = json.dumps(_plain(result), indent=2) if arguments.json else as_text(result)
@@ -54,6 +49,8 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 def study_of(arguments: argparse.Namespace) -> Study:
     """Return the study of the arguments: that of the file, or of a scene, with what the command line changes."""
+    if arguments.workers is not None and arguments.workers < 1:
+        raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
     path = arguments.study
     study = read_study(path) if is_study(path) else Study(scene=path, study=Path(path).stem)
     changes = {name: getattr(arguments, name) for name in ("runs", "executor", "until", "design", "samples", "seed")}
@@ -98,7 +95,19 @@ def _refused(path: str, words: str) -> SceneError:
 
 
 @contextmanager
-def shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
+def watched_runs(arguments: argparse.Namespace, folder: Path) -> Iterator[Callable[[StudyProgress], None]]:
+    """Show the progress of runs, end the process if one is stuck, and say after an interrupt how to go on."""
+    is_shown = sys.stderr.isatty() and not arguments.quiet
+    try:
+        with ended_if_stuck(arguments.dead_after), _shown_progress(is_shown=is_shown) as on_progress:
+            yield on_progress
+    except KeyboardInterrupt:
+        sys.stderr.write(f"stopped; finished runs are kept in {folder}, and the same command continues\n")
+        raise
+
+
+@contextmanager
+def _shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
     """Show a bar with the remaining time on standard error, if `is_shown`."""
     if not is_shown:
         yield lambda _progress: None
@@ -121,14 +130,14 @@ def as_text(result: StudyResult) -> str:
     Figures that have one value in all runs are a line of text below it.
     """
     shown, same = _shown(result)
-    rows = {name: result.rows(name) for name in result.units}
+    rows = {name: result.shown_rows(name) for name in result.units}
     designs = result.definition["designs"]
     head = [*map(_short, result.paths), "runs", *shown]
     body = [
         [
             *(str(design[path]) for path in result.paths),
             str(rows[next(iter(rows))][place]["runs"]),
-            *(cell(_within(rows[name][place], rows[name])) for name in shown),
+            *(cell(rows[name][place]) for name in shown),
         ]
         for place, design in enumerate(designs[:_MOST_ROWS])
     ]
@@ -161,26 +170,16 @@ def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
 
 
 def _verdicts(result: StudyResult) -> Sequence[str]:
-    """Return a line for each requirement: which designs meet it."""
+    """Return a line for each requirement: the designs whose mean meets it."""
     designs, lines = result.definition["designs"], []
     for each in result.definition["requirements"]:
         required = Requirement(**each)
         met = required.is_met(np.array([row["mean"] for row in result.rows(required.figure)])).tolist()
         names = [", ".join(str(design[path]) for path in result.paths) for design in designs]
-        which = "; ".join(name for name, is_met in zip(names, met, strict=True) if is_met)
-        lines.append(
-            f"{required}: met by {sum(met)} of {len(designs)} designs{f' ({which})' if any(names) and which else ''}"
-        )
+        good = [name for name, is_met in zip(names, met, strict=True) if is_met and name]
+        which = f" ({'; '.join(good[:_MOST_NAMED])}{'; …' if len(good) > _MOST_NAMED else ''})" if good else ""
+        lines.append(f"{required}: met by {sum(met)} of {len(designs)} designs{which}")
     return ["\n".join(lines)] if lines else []
-
-
-def _within(row: Mapping[str, Any], every: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Return a row whose interval is cut at 0 for what is never negative, and at 1 for shares."""
-    lows = [each["q10"] for each in every if math.isfinite(each["q10"])]
-    highs = [each["q90"] for each in every if math.isfinite(each["q90"])]
-    low = 0.0 if lows and min(lows) >= 0.0 else -math.inf
-    high = 1.0 if highs and max(highs) <= 1.0 and not row["unit"] else math.inf
-    return {**row, "low_95": max(row["low_95"], low), "high_95": min(row["high_95"], high)}
 
 
 def _heading(result: StudyResult) -> str:

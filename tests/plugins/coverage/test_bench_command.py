@@ -1,6 +1,7 @@
 """`opir physics` on the command line: tables, JSON, plots, frames and refusals."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -65,3 +66,13 @@ def test_what_is_missing_is_told(words, told, tmp_path, capsys):
 def test_the_formula_of_the_paper_is_still_there(capsys):
     assert main(["physics", "min-intensity", "--unit", "W/m2"]) == 0
     assert capsys.readouterr().out == "NEI 5e-14 W/m2: 324 W/sr\n"
+
+
+@pytest.mark.parametrize(("rule", "joined"), [("none", max), ("likelihood", math.hypot)])
+def test_bands_compares_with_what_the_rule_over_bands_makes_of_them(rule, joined, capsys):
+    own = ["--sensor", "SBIRS-GEO", "--set", f"sensors[0].spectral_discrimination={rule}"]
+    limits = ["--edges", "2.5,3,4,5", "--class", "SRBM", "--height", "20"]
+    assert main(["physics", "bands", *own, *limits, "--json"]) == 0
+    *alone, whole = json.loads(capsys.readouterr().out)["rows"]
+    snr = {(row["from um"], row["to um"]): row["SNR"] for row in alone}
+    assert whole["SNR"] == pytest.approx(joined(snr[2.5, 3.0], snr[4.0, 5.0]), rel=1e-3)

@@ -71,6 +71,7 @@ def test_without_astropy_clips_are_arrays(tmp_path, monkeypatch):
     ("words", "told"),
     [
         (["--every", "0"], "give a time above 0"),
+        (["--clips", "0"], "give at least 1"),
         (["--snr", "9,3"], "the smaller first"),
         (["--band", "LWIR"], "'LWIR' is not one of SWIR, MWIR"),
     ],

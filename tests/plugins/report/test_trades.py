@@ -74,10 +74,14 @@ def test_a_second_setting_of_many_values_and_a_third_are_small_multiples(
     assert len(effect_panels(read_study(written(tmp_path / "a", name)), "latency_s")) == panels
 
 
-def test_intervals_end_where_a_figure_does(tmp_path: Path) -> None:
-    rows = read_study(written(tmp_path / "a", "one-knob")).rows("warned")
-    assert rows["low_95"].min() >= 0.0
-    assert rows["high_95"].max() <= 1.0
+@pytest.mark.parametrize(("bounds", "is_cut"), [([0.0, 0.9], (True, True)), ([None, None], (False, False))])
+def test_intervals_are_cut_at_the_bounds_of_the_study(bounds: list, is_cut: tuple, tmp_path: Path) -> None:
+    folder = written(tmp_path / "a", "one-knob")
+    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    definition["bounds"]["warned"] = bounds
+    (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    rows = read_study(folder).rows("warned")
+    assert (rows["low_95"].min() == 0.0, rows["high_95"].max() == 0.9) == is_cut
 
 
 def test_what_is_better_is_known_or_not_said(tmp_path: Path) -> None:

@@ -92,6 +92,15 @@ def test_what_is_no_objective_is_refused(tmp_path) -> None:
         optimise(STUDY, tmp_path, "min latenci_s")
 
 
+def test_impossible_numbers_are_refused(tmp_path, capsys) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps(SCENE), encoding="utf-8")
+    command = ["optimise", str(scene), "--vary", f"{PERIOD}=100,500", "--objective", "min latency_s"]
+    for flag, words in (("--workers", "is not a number of workers"), ("--evaluations", "is not a number of designs")):
+        assert main([*command, flag, "-1"]) == 2
+        assert f"-1 {words}" in capsys.readouterr().err
+
+
 def test_without_optuna_the_message_says_what_to_install(tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(PluginError, match=r"pip install 'opir-studies\[optimise\]'"):

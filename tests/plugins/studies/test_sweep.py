@@ -33,6 +33,19 @@ def tables_of(folder):
     return {name: (folder / name).read_bytes() for name in TABLES}
 
 
+def test_intervals_are_cut_at_0_and_shares_at_1_but_not_counts(tmp_path):
+    """The whole interval of a mean latency reaches below 0; false tracks are a count, without a bound at 1."""
+    found = sweep(study(metrics=("latency", "tracks"), runs=3, vary={PERIOD: [100, 9000]}), tmp_path)
+    assert found.definition["bounds"]["detected"] == [0.0, 1.0]
+    assert found.definition["bounds"]["false_tracks"] == [0.0, None]
+    wide = [row for row in found.rows("latency_s") if row["low_95"] < 0.0]
+    assert wide
+    assert min(row["low_95"] for row in found.shown_rows("latency_s")) == 0.0
+    assert [row["high_95"] for row in found.shown_rows("latency_s")] == [
+        row["high_95"] for row in found.rows("latency_s")
+    ]
+
+
 @pytest.fixture
 def counted(monkeypatch):
     """Count the runs that are made."""

@@ -14,7 +14,9 @@ import numpy as np
 from attrs import frozen
 from scipy.special import ndtr, ndtri
 
+from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, SceneError
+from opir_core.plugin import Sensor
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
 from opir_coverage.bench.stand import Bench, Poses
 
@@ -22,8 +24,8 @@ from opir_coverage.bench.stand import Bench, Poses
 _SHORT_UM = (2.0, 2.4, 2.5, 2.69, 2.95, 3.0, 3.5, 3.8, 4.0, 4.2, 4.45, 5.0)
 LOWTRAN_EDGES_UM: tuple[float, ...] = (*_SHORT_UM, 5.77, 6.6, 6.75, 7.15, 7.24, 7.44, 8.0, 12.0)
 _DAY_S = 86_400.0
-#: Bands that are so much worse than the best are in the table but not in the plot, dB.
-_SHOWN_DB = 30.0
+#: The most bands that are plotted: more would repeat colours and dashes.
+_PLOTTED = 6
 
 
 @frozen
@@ -120,15 +122,25 @@ def _alone(bench: Bench, edges_um: tuple[float, float], chance: float) -> Bench:
 
 
 def _tried(bench: Bench, poses: Sequence[Poses]) -> TriedBand:
-    """Return what a sensor makes of its worst target: of several bands the SNR is that of their likelihood."""
+    """Return what a sensor makes of its worst target."""
     found = [bench.signals(each) for each in poses]
-    snr = min(float(np.sqrt(np.square(each.snr).sum(axis=1)).min()) for each in found)
+    snr = min(float(_snr_of_rule(bench.sensor, each.snr).min()) for each in found)
     radiometer, band = bench.sensor.radiometer, bench.sensor.bands[0]
     assert radiometer is not None
     rate = bench.plan.detection.rate_per_scan
     per_day = math.nan if rate is None else float(rate[0]) * _DAY_S / (bench.sensor.scan.period_ns * 1e-9)
     least = min(float(each.chance.min()) for each in found)
     return TriedBand((band.lower_um, band.upper_um), snr, least, radiometer.threshold, per_day)
+
+
+def _snr_of_rule(sensor: Sensor, snr: FloatArray) -> FloatArray:
+    """Return the SNR (n,) of looks that the rule over bands compares with the threshold, from those by band (n, B)."""
+    if sensor.spectral_discrimination == "likelihood":
+        return np.asarray(np.sqrt(np.square(snr).sum(axis=1)))
+    if sensor.spectral_discrimination == "none":
+        return np.asarray(snr.max(axis=1))
+    assert sensor.radiometer is not None
+    return snr[:, sensor.radiometer.reference]
 
 
 def _result(
@@ -142,8 +154,7 @@ def _result(
     ]
     lines = [
         BenchLine(f"{low:g}–{high:g} µm", np.array([low, high]), np.full(2, each.margin_db))
-        for each, (low, high) in ((one, one.edges_um) for one in shown)
-        if each.margin_db > tried[0].margin_db - _SHOWN_DB
+        for each, (low, high) in ((one, one.edges_um) for one in shown[:_PLOTTED] if math.isfinite(one.margin_db))
     ]
     whole = _tried(bench, poses)
     names = "+".join(band.name for band in bench.sensor.bands)
@@ -154,7 +165,7 @@ def _result(
     targets = ", ".join(f"{each.target_class} at {_listed(each.height_m * 1e-3)} km" for each in poses)
     sigma = -float(ndtri(chance))
     notes = [
-        f"worst of {targets}; {len(tried)} bands tried",
+        f"worst of {targets}; the best {len(shown)} of {len(tried)} bands tried",
         f"false-alarm probability in a cell and look: {chance:.3g} in each band, a threshold of {sigma:.2f} sigma",
         "noise and clutter only: see opir physics false-alarms for fires and glints",
     ]

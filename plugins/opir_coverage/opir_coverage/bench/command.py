@@ -151,8 +151,11 @@ def frame_command(arguments: argparse.Namespace) -> int:
     band, folder = _band_of(bench, arguments.band), Path(arguments.out)
     if arguments.movie:
         every_s = bench.sensor.scan.period_ns * 1e-9 if arguments.every is None else arguments.every
-        snr = arguments.snr or None
-        filming = Filming(frames=arguments.movie, every_s=every_s, pixels=arguments.pixels, band=band, snr=snr)
+        if arguments.clips < 1:
+            raise ModelError("--clips: give at least 1")
+        filming = Filming(
+            frames=arguments.movie, every_s=every_s, pixels=arguments.pixels, band=band, snr=arguments.snr
+        )
         made = [clip(bench, poses, filming, arguments.seed + number) for number in range(arguments.clips)]
         written = write_movies(made, folder)
         sys.stdout.write("".join(f"{_in_short(each)}\n" for each in made))

@@ -28,8 +28,8 @@ from opir_report.words import axis_label, figure_words, number_words, shown_unit
 #: Figures of the answer, designs whose differences are drawn, and rows of a table.
 _ANSWERS, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 4, 16, 60
 _EFFECT = (
-    "Mean over runs with its 95 % interval, cut where a figure cannot be: below 0, and for shares above 1. All designs"
-    " see the same random numbers, so differences are more precise than the intervals of the means suggest."
+    "Mean over runs with its 95 % interval, cut at 0 where no run has less, and at 1 for shares of launches. All"
+    " designs see the same random numbers, so differences are more precise than the intervals of the means suggest."
 )
 _TRADE = "Each point is a design. The line joins the designs that no other one beats in both figures."
 _TORNADO = (
@@ -97,8 +97,7 @@ def _verdicts(study: SavedStudy) -> list[str]:
     lines = []
     for each in study.requirements:
         rows = study.rows(each["figure"])
-        is_met = rows["mean"] >= each["limit"] if each["is_least"] else rows["mean"] <= each["limit"]
-        met = [label for label, good in zip(study.labels(rows), is_met.tolist(), strict=True) if good]
+        met = [label for label, good in zip(study.labels(rows), study.is_met(each).tolist(), strict=True) if good]
         unit = shown_unit(study.units[each["figure"]], np.array([each["limit"]]))
         value = axis_label(number_words(each["limit"] / unit.divisor), unit.unit).replace(", ", " ")
         sign = "at least" if each["is_least"] else "at most"
@@ -116,9 +115,12 @@ def _mean_text(study: SavedStudy, rows: FigureData, row: int, column: str = "mea
     value, *edges = (float(rows[name][row]) / shown.divisor for name in (column, low, high))
     if not np.isfinite(value):
         return "-"
-    text = f"{number_words(value, 3)} {shown.unit}".strip()
-    is_interval = np.isfinite(edges).all() and edges[0] < edges[1]
-    return f"{text} [{', '.join(number_words(each, 3) for each in edges)}]" if is_interval else text
+    if not np.isfinite(edges).all() or edges[0] >= edges[1]:
+        return f"{number_words(value, 3)} {shown.unit}".strip()
+    # Two digits of the interval's width.
+    size = int(np.floor(np.log10(max(map(abs, edges)))) - np.floor(np.log10(edges[1] - edges[0])))
+    value_words, *ends = (number_words(each, max(3, size + 2)) for each in (value, *edges))
+    return f"{f'{value_words} {shown.unit}'.strip()} [{', '.join(ends)}]"
 
 
 def _answer_section(study: SavedStudy) -> ReportSection:

@@ -1,6 +1,7 @@
 """Plots over the designs of a study: trade-off of two figures, tornado of the settings, convergence over runs."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -15,7 +16,7 @@ from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
 from opir_report.plots.effects import FigureScale, draw_requirements
 from opir_report.saved_study import SavedStudy, level_text
-from opir_report.words import number_words, setting_words
+from opir_report.words import level_value, number_words, setting_words
 
 #: Designs whose names are written beside their points, and whose convergence is drawn.
 _NAMED, _CONVERGING = 12, 6
@@ -158,9 +159,9 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
             (high[row], rows["high_value"][row], "left"),
         ):
             shift = -4 if side == "right" else 4
-            axes.annotate(
-                str(words), (x, place[row]), xytext=(shift, 0), textcoords="offset points", ha=side, va="center"
-            )
+            value = level_value(rows["path"][row], words)
+            style: dict[str, Any] = {"textcoords": "offset points", "ha": side, "va": "center"}
+            axes.annotate(value, (x, place[row]), xytext=(shift, 0), **style)
     reference = float(study.rows(figure)["mean"][0]) / scale.shown.divisor
     if np.isfinite(reference):
         axes.axvline(reference, color=INK, linewidth=1.0)
@@ -184,8 +185,7 @@ def path_plot(axes: Axes, study: SavedStudy) -> Axes:
     values = _Means.of(study, objective["figure"])
     is_met = np.isfinite(values.mean)
     for each in study.requirements:
-        mean = study.rows(each["figure"])["mean"]
-        is_met &= mean >= each["limit"] if each["is_least"] else mean <= each["limit"]
+        is_met &= study.is_met(each)
     place = np.arange(1, len(values.mean) + 1)
     axes.plot(place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle="")
     axes.plot(place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle="")
@@ -229,7 +229,7 @@ def convergence_rows(study: SavedStudy, figure: str) -> FigureData:
 def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     """Draw the mean of a figure against the number of runs, with its 95 % interval, of the first designs."""
     rows, scale = convergence_rows(study, figure), FigureScale.of(study, figure)
-    rows = rows.where(rows["runs"] >= 2)
+    rows = study.cut(figure, rows.where(rows["runs"] >= 2))
     if not len(rows):
         return without_data(axes, f"{figure}: fewer than two runs have a value")
     labels = study.short_labels(study.rows(figure))

@@ -12,7 +12,7 @@ from opir_core.plugin import MetricContext
 from opir_studies.configs import WarningConfig
 from opir_studies.metrics.track_metrics import run_evidence
 
-_TIMES = ("warning_time_s", "time_to_report_s", "time_to_track_s", "time_to_region_s", "time_to_warning_s")
+_TIMES_TO = ("time_to_report_s", "time_to_track_s", "time_to_region_s", "time_to_warning_s")
 
 
 @frozen
@@ -28,7 +28,7 @@ class WarningTimeMetric:
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {"warning_time_s": "s", "warned": "", "warning_contained": "", **dict.fromkeys(_TIMES[1:], "s")}
+        return {"warning_time_s": "s", "warned": "", "warning_contained": "", **dict.fromkeys(_TIMES_TO, "s")}
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return means over launches; nan without a launch that comes down."""
