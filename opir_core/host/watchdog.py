@@ -1,12 +1,12 @@
 """The watchdog: a thread that notices what does not return, for commands, workers and services alike."""
 
+import math
 import os
 import queue
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from typing import Any
 
@@ -108,24 +108,28 @@ class CallThread:
     """A thread for calls that may not return; it is left behind then, and ends after its last call."""
 
     def __init__(self) -> None:
-        self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any], bool]] = queue.SimpleQueue()
+        self._calls = queue.SimpleQueue[tuple[Callable[[], Any], list[Any], threading.Event, bool]]()
         self._thread = threading.Thread(target=self._work, name="opir-call", daemon=True)
         self._thread.start()
 
     def result(self, call: Callable[[], Any], within_s: float, *, is_last: bool = False) -> Any:
         """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
-        answer: Future[Any] = Future()
-        self._calls.put((answer, call, is_last))
-        for _ in range(int(-(-within_s // CHECK_S))):  # a pause of the process counts as one step, however long
-            if wait([answer], CHECK_S).done:
-                return answer.result()
-        raise OverdueError(place_of_thread(self._thread.ident))
+        answer, is_there = list[Any](), threading.Event()
+        self._calls.put((call, answer, is_there, is_last))
+        # In steps: a pause of the process counts as one, however long.
+        if not any(is_there.wait(CHECK_S) for _ in range(math.ceil(within_s / CHECK_S))):
+            raise OverdueError(place_of_thread(self._thread.ident))
+        value, error = answer
+        if error is not None:
+            raise error
+        return value
 
     def _work(self) -> None:
         is_last = False
         while not is_last:
-            answer, call, is_last = self._calls.get()
+            call, answer, is_there, is_last = self._calls.get()
             try:
-                answer.set_result(call())
+                answer += (call(), None)
             except BaseException as error:
-                answer.set_exception(error)
+                answer += (None, error)
+            is_there.set()
