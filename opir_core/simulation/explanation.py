@@ -25,7 +25,7 @@ from opir_core.simulation.undetected import blocked_text, few_looks
 
 def explained(plan: Plan) -> Mapping[str, Any]:
     """Return the work of a plan, computed, skipped and omitted, by sensor and by pair, as plain values."""
-    looking = np.flatnonzero(plan.pairs.looks > 0)
+    looking, idle = np.flatnonzero(plan.pairs.looks > 0), np.flatnonzero(plan.pairs.looks == 0)
     return {
         "scene": plan.scene.name,
         "forces": list(plan.scene.forces.names),
@@ -35,10 +35,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "dark": _dark(plan),
-        "skipped": [
-            {**_names(plan, row), "reason": blocked_text(plan, row)}
-            for row in np.flatnonzero(plan.pairs.looks == 0).tolist()
-        ],
+        "skipped": [{**_names(plan, row), "reason": blocked_text(plan, row)} for row in idle.tolist()],
         "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
