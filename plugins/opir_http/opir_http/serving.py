@@ -29,7 +29,7 @@ from opir_http.routes import application
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.settings import LOOPBACK, HttpSettings
-from opir_http.watchdog import Notifier, Watchdog
+from opir_http.watchdog import Notifier, RunWatchdog
 
 #: Environment variable of the bearer token, if no file is given.
 TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
@@ -64,7 +64,7 @@ def serve(arguments: argparse.Namespace) -> int:
     with ended_if_stuck(arguments.dead_after):
         service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
-    watchdog = Watchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
+    watchdog = RunWatchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     service.watchdog, stopping = watchdog.thread, threading.Event()
     with bound_socket(arguments) as listening:
         limit_pauses()

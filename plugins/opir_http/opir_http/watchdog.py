@@ -43,7 +43,7 @@ class Notifier:
 
 
 class WatchedRun(Protocol):
-    """What a `Watchdog` needs of a run."""
+    """What a `RunWatchdog` needs of a run."""
 
     @property
     def state(self) -> str:
@@ -54,7 +54,7 @@ class WatchedRun(Protocol):
 
 
 @define(eq=False)
-class Watchdog:
+class RunWatchdog:
     """A thread that checks a run: it notifies systemd while cycles end, and reports a stuck or failed run once.
 
     `on_stuck` is called with the reason in the watchdog's thread; None only stops the notifications. It watches its own

@@ -8,7 +8,7 @@ from pathlib import Path
 from opir_core.cli import grouped, table
 from opir_core.errors import Problem, SceneError
 from opir_studies.optimising import Optimised, best_row, optimise as best_of
-from opir_studies.requirements import Requirement
+from opir_studies.requirements import FigureRequirement
 from opir_studies.sweep_command import cell, study_of, watched_runs
 
 #: The designs that are printed.
@@ -41,7 +41,7 @@ def as_text(found: Optimised) -> str:
     """Return the best design in a sentence, and a table of the best ones."""
     result = found.result
     objective = result.definition["objective"]
-    requirements = [Requirement(**each) for each in result.definition["requirements"]]
+    requirements = [FigureRequirement(**each) for each in result.definition["requirements"]]
     figures = list(dict.fromkeys([objective["figure"], *(each.figure for each in requirements)]))
     rows = {name: result.shown_rows(name) for name in figures}
     sign = -1.0 if objective["is_largest"] else 1.0

@@ -17,7 +17,7 @@ from opir_studies.planning import PlannedStudy, planned_study
 from opir_studies.requirements import require_figures
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord
-from opir_studies.search import Outcome, Point, Search
+from opir_studies.search import DesignSearch, Outcome, Point
 from opir_studies.statistics import interval
 from opir_studies.study import Study
 from opir_studies.sweeping import StudyProgress, SweepState
@@ -74,7 +74,9 @@ def optimise(
     axes = _axes(study)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
     work = _Evaluation(study, axes, wanted, Path(folder), context, on_progress)
-    search = Search(tuple(len(axis.levels) for axis in axes), tuple(_is_ordered(axis) for axis in axes), study.seed)
+    search = DesignSearch(
+        tuple(len(axis.levels) for axis in axes), tuple(_is_ordered(axis) for axis in axes), study.seed
+    )
     work.require_objective()
     search.run(evaluations, work.outcomes)
     points = list(search.found)

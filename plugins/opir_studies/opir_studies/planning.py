@@ -21,7 +21,7 @@ from opir_core.reading import (
 )
 from opir_core.scene import Choice
 from opir_studies.axes import Design, designs_of, override_text
-from opir_studies.requirements import Requirement, require_figures, requirements_of
+from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
 from opir_studies.runs import identity_of, run_key
 from opir_studies.study import Study
 from opir_studies.until import Until, until_of
@@ -56,7 +56,7 @@ class PlannedStudy:
     names: tuple[str, ...]
     metrics: tuple[Metric, ...]
     until: Until | None
-    requirements: tuple[Requirement, ...] = ()
+    requirements: tuple[FigureRequirement, ...] = ()
     #: What a reader must know of the scenes, in sentences.
     notes: tuple[str, ...] = ()
 

@@ -14,7 +14,7 @@ _FORM = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>|≤|≥)\s*(\S+)\s*")
 
 
 @frozen
-class Requirement:
+class FigureRequirement:
     """A bound of a figure's mean: the least value if `is_least`, else the largest."""
 
     figure: str
@@ -37,12 +37,12 @@ class Requirement:
         return f"{self.figure} {'>=' if self.is_least else '<='} {self.limit:g}"
 
 
-def requirements_of(texts: Sequence[str], units: Mapping[str, str], source: str) -> tuple[Requirement, ...]:
+def requirements_of(texts: Sequence[str], units: Mapping[str, str], source: str) -> tuple[FigureRequirement, ...]:
     """Return requirements on figures with these units; raises `SceneError` for what cannot be read, or is unknown."""
     return tuple(_requirement(text, f"requirements[{row}]", units, source) for row, text in enumerate(texts))
 
 
-def _requirement(text: str, path: str, units: Mapping[str, str], source: str) -> Requirement:
+def _requirement(text: str, path: str, units: Mapping[str, str], source: str) -> FigureRequirement:
     match = _FORM.fullmatch(str(text))
     try:
         limit = float(match[3]) if match is not None else math.nan
@@ -52,7 +52,7 @@ def _requirement(text: str, path: str, units: Mapping[str, str], source: str) ->
         words = f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
         raise SceneError([Problem(path, words)], source=source)
     require_figures([match[1]], path, units, source)
-    return Requirement(match[1], limit, match[2] in (">", ">=", "≥"))
+    return FigureRequirement(match[1], limit, match[2] in (">", ">=", "≥"))
 
 
 def require_figures(names: Sequence[str], path: str, units: Mapping[str, str], source: str) -> None:

@@ -33,7 +33,7 @@ class Outcome:
 
 
 @define
-class Search:
+class DesignSearch:
     """A search over designs: numbers of levels of each axis, and which of these are ordered numbers."""
 
     levels: tuple[int, ...]

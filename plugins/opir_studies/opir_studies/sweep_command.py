@@ -17,7 +17,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
-from opir_studies.requirements import Requirement
+from opir_studies.requirements import FigureRequirement
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
@@ -173,7 +173,7 @@ def _verdicts(result: StudyResult) -> Sequence[str]:
     """Return a line for each requirement: the designs whose mean meets it."""
     designs, lines = result.definition["designs"], []
     for each in result.definition["requirements"]:
-        required = Requirement(**each)
+        required = FigureRequirement(**each)
         met = required.is_met(np.array([row["mean"] for row in result.rows(required.figure)])).tolist()
         names = [", ".join(str(design[path]) for path in result.paths) for design in designs]
         good = [name for name, is_met in zip(names, met, strict=True) if is_met and name]

@@ -61,7 +61,7 @@ _COARSE, _HOPELESS = (-1, -3, -6), 18.0
 #: Lowest and highest distance of a target from the Earth's centre, m.
 _LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
 
-#: Crossings beyond these distances by fewer standard deviations than this may be targets.
+#: LineCrossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
 
 #: Lines that cross to within no better than this, m, are parallel: nothing says that they are of one target.
@@ -125,8 +125,8 @@ _LEAST_WEIGHT = 1e-14
 _FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 
 
-class Fixes(NamedTuple):
-    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...).
+class LineCrossings(NamedTuple):
+    """LineCrossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...).
 
     The least squares of a single line are 0: as a difference they would be rounding errors, of some 100 where lines
     have errors of metres.
@@ -136,13 +136,13 @@ class Fixes(NamedTuple):
     covariance: tuple[FloatArray, ...]
     misfit: FloatArray
 
-    def last(self) -> "Fixes":
+    def last(self) -> "LineCrossings":
         """Return those of the last instant."""
         point, covariance = [one[..., -1] for one in self.point], [one[..., -1] for one in self.covariance]
-        return Fixes((point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1])
+        return LineCrossings((point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1])
 
 
-def fixes(table: FloatArray) -> Fixes:
+def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
     xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
     xx, yy, zz = xx + _LEAST_WEIGHT, yy + _LEAST_WEIGHT, zz + _LEAST_WEIGHT
@@ -152,7 +152,7 @@ def fixes(table: FloatArray) -> Fixes:
     a, b, c, d, e, f = (minor * share for minor in minors)
     point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
     misfit = np.where(table[..., 11] > 1.5, rest - point[0] * x - point[1] * y - point[2] * z, 0.0)
-    return Fixes(point, (a, b, c, d, e, f), misfit)
+    return LineCrossings(point, (a, b, c, d, e, f), misfit)
 
 
 def intersections(table: FloatArray) -> FloatArray:
@@ -251,7 +251,7 @@ class SetModel(NamedTuple):
         lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
         return lawful
 
-    def _heights(self, there: Fixes) -> tuple[FloatArray, FloatArray]:
+    def _heights(self, there: LineCrossings) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
         radius = self._radius(there)
         x, y, z = ((one + centre) / radius for one, centre in zip(there.point, self.centre.tolist(), strict=True))
@@ -260,7 +260,7 @@ class SetModel(NamedTuple):
         variance = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         return radius - ground, np.sqrt(variance)
 
-    def _radius(self, there: Fixes) -> FloatArray:
+    def _radius(self, there: LineCrossings) -> FloatArray:
         x, y, z = (one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True))
         radius: FloatArray = np.sqrt(x * x + y * y + z * z)
         return radius

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from opir_http.watchdog import Notifier, Watchdog
+from opir_http.watchdog import Notifier, RunWatchdog
 from waiting import until
 
 from opir_core.live import Progress
@@ -32,7 +32,7 @@ def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) ->
         listening.settimeout(10.0)
         run, reasons = Pretended(), list[str]()
         notifier = Notifier.of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "100000"})
-        watchdog = Watchdog(run, reasons.append, notifier)
+        watchdog = RunWatchdog(run, reasons.append, notifier)
         watchdog.start()
         assert listening.recv(99) == b"READY=1"
         assert {listening.recv(99) for _ in range(3)} == {b"WATCHDOG=1"}
@@ -57,7 +57,7 @@ def test_a_service_manager_that_is_away_or_means_another_process_is_ignored(tmp_
 def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
     run, reasons = Pretended(), list[str]()
     run.now = Progress(9.0, ("slow",))
-    watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02))
+    watchdog = RunWatchdog(run, reasons.append, Notifier(within_s=0.02))
     watchdog.start()
     threading.Event().wait(0.2)
     watchdog.stop()
@@ -75,7 +75,7 @@ def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(monkeypatch: py
 
     monkeypatch.setattr("opir_core.host.watchdog.time.monotonic", lambda: clock_s[0])
     run = Watched()
-    watchdog = Watchdog(run, reasons.append, Notifier(within_s=0.02), dead_after_s=20.0)
+    watchdog = RunWatchdog(run, reasons.append, Notifier(within_s=0.02), dead_after_s=20.0)
     watchdog.start()
     for _ in range(3):
         assert beats.acquire(timeout=60.0)

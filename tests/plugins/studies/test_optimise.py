@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from opir_studies import Study, optimise
-from opir_studies.search import Outcome, Search
+from opir_studies.search import DesignSearch, Outcome
 from study_scene import PERIOD, SCENE
 
 from opir_core.cli.main import main
@@ -35,7 +35,7 @@ def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> No
         coupled = 1.2 * apart[0] * apart[1] * min(weight[:2])
         return Outcome(max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled))
 
-    search = Search((10,) * 4, (True,) * 4, seed)
+    search = DesignSearch((10,) * 4, (True,) * 4, seed)
     search.run(200, lambda points: [outcome(each) for each in points])
     assert search.best == best
     assert len(search.found) <= 200
@@ -49,7 +49,7 @@ def test_all_of_few_designs_are_evaluated_once() -> None:
         asked.extend(points)
         return [Outcome(0.0, float(sum(each))) for each in points]
 
-    search = Search((3, 2), (True, False), 1)
+    search = DesignSearch((3, 2), (True, False), 1)
     search.run(50, outcomes)
     assert sorted(asked) == [(a, b) for a in range(3) for b in range(2)]
     assert search.best == (0, 0)

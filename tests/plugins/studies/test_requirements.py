@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from opir_studies import Study, sweep
 from opir_studies.planning import planned_study
-from opir_studies.requirements import Requirement, requirements_of
+from opir_studies.requirements import FigureRequirement, requirements_of
 from opir_studies.sweep_command import as_text
 from study_scene import PERIOD, SCENE
 
@@ -15,7 +15,7 @@ UNITS = {"latency_s": "s", "detected": ""}
 
 def test_both_signs_are_read() -> None:
     least, most = requirements_of(["detected >= 0.9", "latency_s<=2"], UNITS, "study")
-    assert (least, most) == (Requirement("detected", 0.9, True), Requirement("latency_s", 2.0, False))
+    assert (least, most) == (FigureRequirement("detected", 0.9, True), FigureRequirement("latency_s", 2.0, False))
     assert least.is_met(np.array([0.9, 0.8, np.nan])).tolist() == [True, False, False]
     assert most.violation(3.0) == pytest.approx(0.5)
     assert str(most) == "latency_s <= 2"
