@@ -121,9 +121,9 @@ def test_belief_propagation_is_exact_without_loops() -> None:
     ratio = 10.0 ** rng.uniform(-8.0, 12.0, len(row))
     weight = np.zeros((5, 5))
     weight[row[:9], column[:9]] = ratio[:9]
-    found = belief_propagation(row, column, ratio)
-    assert np.allclose(found[:9], tried(weight)[row[:9], column[:9]], rtol=1e-9, atol=1e-12)
-    assert np.allclose(found[9:], ratio[9:] / (1.0 + ratio[9:].sum()), rtol=1e-9)
+    beta, expected = belief_propagation(row, column, ratio), tried(weight)[row[:9], column[:9]]
+    assert np.allclose(beta[:9], expected, rtol=1e-9, atol=1e-12)
+    assert np.allclose(beta[9:], ratio[9:] / (1.0 + ratio[9:].sum()), rtol=1e-9)
 
 
 def test_many_components_are_solved_as_each_alone() -> None:

@@ -29,3 +29,12 @@ def test_each_launch_has_one_track(sensors: str) -> None:
     tracks = run.tracks.take(np.flatnonzero(run.tracks.tick_s == run.tracks.tick_s.max()))
     assert len(np.unique(run.tracks.track)) == len(launches)
     assert np.isfinite(tracks.state).all()
+
+
+def test_the_first_report_of_an_expected_launch_has_its_launch_point() -> None:
+    """Where launches are more frequent than fires, a track is probably one from its first lines on."""
+    expected = "tracker={model: imm, hypotheses: {launches_per_day: 10000.0, ground_sources_per_day: 10.0}}"
+    changes = ["sensors=[{constellation: SBIRS-GEO}]", expected, "outputs=[]", "duration_s=30"]
+    tracks = opir.simulate(opir.load_scene("examples/first_light.yaml", overrides=changes)).tracks
+    assert tracks.probability_launch[0] > 0.9
+    assert np.isfinite(tracks.launch[0]).all()

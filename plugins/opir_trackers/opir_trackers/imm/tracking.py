@@ -24,7 +24,7 @@ from opir_trackers.imm.prune import prune
 from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
-from opir_trackers.imm.update import update
+from opir_trackers.imm.update import update, with_launch_points
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import MotionStatistics
@@ -94,7 +94,7 @@ class ImmTracking:
         found = associate(models, now, ahead)
         then = update(models, now, ahead, found, reported)
         then = initiate(models, then, ahead, found.owner, raw, reported)
-        then = prune(models, then, lines, found.owner)
+        then = prune(models, with_launch_points(models, then), lines, found.owner)
         if not then.crowds.are_there:
             return then
         return renewed(then, models.view(then.registration), models.filter, models.config)

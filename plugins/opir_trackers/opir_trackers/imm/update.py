@@ -41,7 +41,7 @@ def update(
     if not lines.scan.size:
         after = models.filter.updated(ahead.estimates, ahead.end_s, no_measurements(), ahead.span_s)
         after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
-        return _with_launch_points(models, now.after(ahead.end_s, after, table))
+        return now.after(ahead.end_s, after, table)
     after, outliers = _with_outliers(models, _updated(models, ahead, found), ahead, found, table.outliers)
     after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
     then = now.after(ahead.end_s, after, table if outliers is None else table.with_outliers(outliers))
@@ -50,7 +50,7 @@ def update(
     table = then.table.with_detections(found.owner, lines.time_s, lines.sensor, reported)
     motion = then.motion.with_lines(found.owner, lines, models.groups.log_clutter)
     estimates = models.single.with_ascents(then.estimates, table, motion, then.table.seen_s, ahead.end_s)
-    return _with_launch_points(models, then.after(ahead.end_s, estimates, table, motion))
+    return then.after(ahead.end_s, estimates, table, motion)
 
 
 def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:
@@ -145,8 +145,8 @@ def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     return assigned.take(np.flatnonzero(~np.isin(assigned.track, pairs.track[shared])))
 
 
-def _with_launch_points(models: TrackingModels, now: TrackerState) -> TrackerState:
-    """Return the state with the launch points of young tracks."""
+def with_launch_points(models: TrackingModels, now: TrackerState) -> TrackerState:
+    """Return the state with the launch points of young tracks, also of those that have just been initiated."""
     fresh = now.time_s - now.table.begun_s <= _YOUNG_S
     if not np.count_nonzero(fresh):
         return now

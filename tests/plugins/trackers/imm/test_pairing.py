@@ -89,7 +89,7 @@ def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
     rng = np.random.default_rng(12)
     place, velocity = targets_m(40, 3e6, rng)
     for row in range(len(place)):
-        directions, rows, _, _ = looked_at(place[[row]], 0.0 * velocity[[row]], 2, 1, rng)
+        directions, rows, *_ = looked_at(place[[row]], 0.0 * velocity[[row]], 2, 1, rng)
         exact = place[row] - directions.origin_ecef_m
         exact /= np.linalg.norm(exact, axis=1)[:, None]
         sharp = evolve(directions, direction_ecef=exact, sigma_rad=np.full(2, 3e-8))
