@@ -14,7 +14,8 @@ from pyarrow import parquet
 
 import opir_core
 from opir_core.cli.main import main
-from opir_core.output.run_files import FILES_KEY, truth_records
+from opir_core.output.run_files import truth_records
+from opir_core.output.transaction import FILES_KEY
 
 
 def texts(ids: Any) -> list[str]:
