@@ -76,7 +76,8 @@ def mixed_with(
     state, covariance = state.copy(), covariance.copy()
     state[rows] += share[:, None] * apart
     spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
-    covariance[rows] = both * other[1] + (1.0 - both) * covariance[rows] + spread
+    mixed = both * other[1] + (1.0 - both) * covariance[rows] + spread
+    covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
     return state, covariance
 
 
