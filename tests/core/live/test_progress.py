@@ -74,6 +74,9 @@ def test_whatever_a_component_raises_is_told(part: str, error: BaseException) ->
             until(lambda: run.status().sinks[0].state == "failed")
             told, state = run.status().sinks[0].error or "", "running"
             until(lambda: run.status().sinks[1].delivered > 0)
+        elif part == "tracker":
+            until(lambda: run.status().tracker_error is not None)
+            told, state = run.status().tracker_error or "", "running"
         else:
             until(lambda: run.state == "failed")
             told, state = run.status().error or "", "failed"
