@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry import AzimuthalEquidistant, great_circle_m, unit_vectors
+from opir_core.geometry import AzimuthalEquidistant, great_circle_m
 from opir_core.plugin import ImpactRegion
 from opir_scoring.proper_scores import weighted_energy
 
@@ -41,22 +41,18 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
     places, weights = list[FloatArray](), list[FloatArray]()
     for number, (own, share) in enumerate(zip(rings, np.diff(edges).tolist(), strict=True)):
         # Rings of the smaller region inside count as holes: a point is in one of both, not in both.
-        found = _points_inside([*own, *(rings[number - 1] if number else [])], nested[number].centre)
+        holes = rings[number - 1] if number else []
+        found = _points_inside([*own, *holes], nested[number].chart()) if own else np.empty((0, 2))
         places.append(found)
         weights.append(np.full(len(found), nested[0].probability * share / max(len(found), 1)))
     return np.concatenate(places), np.concatenate(weights)
 
 
-def _points_inside(rings: Sequence[FloatArray], centre: tuple[float, float] | None) -> FloatArray:
+def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> FloatArray:
     """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; corners where it has none.
 
-    They lie at equal steps of the length that parallel lines have inside, on the map about the centre of the region, by
-    default about the mean of the corners.
+    They lie at equal steps of the length that parallel lines have inside, on the map of a region.
     """
-    if not rings:
-        return np.empty((0, 2))
-    known = np.concatenate(rings) if centre is None else np.array([centre])
-    chart = AzimuthalEquidistant.about(unit_vectors(known).mean(axis=0))
     corners = [chart.points(ring) for ring in rings]
     starts, ends = (np.concatenate([corner[cut] for corner in corners]) for cut in (slice(-1), slice(1, None)))
     low, high = starts[:, 1].min(), starts[:, 1].max()
