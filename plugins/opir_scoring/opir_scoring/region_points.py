@@ -42,14 +42,21 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
     for number, (own, share) in enumerate(zip(rings, np.diff(edges).tolist(), strict=True)):
         # Rings of the smaller region inside count as holes: a point is in one of both, not in both.
         holes = rings[number - 1] if number else []
-        found = _points_inside([*own, *holes], nested[number].chart()) if own else np.empty((0, 2))
+        chart, weight = nested[number].chart(), nested[0].probability * share
+        found = _points_inside([*own, *holes], chart) if own else np.empty((0, 2))
+        if own and not len(found) and number:
+            # As large as the one inside: what it adds lies there.
+            weights[-1] = weights[-1] * (1.0 + weight / max(weights[-1].sum(), np.finfo(float).tiny))
+            continue
+        if own and not len(found):
+            found = chart.places(np.zeros((1, 2)))
         places.append(found)
-        weights.append(np.full(len(found), nested[0].probability * share / max(len(found), 1)))
+        weights.append(np.full(len(found), weight / max(len(found), 1)))
     return np.concatenate(places), np.concatenate(weights)
 
 
 def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> FloatArray:
-    """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; corners where it has none.
+    """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; k is 0 without area.
 
     They lie at equal steps of the length that parallel lines have inside, on the map of a region.
     """
@@ -65,7 +72,7 @@ def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> 
     left, right, line = across[order][::2], across[order][1::2], line[order][::2]
     reached = np.cumsum(right - left)
     if not len(reached) or not reached[-1] > 0.0:
-        return np.concatenate(rings)
+        return np.empty((0, 2))
     wanted = reached[-1] * (np.arange(_POINTS) + 0.5) / _POINTS
     chord = np.searchsorted(reached, wanted)
     return chart.places(np.stack([right[chord] - (reached[chord] - wanted), height[line[chord]]], axis=1))
