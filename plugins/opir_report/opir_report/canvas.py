@@ -88,7 +88,7 @@ def without_data(axes: Axes, words: str) -> Axes:
 
 
 #: Widths of a letter and of a line with its gaps in a legend, inches; height of a row, points.
-_LETTER_IN, _HANDLE_IN, _ROW_PT = 0.066, 0.6, 13.0
+_LETTER_IN, _HANDLE_IN, _ROW_PT = 0.066, 0.6, 12.5
 
 
 def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
@@ -122,7 +122,7 @@ def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole:
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, **style)
     if axes.get_title("left"):
         rows = -(-len(lines) // columns) + bool(title)
-        axes.set_title(axes.get_title("left"), loc="left", pad=14.0 + _ROW_PT * rows)
+        axes.set_title(axes.get_title("left"), loc="left", pad=9.0 + _ROW_PT * rows)
 
 
 def log_ticks(axis: Axis) -> None:
