@@ -38,8 +38,8 @@ def listed() -> str:
     lines = []
     for each in BENCHMARKS:
         missing = [f"needs {name}" for name in each.missing()] + [f"without {name}" for name in each.absent_peers()]
-        told = f"  ({', '.join(missing)})" if missing else ""
-        lines.append(f"{each.name:19} {each.question}{told}")
+        note = f"  ({', '.join(missing)})" if missing else ""
+        lines.append(f"{each.name:19} {each.question}{note}")
     return "\n".join(lines)
 
 
@@ -59,8 +59,8 @@ def results(benchmarks: Sequence[Benchmark], rounds: int, *, quick: bool, docs: 
     with_machine: dict[str, Any] = {"machine": machine(), "quick": quick}
     for benchmark, one in rounds_of(benchmarks, rounds, quick=quick, docs=docs):
         found[benchmark.name].append(one)
-        told = one.problem or f"{len(one.figures)} figures"
-        print(f"{benchmark.name:19} {one.processor_s:8.1f} s {one.peak_mib:7.0f} MiB  {told}", flush=True)
+        note = one.problem or f"{len(one.figures)} figures"
+        print(f"{benchmark.name:19} {one.processor_s:8.1f} s {one.peak_mib:7.0f} MiB  {note}", flush=True)
         if one.problem:
             print(one.output, file=sys.stderr)
     return with_machine | {"benchmarks": {each.name: kept(each, found[each.name]) for each in benchmarks}}

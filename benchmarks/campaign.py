@@ -133,9 +133,9 @@ def batch_failing_disk(dice: random.Random, folder: Path, _stand: Stand) -> Foun
     run_into(folder, 1)
     with FailingDisk(folder) as disk:
         disk.fail_at(dice.randint(1, 30), fault(dice), lasts=dice.random() < 0.5)
-        told = message_of(lambda: run_into(folder, 2))
+        message = message_of(lambda: run_into(folder, 2))
         disk.heal()
-    return Found(whole_run(folder, *((2,) if told is None else (1, 2))))
+    return Found(whole_run(folder, *((2,) if message is None else (1, 2))))
 
 
 def fault(dice: random.Random) -> int:
@@ -176,9 +176,9 @@ def spool_failing_disk(dice: random.Random, folder: Path, _stand: Stand) -> Foun
             for _ in range(dice.randint(1, 6)):
                 rows = dice.randint(1, 200)
                 given += ids_of(window(rows, first))
-                told = message_of(lambda: sink.write(window(rows, first)))  # noqa: B023
+                message = message_of(lambda: sink.write(window(rows, first)))  # noqa: B023
                 first += rows
-                if told is not None:
+                if message is not None:
                     break
             counts = sink.close()
             total = counts.delivered + counts.spooled + counts.dropped + counts.withheld
@@ -211,11 +211,11 @@ def spool_damaged(dice: random.Random, folder: Path, _stand: Stand) -> Found:
         content[dice.randrange(4096, len(content))] ^= 1 << dice.randrange(8)
     path.write_bytes(content)
     carrier = Holding()
-    told = spool_sink(path, carrier, dice).close()
-    assert told.delivered == len(carrier.ids) == told.recovered - told.dropped
-    found = compared(given, dict.fromkeys(carrier.ids), told.dropped)
+    delivery = spool_sink(path, carrier, dice).close()
+    assert delivery.delivered == len(carrier.ids) == delivery.recovered - delivery.dropped
+    found = compared(given, dict.fromkeys(carrier.ids), delivery.dropped)
     # How many events a damaged batch had may be damaged too: that it is damaged is reported, and its file kept.
-    assert not found.missing or (told.complaint is not None and path.with_name("spool.damaged-1").exists())
+    assert not found.missing or (delivery.complaint is not None and path.with_name("spool.damaged-1").exists())
     return Found(found.events, found.reported + found.missing)
 
 
@@ -233,10 +233,10 @@ def kafka_faults(dice: random.Random, folder: Path, stand: Stand) -> Found:
                 sink.write(window(20, first))
                 first += 20
                 time.sleep(dice.uniform(0.0, 0.1))
-        told = sink.close()
-        assert told.dropped == 0, told
+        delivery = sink.close()
+        assert delivery.dropped == 0, delivery
     broker.heal()
-    assert told.spooled == 0, told
+    assert delivery.spooled == 0, delivery
     kafka_broker.examine(broker, topic, first)
     return Found(first)
 

@@ -74,7 +74,7 @@ REMARKS = """\
 - From geostationary distance the range is known to about 1 %, so brightness itself separates types, unless noise hides
   it. The number of detections so far separates an ICBM late in its burn from a smaller type.
 - DSP has one band. It separates fires, whose LWIR is far above that of plumes, but not a flare or a glint as bright as
-  a plume, and hardly tells types.
+  a plume, and hardly separates types.
 - The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise the spectrum. HEO
   has the bands, noise and thresholds of SBIRS-GEO."""
 

@@ -169,7 +169,7 @@ def looks_at(people: Population, classifier: Any, run: Run) -> dict[str, Looks]:
 
 
 def is_right(looks: Looks, kind: NDArray[np.str_]) -> NDArray[np.bool_]:
-    """Return which looks at launches are told their type."""
+    """Return which looks at launches are given their type."""
     launches = np.isin(kind, TARGET_TYPES)
     right: NDArray[np.bool_] = np.array(CODES)[looks.code[launches]] == kind[launches]
     return right

@@ -17,7 +17,7 @@ def placements(plume: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatA
 def area(plume: FloatArray, other: FloatArray) -> tuple[float, float, float]:
     """Return the area under the ROC curve with DeLong's 95 % interval, which has hardly a width where little overlaps.
 
-    The least area is at most that of Clopper and Pearson for the smaller number of objects, were all told apart.
+    The least area is at most that of Clopper and Pearson for the smaller number of objects, were all separated.
     """
     up, down = placements(plume, other)
     sigma = np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down))
@@ -64,7 +64,7 @@ def interval(hits: int, count: int) -> tuple[float, float]:
 
 
 def roc(plume: FloatArray, other: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the share of plumes told at shares of others (n,), straight between ties."""
+    """Return the share of plumes called plumes at shares of others (n,), straight between ties."""
     levels = np.unique(np.concatenate([plume, other]))[::-1]
-    told = [np.append(0.0, [np.mean(part >= level) for level in levels]) for part in (other, plume)]
-    return np.interp(at, *told)
+    shares = [np.append(0.0, [np.mean(part >= level) for level in levels]) for part in (other, plume)]
+    return np.interp(at, *shares)

@@ -33,13 +33,13 @@ mean from the reference's, in its standard deviations. Worst of each family:
 """
 
 
-def line(name: str, told: list[Sample]) -> dict[str, str]:
+def line(name: str, samples: list[Sample]) -> dict[str, str]:
     """Return a family's line of the table."""
-    worst = [max(getattr(sample, field) for sample in told) for field in ("condition", "covariance_error", "drift")]
-    figures = (worst[0], min(sample.smallest for sample in told), *worst[1:])
+    worst = [max(getattr(sample, field) for sample in samples) for field in ("condition", "covariance_error", "drift")]
+    figures = (worst[0], min(sample.smallest for sample in samples), *worst[1:])
     names = ("worst_condition", "smallest_eigenvalue", "worst_covariance_error", "worst_drift")
     shown = {name: f"{figure:.1e}" for name, figure in zip(names, figures, strict=True)}
-    return {"case": name, "samples": str(len(told)), **shown}
+    return {"case": name, "samples": str(len(samples)), **shown}
 
 
 def shortened(case: Case, slices: int) -> Case:
@@ -47,7 +47,7 @@ def shortened(case: Case, slices: int) -> Case:
     return case._replace(slices=min(case.slices, slices))
 
 
-def plot(told: list[Sample], path: Path) -> None:
+def plot(samples: list[Sample], path: Path) -> None:
     """Draw the heat map."""
     import matplotlib
 
@@ -55,9 +55,9 @@ def plot(told: list[Sample], path: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "opir"
     import matplotlib.pyplot as plt
 
-    condition = np.log10([sample.condition for sample in told])
-    smallest = np.log10([sample.smallest for sample in told])
-    error = np.log10([max(sample.covariance_error, 1e-17) for sample in told])
+    condition = np.log10([sample.condition for sample in samples])
+    smallest = np.log10([sample.smallest for sample in samples])
+    error = np.log10([max(sample.covariance_error, 1e-17) for sample in samples])
     figure, axes = plt.subplots(figsize=(7.0, 4.5))
     cells = axes.hexbin(condition, smallest, C=error, gridsize=24, reduce_C_function=np.max, cmap="viridis")
     figure.colorbar(cells, label="log10 of the largest relative error of the covariance")
@@ -79,16 +79,16 @@ def main() -> None:
     for case in every:
         families.setdefault(case.name, []).extend(samples(shortened(case, chosen.slices), every=5))
     families["20 Hz for an hour"] = samples(shortened(an_hour(), chosen.slices), every=60)
-    told = [sample for family in families.values() for sample in family]
-    assert all(sample.asymmetry == 0.0 and sample.smallest > 0.0 for sample in told)
+    every_sample = [sample for family in families.values() for sample in family]
+    assert all(sample.asymmetry == 0.0 and sample.smallest > 0.0 for sample in every_sample)
     rows = [line(name, family) for name, family in families.items()]
     print(markdown_table(tuple(rows[0]), [tuple(row.values()) for row in rows]))
     if chosen.write:
-        worst, drift = (max(getattr(sample, name) for sample in told) for name in ("covariance_error", "drift"))
+        worst, drift = (max(getattr(sample, name) for sample in every_sample) for name in ("covariance_error", "drift"))
         page = PAGE.format(count=len(every), worst=worst, drift=drift)
         write_csv(chosen.write / "filter_stability.csv", rows)
         (chosen.write / "filter_stability.md").write_text(page, encoding="utf-8")
-        plot(told, chosen.write / "filter_stability.svg")
+        plot(every_sample, chosen.write / "filter_stability.svg")
 
 
 if __name__ == "__main__":

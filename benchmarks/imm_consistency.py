@@ -128,10 +128,10 @@ def lines_of(name: str, case: Case) -> Iterator[str]:
         (points.launch_nees, points.launch_m, 1.0),
         (points.impact_nees, points.impact_m, 1e-3),
     ):
-        told = np.isfinite(square)
-        share = containment(square[told], 2, 0.95)
+        known = np.isfinite(square)
+        share = containment(square[known], 2, 0.95)
         cells += [f"{100.0 * share[0]:.1f} % [{100.0 * share[1]:.1f}, {100.0 * share[2]:.1f}]"]
-        cells += [_mean(square[told] / 2.0), f"{unit * np.median(error[told]):.{0 if unit == 1.0 else 1}f}"]
+        cells += [_mean(square[known] / 2.0), f"{unit * np.median(error[known]):.{0 if unit == 1.0 else 1}f}"]
     cells.append(f"{np.nanmedian(points.launch_time_s):+.2f}")
     yield "| " + " | ".join(cells) + " |"
 

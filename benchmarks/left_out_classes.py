@@ -62,7 +62,7 @@ positives; and what the left-out is taken for, with its mean probability. Classe
 
 Classes that cover one another cannot raise "none of these" by light: an MRBM is one of the two boosts of the class
 IRBM, HGV lies between IRBM and SLBM, SLBM between IRBM and ICBM, ICBM between SLBM and SLV; their colours are alike.
-SRBM and SLV are the ends of the range. Motion tells them apart, in [the trackers](../explanation/imm.md).
+SRBM and SLV are the ends of the range. Motion separates them, in [the trackers](../explanation/imm.md).
 
 **Method.** {launches} launches of each of seven classes, {sources} fires and gas flares each, and noise, seed {seed};
 {duration:g} s with a look every {period:g} s; places, headings, ranges and brightnesses from the distributions that the

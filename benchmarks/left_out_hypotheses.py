@@ -32,7 +32,7 @@ from opir_core.scene.target_classes import OrbitInsertion
 MARKS = (("30 s after detection", 30.0, None), ("60 s after detection", 60.0, None), ("burnout", None, 5.0))
 #: Launches lie this far apart, degrees, and this long, s; a scene ends so long after the longest boost.
 APART_DEG, WITHIN_S, AFTER_S = 3.0, 30.0, 10.0
-#: AUROC from which "none of these" tells a class left out from known ones.
+#: AUROC from which "none of these" separates a class left out from known ones.
 BAR = 0.95
 
 PAGE = """# Classes left out of the tracker
@@ -75,7 +75,7 @@ class WithoutClass(Host):
         return [name for name in super().names(hook) if hook is not TargetClass or name != self.left_out]
 
 
-class Told(NamedTuple):
+class Record(NamedTuple):
     """What the track of a launch says at a mark: P by the names of hypotheses."""
 
     left_out: str
@@ -140,14 +140,14 @@ def scene(launches: int, seed: int) -> dict[str, Any]:
     }
 
 
-def told(mapping: dict[str, Any], left_out: str) -> list[Told]:
+def records_of(mapping: dict[str, Any], left_out: str) -> list[Record]:
     """Return what tracks of launches say at the marks, with a class left out."""
     host = WithoutClass.discover()
     host.left_out = left_out
     run = opir.run_of_plan(opir.compile_plan(opir.scene_from_mapping(mapping), host))
     evidence = evidence_of_run(run, run.plan)
     owners, names = ownership(evidence), [each.name for each in run.plan.hypotheses]
-    tracks, found = run.tracks, list[Told]()
+    tracks, found = run.tracks, list[Record]()
     owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     for target, plain in enumerate(mapping["targets"]):
         rows = np.flatnonzero(owner == target)
@@ -162,11 +162,11 @@ def told(mapping: dict[str, Any], left_out: str) -> list[Told]:
                 continue
             row = late[0] if mark == "first" else late[-1]
             probability = dict(zip(names, tracks.hypothesis_probability[row].tolist(), strict=True))
-            found.append(Told(left_out, plain["type"], mark, probability))
+            found.append(Record(left_out, plain["type"], mark, probability))
     return found
 
 
-def row_of(records: Sequence[Told], mark: str) -> Row:
+def row_of(records: Sequence[Record], mark: str) -> Row:
     """Return how "none of these" rises at a mark, of the records with one class left out."""
     here = [each for each in records if each.mark == mark]
     left_out = here[0].left_out
@@ -202,7 +202,7 @@ def _best(probability: dict[str, float]) -> tuple[str, float]:
     return name, probability[name]
 
 
-def calibration(records: Sequence[Told]) -> list[str]:
+def calibration(records: Sequence[Record]) -> list[str]:
     """Return a cell for each bin of P of target classes after burnout: mean, share that is right, and number.
 
     Each record is weighted by the tracker's prior of its class (the first records of all), over the class's number.
@@ -230,7 +230,7 @@ def calibration(records: Sequence[Told]) -> list[str]:
     return cells
 
 
-def page(rows: Sequence[Row], records: Sequence[Told], launches: int, seed: int) -> str:
+def page(rows: Sequence[Row], records: Sequence[Record], launches: int, seed: int) -> str:
     """Return the page."""
     known, partial = ([each for each in records if bool(each.left_out) == is_out] for is_out in (False, True))
     last = [row for row in rows if row.mark == MARKS[-1][0] and row.unknown_tracks]
@@ -255,9 +255,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=["", *(kind.name for kind in CLASSES)], help="classes left out")
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    mapping, records, rows = scene(arguments.launches, arguments.seed), list[Told](), list[Row]()
+    mapping, records, rows = scene(arguments.launches, arguments.seed), list[Record](), list[Row]()
     for left_out in arguments.only:
-        own = told(mapping, left_out)
+        own = records_of(mapping, left_out)
         records += own
         rows += [row_of(own, mark) for mark, _, _ in MARKS]
         print(*rows[-len(MARKS) :], sep="\n", flush=True)

@@ -47,11 +47,11 @@ def processor() -> str:
 
 def commit() -> str:
     """Return the commit of the checkout, with a + if it has changes, or nothing."""
-    told = subprocess.run(
+    done = subprocess.run(
         ["git", "describe", "--always", "--dirty=+"],
         cwd=Path(__file__).parent,
         capture_output=True,
         text=True,
         check=False,
     )
-    return told.stdout.strip()
+    return done.stdout.strip()

@@ -60,19 +60,19 @@ def running(*command: str) -> Iterator[int]:
 def requests_per_s(port: int, path: str, seconds: float) -> float:
     """Return what wrk finds; raises where an answer is not 2xx."""
     command = ["wrk", "-t1", "-c32", f"-d{seconds:g}s", f"http://127.0.0.1:{port}{path}"]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert "Non-2xx" not in told, told
-    found = re.search(r"Requests/sec:\s+([0-9.]+)", told)
-    assert found, told
+    answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "Non-2xx" not in answer, answer
+    found = re.search(r"Requests/sec:\s+([0-9.]+)", answer)
+    assert found, answer
     return float(found[1])
 
 
 def status(port: int) -> Any:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
     connection.request("GET", "/status")
-    told = json.loads(connection.getresponse().read())
+    answer = json.loads(connection.getresponse().read())
     connection.close()
-    return told
+    return answer
 
 
 async def viewed(port: int, clients: int, seconds: float) -> tuple[int, int]:

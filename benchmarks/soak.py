@@ -125,7 +125,7 @@ class Viewer:
 
     def __init__(self, port: int) -> None:
         self.frames = 0
-        self.is_told_the_end = False
+        self.has_end = False
         self._port = port
         self.thread = threading.Thread(target=self._read, daemon=True)
         self.thread.start()
@@ -136,7 +136,7 @@ class Viewer:
         response = connection.getresponse()
         while line := response.readline():
             self.frames += line.startswith(b"event:")
-            self.is_told_the_end |= line.startswith(b"event: end")
+            self.has_end |= line.startswith(b"event: end")
 
 
 def asked(port: int, method: str, path: str, body: Any = None) -> tuple[int, Any]:
@@ -212,7 +212,7 @@ def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
         status = balanced(port)
         service.send_signal(signal.SIGTERM)
         began_s = time.monotonic()
-        told = service.communicate(timeout=60.0)[0]
+        output = service.communicate(timeout=60.0)[0]
         stop_s = time.monotonic() - began_s
         pipe.thread.join(20.0)
         viewer.thread.join(10.0)
@@ -226,7 +226,7 @@ def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
     return {
         "samples": samples,
         "triggers": triggers,
-        "told": told,
+        "output": output,
         "stop_s": stop_s,
         "code": service.returncode,
         "out": (pipe.lines, topic.messages),
@@ -234,7 +234,7 @@ def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
         "reader_error": topic.error,
         "unbalanced": [sink["unbalanced"] for sink in status["sinks"]],
         "faults": faults.counts,
-        "viewer": (viewer.frames, viewer.is_told_the_end),
+        "viewer": (viewer.frames, viewer.has_end),
     }
 
 
@@ -252,10 +252,10 @@ def watched(
         scene_s = asked(port, "GET", "/status")[1]["clock"]["time_s"]
         if scene_s >= trigger_due_s and faults.now is None:
             trigger_due_s = scene_s + TRIGGER_S
-            answer, told = asked(port, "POST", "/trigger", LAUNCH)
+            answer, body = asked(port, "POST", "/trigger", LAUNCH)
             triggers[answer] = triggers.get(answer, 0) + 1
             if answer != 202:
-                print(answer, told, flush=True)
+                print(answer, body, flush=True)
         if time.monotonic() >= sample_due_s:
             sample_due_s += SAMPLE_S
             out = pipe.lines + topic.messages
@@ -277,7 +277,7 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     warm = [each for each in samples[int(WARM_UP * len(samples)) :] if each.lap >= WARM_UP_LAPS] or samples
     fds = quarters([each.descriptors for each in warm], np.median)
     rss, usual = (quarters([each.rss_mib for each in warm], figure) for figure in (min, np.median))
-    counts = [[int(count) for count in COUNTED.findall(line)] for line in found["told"].splitlines()]
+    counts = [[int(count) for count in COUNTED.findall(line)] for line in found["output"].splitlines()]
     delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
     held = "least of the first quarter {:.1f} MiB, of the last {:.1f}; medians {:.1f} and {:.1f}"
     rows = [
@@ -384,7 +384,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         found = soaked(arguments.minutes, arguments.seed, Path(folder))
     lines, met = verdict(found)
-    print(found["told"], found["faults"], *lines, "met" if met else "NOT MET", sep="\n")
+    print(found["output"], found["faults"], *lines, "met" if met else "NOT MET", sep="\n")
     if arguments.write:
         text = page(found, arguments.minutes, arguments.seed, arguments.machine)
         (arguments.write / "soak.md").write_text(text, encoding="utf-8")

@@ -25,7 +25,7 @@ _REMEMBERED = 200_000
 READER = """
 import json, sys, time
 lines = repeated = 0
-recent, told = {}, time.monotonic()
+recent, reported_s = {}, time.monotonic()
 for line in open(sys.argv[1], "rb"):
     lines += 1
     name = json.loads(line)["detection_id"]
@@ -34,8 +34,8 @@ for line in open(sys.argv[1], "rb"):
     if len(recent) > 200_000:
         for old in list(recent)[:100_000]:
             del recent[old]
-    if time.monotonic() - told > 0.2:
-        told = time.monotonic()
+    if time.monotonic() - reported_s > 0.2:
+        reported_s = time.monotonic()
         print(lines, repeated, flush=True)
 print(lines, repeated, flush=True)
 """

@@ -32,10 +32,10 @@ def seconds(arguments: list[str], folder: str) -> float:
 
 def modules(arguments: list[str], folder: str) -> int:
     """Return how many modules a process imports."""
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-X", "importtime", *arguments], cwd=folder, check=True, capture_output=True, text=True
     )
-    return sum(line.startswith("import time:") for line in told.stderr.splitlines()) - 1
+    return sum(line.startswith("import time:") for line in done.stderr.splitlines()) - 1
 
 
 def main() -> None:

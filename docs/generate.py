@@ -25,7 +25,7 @@ from opir_core.scene.target_classes import TargetClass
 
 DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
-#: So many satellites of a fleet are told one by one.
+#: So many satellites of a fleet are listed one by one.
 _FEW = 6
 
 PHOTONS = ("classification", "detection", "imagers", "radiometry")
@@ -171,8 +171,8 @@ def entry(host: Host, hook: str, name: str) -> Iterator[str]:
     elif isinstance(offered, Component) and fields(offered.config):
         yield from ("", HEAD, *rows(offered.config))
         for preset, values in offered.presets.items():
-            told = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
-            yield from ("", f"Preset `{preset}`: {told}.")
+            settings = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
+            yield from ("", f"Preset `{preset}`: {settings}.")
         for text, value in named_values(offered.config).items():
             yield from ("", f"`{text}` stands for `{shown(value)}`.")
 

@@ -57,7 +57,7 @@ def observed(scene: SetScene) -> tuple[Truth, Sights]:
         time_s = np.round(np.arange(sensor.phase_s, until_s, sensor.period_s), 6)
         parts.append(_sights_of(scene, number, sensor, time_s, paths, burning))
     every = Sights(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    # Within a look the order tells nothing: by the direction.
+    # Within a look the order says nothing: by the direction.
     order = np.lexsort((every.direction[:, 0], every.sensor, every.time_s))
     sights = Sights(*(column[order] for column in every))
     tick_s = np.arange(TICK_S, until_s + 1e-6, TICK_S)

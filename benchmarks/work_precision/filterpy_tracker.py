@@ -38,7 +38,7 @@ class FilterPyTracker:
         for row in range(len(rays)):
             self._take_in(rays, row)
         self._predict(tick_s)
-        return self._told(tick_s)
+        return self._tracks(tick_s)
 
     def _begin(self, rays: LinesOfSight) -> None:
         from filterpy.kalman import ExtendedKalmanFilter
@@ -81,7 +81,7 @@ class FilterPyTracker:
         self._filter.R = np.eye(2) * rays.sigma_rad[row] ** 2
         self._filter.update(np.zeros(2), slope, seen)
 
-    def _told(self, tick_s: float) -> Tracks:
+    def _tracks(self, tick_s: float) -> Tracks:
         unknown = np.full((1, 6, 6), np.nan)
         state, covariance = earth_fixed(self._filter.x[None, :6], self._filter.P[None, :6, :6], tick_s)
         return Tracks(

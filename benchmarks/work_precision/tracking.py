@@ -124,9 +124,9 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
     }
     for name in installed(ways):
         way = ways[name]
-        told = [way(single_of(case, target)) for target in range(peer_runs)]
-        found = np.stack([state[:3] for state, _ in told])
-        yield Line(name, 1e6 * min(taken for _, taken in told) / looks, rmse_m(found, few) / bound, peer_runs)
+        reports = [way(single_of(case, target)) for target in range(peer_runs)]
+        found = np.stack([state[:3] for state, _ in reports])
+        yield Line(name, 1e6 * min(taken for _, taken in reports) / looks, rmse_m(found, few) / bound, peer_runs)
 
 
 def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, np.ndarray]], float]:
@@ -137,7 +137,7 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         sensors=sensors, epoch_us=0, duration_s=float(case.seconds), forces="kepler", light_time=False
     )
     tracking = ImmTracking.of(config, context)
-    slice_s, now, told, before, taken = config.slice_s, begun(tracking, case), [], 0, 0.0
+    slice_s, now, reports, before, taken = config.slice_s, begun(tracking, case), [], 0, 0.0
     for number in range(1, round(case.seconds / slice_s) + 1):
         end = number * slice_s
         cut = int(np.searchsorted(case.rays.time_s, end + 1e-9))
@@ -146,8 +146,8 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         ahead = predict(tracking.models, now, end, rays)
         now = update(tracking.models, now, ahead, associate(tracking.models, now, ahead), np.full(len(rays), -1))
         taken += time.process_time() - start
-        told.append((end, tracking.models.filter.moments(now.estimates)[0][:, :3]))
-    return told, taken
+        reports.append((end, tracking.models.filter.moments(now.estimates)[0][:, :3]))
+    return reports, taken
 
 
 def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
@@ -170,24 +170,24 @@ def _density(case: Problem) -> float:
     return float(CLUTTER / (width / np.linalg.norm(case.start[:, :3].mean(axis=0) - SENSORS_M[0])) ** 2)
 
 
-def mean_gospa_m(case: Problem, told: list[tuple[float, np.ndarray]]) -> float:
-    """Return the GOSPA a target, over the last half of what was told."""
-    late = told[len(told) // 2 :]
+def mean_gospa_m(case: Problem, reports: list[tuple[float, np.ndarray]]) -> float:
+    """Return the GOSPA a target, over the last half of what was reported."""
+    late = reports[len(reports) // 2 :]
     scores = [gospa(found, case.truth(when)[:, :3], cutoff=CUTOFF_M).distance for when, found in late]
     return float(np.mean(scores) / np.sqrt(len(case.start)))
 
 
 def followed_known(case: Problem) -> list[tuple[float, np.ndarray]]:
     """Return `imm`'s positions at the end of each second, association known."""
-    filter_, bank, told, before = coasting_filter(), first_bank(case.prior), [], 0
+    filter_, bank, reports, before = coasting_filter(), first_bank(case.prior), [], 0
     mine = np.flatnonzero(case.target >= 0)
     everything = known_sights(case.rays.take(mine), case.target[mine])
     for second in range(1, case.seconds + 1):
         cut = int(np.searchsorted(everything.time_s, second + 1e-9))
         part, before = everything.take(slice(before, cut)), cut
         bank = filter_.updated(filter_.predicted(bank, 1.0), float(second), part, 1.0)
-        told.append((float(second), filter_.moments(bank)[0][:, :3]))
-    return told
+        reports.append((float(second), filter_.moments(bank)[0][:, :3]))
+    return reports
 
 
 def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[str, float, float]]:
@@ -200,16 +200,16 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
         {"slice_s": 2.0, "cadence_s": 2.0},
     ]
     for way in ways:
-        told, taken = tracked(case, **way)
+        reports, taken = tracked(case, **way)
         name = f"imm, slices of {way['slice_s']} s"
-        yield name, 1e3 * taken / frames, mean_gospa_m(case, told)
+        yield name, 1e3 * taken / frames, mean_gospa_m(case, reports)
     if not first or not is_installed("Stone Soup"):
         return
-    told, taken = peers.stone_soup_raid(case, "nearest", CLUTTER / _density(case))
-    yield "Stone Soup EKF, GNN with k-d tree", 1e3 * taken / frames, mean_gospa_m(case, told)
+    reports, taken = peers.stone_soup_raid(case, "nearest", CLUTTER / _density(case))
+    yield "Stone Soup EKF, GNN with k-d tree", 1e3 * taken / frames, mean_gospa_m(case, reports)
     if joint_peer:
-        told, taken = peers.stone_soup_raid(case, "joint", CLUTTER / _density(case))
-        yield "Stone Soup EKF, JPDA with EHM2", 1e3 * taken / frames, mean_gospa_m(case, told)
+        reports, taken = peers.stone_soup_raid(case, "joint", CLUTTER / _density(case))
+        yield "Stone Soup EKF, JPDA with EHM2", 1e3 * taken / frames, mean_gospa_m(case, reports)
 
 
 def raid_lines_of(cases: list[Problem], joint_peer: bool) -> RaidLines:

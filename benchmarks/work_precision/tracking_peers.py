@@ -81,7 +81,7 @@ def stone_soup_frames(case: Problem) -> list[tuple[Any, set[Any], list[Any]]]:
         part = case.rays.take(slice(start, stop))
         when, model = EPOCH + datetime.timedelta(seconds=part.time_s[0]), measure(part.sensor[0], part.time_s[0])
         toward = ecef_to_eci(part.direction_ecef, part.time_s)
-        told = [
+        reports = [
             Detection(
                 StateVector([[Elevation(np.arcsin(d[2]))], [Bearing(np.arctan2(d[1], d[0]))]]),
                 timestamp=when,
@@ -89,7 +89,7 @@ def stone_soup_frames(case: Problem) -> list[tuple[Any, set[Any], list[Any]]]:
             )
             for d in toward
         ]
-        frames.append((when, set(told), told))
+        frames.append((when, set(reports), reports))
     return frames
 
 
@@ -106,8 +106,8 @@ def stone_soup_filter(case: Problem, unscented: bool) -> tuple[np.ndarray, float
     frames = stone_soup_frames(case)
     state: Any = GaussianState(case.prior[0], PRIOR, timestamp=EPOCH)
     start = time.process_time()
-    for when, _, told in frames:
-        state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=when), told[0]))
+    for when, _, reports in frames:
+        state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=when), reports[0]))
     return np.asarray(state.state_vector, dtype=float).ravel(), time.process_time() - start
 
 
@@ -173,7 +173,7 @@ def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[lis
     predictor, updater = ExtendedKalmanPredictor(transition), ExtendedKalmanUpdater(None)
     tracks = [Track([GaussianState(prior, PRIOR, timestamp=EPOCH)]) for prior in case.prior]
     associator = stone_soup_associator(way, predictor, updater, solid_angle_sr)
-    frames, told = stone_soup_frames(case), []
+    frames, reports = stone_soup_frames(case), []
     seconds = 0.0
     for when, detections, _ in frames:
         start = time.process_time()
@@ -182,8 +182,8 @@ def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[lis
             track.append(blended(found[track], updater) if way == "joint" else single(found[track], updater))
         seconds += time.process_time() - start
         place = np.stack([np.asarray(track.state_vector[:3], dtype=float).ravel() for track in tracks])
-        told.append(((when - EPOCH).total_seconds(), place))
-    return told, seconds
+        reports.append(((when - EPOCH).total_seconds(), place))
+    return reports, seconds
 
 
 def single(hypothesis: Any, updater: Any) -> Any:

@@ -79,10 +79,10 @@ def unscented(mean: np.ndarray, sights: AngleMeasurements) -> tuple[np.ndarray, 
     for point in points:
         path = np.repeat(motion.taylor(point[None]), len(sights), axis=0)
         seen.append(-sights.residuals(taylor_positions(path, taylor_weights(sights.time_s)))[0].ravel())
-    told = np.array(seen)
-    center = share @ told
-    spread = (told - center).T @ ((told - center) * share[:, None]) + np.eye(told.shape[1])
-    cross = (points - mean).T @ ((told - center) * share[:, None])
+    answers = np.array(seen)
+    center = share @ answers
+    spread = (answers - center).T @ ((answers - center) * share[:, None]) + np.eye(answers.shape[1])
+    cross = (points - mean).T @ ((answers - center) * share[:, None])
     gain = np.linalg.solve(spread, cross.T).T
     covariance = np.diag(PRIOR**2) - gain @ spread @ gain.T
     return mean - gain @ center, 0.5 * (covariance + covariance.T)

@@ -4,7 +4,7 @@
 
 `opir_core.simulation.refinement` judges a piece by how far its second and fourth knots are off the
 parabola through the others, and the half of a piece by how far they are off the curve through the whole one's knots. A
-bend that no model told of may stand anywhere between the knots; it may be one of the slope, or of the curvature, or a
+bend that is in no model may stand anywhere between the knots; it may be one of the slope, or of the curvature, or a
 jump. Printed is the largest true error, anywhere on the piece and over all places of the bend, as a share of the
 tolerance, of pieces that both terms just let pass (`THIRD_SHARE`, `FOURTH_SHARE`), and of halves whose new knots were
 just foretold (`MISSED_SHARE`).

@@ -1,11 +1,11 @@
-"""How smooth a boost is after pitch-over, by the variable it is told in: what degree leaves what error.
+"""How smooth a boost is after pitch-over, by the variable that describes it: what degree leaves what error.
 
     python docs/design/turn_series.py
 
 The flight path angle goes like u^n, u the fraction of the turn, with n from 0.5 to 0.9: no polynomial in u converges
-fast. Told in x = u^(1/q), height and downrange get smoother with q, and need more terms. The table gives the largest
-Chebyshev coefficient beyond a degree, in metres, over all profiles. At q = 4 degree 32 leaves less than a nanometre: it
-settled the series of `opir_core/flight/boost.py`.
+fast. As functions of x = u^(1/q), height and downrange get smoother with q, and need more terms. The table gives the
+largest Chebyshev coefficient beyond a degree, in metres, over all profiles. At q = 4 degree 32 leaves less than a
+nanometre: it settled the series of `opir_core/flight/boost.py`.
 """
 
 import math

@@ -77,7 +77,7 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     Raises `ModelError` where neither the configuration nor the sensor says how a class that the scene launches is
     reported, and where the configuration has a matrix for a sensor type that the scene has not.
     """
-    _refuse_strangers(config, context)
+    _refuse_unknowns(config, context)
     names, class_number = context.emitter_classes()
     thresholds = np.zeros((len(context.sensors), len(names), len(context.reported_types) - 1))
     # What is no target is UNKNOWN: its draw lies above the thresholds of the types before, and below those after.
@@ -121,12 +121,12 @@ def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:
     return NoClassifier()
 
 
-def _refuse_strangers(config: ConfusionConfig, context: ModelContext) -> None:
+def _refuse_unknowns(config: ConfusionConfig, context: ModelContext) -> None:
     types = {sensor.type for sensor in context.sensors}
-    for stranger in sorted(config.matrices.keys() - types):
+    for unknown in sorted(config.matrices.keys() - types):
         raise ModelError(
-            f"classification: matrices.{stranger} is for sensors of type {stranger}, and the scene has none"
-            f"{nearest(stranger, types)}; the scene's sensors are of type {', '.join(sorted(types))}"
+            f"classification: matrices.{unknown} is for sensors of type {unknown}, and the scene has none"
+            f"{nearest(unknown, types)}; the scene's sensors are of type {', '.join(sorted(types))}"
         )
 
 

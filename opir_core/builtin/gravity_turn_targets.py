@@ -65,7 +65,7 @@ class GravityTurnTargets(ClassFlights):
                 "early_shutdown_s": config.early_shutdown_s,
                 "azimuth_deg": float(np.degrees(flights.azimuth_rad[row])),
                 "kick_deg": float(np.degrees(flights.kick_rad[row])),
-                **_times_told(flights, row),
+                **_recorded_times(flights, row),
                 "burnout": burnout[row],
                 "impact": {**impact[row], "time_s": float(flights.impact_s[row])},
                 "miss_m": float(flights.miss_m[row]),
@@ -74,7 +74,7 @@ class GravityTurnTargets(ClassFlights):
         ]
 
 
-def _times_told(flights: StagedFlights, row: int) -> Mapping[str, Any]:
+def _recorded_times(flights: StagedFlights, row: int) -> Mapping[str, Any]:
     """Return ignition and burnout of a target, those of its stages, and its dark gaps."""
     burns = flights.burns_s[row]
     burns = burns[np.isfinite(burns[:, 0])]

@@ -9,7 +9,7 @@ from opir_core.scene.fields import with_defaults
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 from opir_core.sensors.sensor_components import scanning_sensor
 
-#: Notional: some right, some wrong, some not told.
+#: Notional: some right, some wrong, some unknown.
 CONFUSION = {
     "ICBM": {"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.1},
     "IRBM": {"ICBM": 0.2, "IRBM": 0.5, "SRBM": 0.2, "UNKNOWN": 0.1},

@@ -142,8 +142,8 @@ def _name(entry: str) -> str:
 def _component_text(row: Mapping[str, Any]) -> str:
     head = f"{row['kind']} {row['name']}, of {row['distribution']} {row['version']} (plugin {row['plugin']})"
     kinds = {"satellites": _satellites, "profiles": _profiles}
-    told = next((text for key, text in kinds.items() if key in row), _settings)
-    return "\n\n".join([f"{head}\n{row['summary']}", *told(row)])
+    described = next((text for key, text in kinds.items() if key in row), _settings)
+    return "\n\n".join([f"{head}\n{row['summary']}", *described(row)])
 
 
 def _profiles(row: Mapping[str, Any]) -> list[str]:

@@ -97,10 +97,10 @@ def _assumed(sensors: Sequence[str]) -> list[str]:
 
 
 def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
-    told = {"by_motion": "by its motion, to the tracker", "by_light": "by its light, to the classifier"}
-    used = [key for key in told if any(row[key] for row in groups)]
+    headings = {"by_motion": "by its motion, to the tracker", "by_light": "by its light, to the classifier"}
+    used = [key for key in headings if any(row[key] for row in groups)]
     rows = [(", ".join(row["hypotheses"]), *(row[key] for key in used)) for row in groups]
-    return [table(("it may be", *map(told.__getitem__, used)), rows)] if rows else []
+    return [table(("it may be", *map(headings.__getitem__, used)), rows)] if rows else []
 
 
 def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -41,8 +41,8 @@ exit codes:
 #: The option of every command that prints tracebacks.
 DEBUG = "--debug"
 
-#: What tells libraries of linear algebra how many threads they have. Our matrices are small: with a tracker several
-#: threads took 1.8 times the processor time and slowed a raid down by a sixth.
+#: Variables that set the threads of libraries of linear algebra. Our matrices are small: with a tracker several threads
+#: took 1.8 times the processor time and slowed a raid down by a sixth.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 _INTERRUPTED = 130

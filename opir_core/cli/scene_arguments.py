@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from opir_core.cli.terminal import grouped, told_if_slow
+from opir_core.cli.terminal import grouped, slow_notice
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
 from opir_core.host.watchdog import DEAD_AFTER_S, STUCK
@@ -60,7 +60,7 @@ def scene_of(
     The overrides in `first` precede those of the user; `otherwise` applies to a scene without outputs.
     """
     given = [*first, *_shorthand(arguments)]
-    with told_if_slow(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
+    with slow_notice(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
         scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
         if scene.outputs or not otherwise:
             return scene
@@ -91,7 +91,7 @@ def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callabl
     """Return the result of `make`, a step that may be slow; its errors name the scene's file."""
     size = f"{grouped(len(scene.sensors))} sensors and {grouped(len(scene.targets))} targets"
     try:
-        with told_if_slow(f"{doing} {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
+        with slow_notice(f"{doing} {arguments.scene} ({size})", is_shown=_is_shown(arguments)):
             return make()
     except SceneError as error:
         overrides = [*_shorthand(arguments), *arguments.overrides]

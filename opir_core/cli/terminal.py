@@ -73,26 +73,26 @@ _SLOW_S = 2.0
 
 
 @contextmanager
-def told_if_slow(what: str, *, is_shown: bool) -> Iterator[None]:
+def slow_notice(what: str, *, is_shown: bool) -> Iterator[None]:
     """Say on standard error what takes so long, if `is_shown`: after 2 s, 4 s, 8 s and so on."""
     if not is_shown:
         yield
         return
     is_done, began_s = Event(), monotonic()
 
-    def tell() -> None:
+    def report() -> None:
         after_s = _SLOW_S
         while not is_done.wait(began_s + after_s - monotonic()):
             sys.stderr.write(f"opir: {what}, {after_s:g} s so far\n")
             after_s *= 2.0
 
-    teller = Thread(target=tell, name="opir-told-if-slow", daemon=True)
-    teller.start()
+    reporter = Thread(target=report, name="opir-slow", daemon=True)
+    reporter.start()
     try:
         yield
     finally:
         is_done.set()
-        teller.join()
+        reporter.join()
 
 
 class _Diverted(io.TextIOBase):

@@ -310,10 +310,10 @@ def _source(
 def _faults(plugins: Sequence[Entry], adverts: Sequence[Entry]) -> list[str]:
     values = {value for _, value in plugins}
     unreadable = [entry for entry, _ in adverts if _offer(entry)[0] not in HOOK_OF_KIND.values()]
-    strangers = [(entry, value) for entry, value in adverts if value not in values]
+    undeclared = [(entry, value) for entry, value in adverts if value not in values]
     words = "which is not one of its entry points in group opir"
     return [
-        *(f"advertises {entry} for {value!r}, {words}" for entry, value in strangers),
+        *(f"advertises {entry} for {value!r}, {words}" for entry, value in undeclared),
         *(f"advertises {entry}, which is not a kind of component and a name" for entry in unreadable),
     ]
 

@@ -44,7 +44,7 @@ class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
         if missing:
             raise ModelError(
                 f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without {', '.join(missing)};"
-                f" derive its class from opir_core.plugin.{cls.__name__}, which tells what is required"
+                f" derive its class from opir_core.plugin.{cls.__name__}, which says what is required"
             )
         return part if isinstance(part, cls) else _adopter(cls)(part)
 

@@ -249,7 +249,7 @@ class SignatureContext:
     """What a signature model is built with, row by row with its configurations.
 
     `paths` are the scene paths of the targets; `types` their target classes; `profiles` the class profile of each, as
-    the target model's `truth` tells it, or "" where it tells none; `burn_time_s` (n,) from ignition to burnout;
+    the target model's `truth` names it, or "" where it names none; `burn_time_s` (n,) from ignition to burnout;
     `plumes` the default plumes of classes and profiles, or () for those of the core's classes. `burns_s` (n, k, 2) are
     ignition and burnout of each burn since the first ignition, nan where a target has fewer.
     """

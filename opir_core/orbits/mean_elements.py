@@ -139,8 +139,8 @@ def age_warning(name: str, age_days: float) -> str | None:
 
 def _line_complaints(number: int, line: str) -> list[str]:
     if not line.isascii():
-        stranger = next(character for character in line if not character.isascii())
-        return [f"has the character {stranger!r} (U+{ord(stranger):04X}), which no TLE has; copy it as plain text"]
+        foreign = next(character for character in line if not character.isascii())
+        return [f"has the character {foreign!r} (U+{ord(foreign):04X}), which no TLE has; copy it as plain text"]
     if len(line) != _TLE_LENGTH:
         return [f"has {len(line)} characters, not the {_TLE_LENGTH} of a TLE"]
     if line[:2] != f"{number + 1} ":

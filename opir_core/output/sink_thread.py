@@ -138,15 +138,15 @@ class OpenSink:
         """Return the counts of the present sink: its own, or all that was written as delivered."""
         if self._final is not None:
             return self._final
-        told = self._sink.delivery_so_far()
-        if told is not None:
-            return self._checked(told, is_final=False)
-        # Taken is not delivered: what becomes of it a sink tells when it is closed, and this one fails to.
+        own = self._sink.delivery_so_far()
+        if own is not None:
+            return self._checked(own, is_final=False)
+        # Taken is not delivered: what becomes of it a sink reports when it is closed, and this one fails to.
         return Delivery(delivered=0 if self.error else self._written)
 
-    def _checked(self, told: Delivery, *, is_final: bool) -> Delivery:
+    def _checked(self, own: Delivery, *, is_final: bool) -> Delivery:
         """Return a sink's counts, made to add up; says so if they did not."""
-        counts, off = balanced(told, self._handed, is_final=is_final and self.error is None and told.complaint is None)
+        counts, off = balanced(own, self._handed, is_final=is_final and self.error is None and own.complaint is None)
         if off:
             self.unbalanced = max(self.unbalanced, off)
             if is_final:
@@ -348,15 +348,15 @@ def _sum(one: Delivery, other: Delivery) -> Delivery:
     return Delivery(**{name: getattr(one, name) + getattr(other, name) for name in COUNTS})
 
 
-def balanced(told: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
+def balanced(own: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
     """Return a sink's counts, made to add up, and by how many events they did not.
 
-    `handed` events were handed to the sink. What it tells beyond these and the recovered ones is taken away; a count
+    `handed` events were handed to the sink. What it reports beyond these and the recovered ones is taken away; a count
     below 0, or that is no whole number, is 0. Of events that are missing at the end, when `is_final`, it is not known
     what became of them: they are dropped.
     """
-    counts: dict[str, Any] = {name: _whole(getattr(told, name)) for name in COUNTS}
-    wrong = sum(counts[name] != getattr(told, name) for name in COUNTS)
+    counts: dict[str, Any] = {name: _whole(getattr(own, name)) for name in COUNTS}
+    wrong = sum(counts[name] != getattr(own, name) for name in COUNTS)
     due = handed + counts["recovered"]
     beyond = sum(counts[name] for name in _FATES) - due
     if beyond > 0:
@@ -368,7 +368,7 @@ def balanced(told: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, 
         counts["dropped"] -= beyond
     else:
         beyond = 0
-    return (evolve(told, **counts), max(abs(beyond), wrong)) if beyond or wrong else (told, 0)
+    return (evolve(own, **counts), max(abs(beyond), wrong)) if beyond or wrong else (own, 0)
 
 
 def _whole(count: object) -> int:

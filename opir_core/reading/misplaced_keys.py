@@ -102,6 +102,6 @@ def _settings(config: type) -> Sequence[tuple[str, str]]:
     """Return the settings of a configuration class, each with the block that it stands in."""
     try:
         keys = [row.key for row in field_rows(config)]
-    except Exception:  # a stranger's class that cannot be read has no settings to point to
+    except Exception:  # a class of another package that cannot be read has no settings to point to
         return ()
     return [(block, name) for block, _, name in (key.rpartition(".") for key in keys)]

@@ -12,7 +12,7 @@ def test_a_slow_step_is_told(
     is_shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(terminal, "_SLOW_S", 0.01)
-    with terminal.told_if_slow("reading scene.yaml", is_shown=is_shown):
+    with terminal.slow_notice("reading scene.yaml", is_shown=is_shown):
         Event().wait(0.3)
     lines = capsys.readouterr().err.splitlines()
     assert (
@@ -26,7 +26,7 @@ def test_a_quick_step_says_nothing_and_leaves_no_thread(capsys: pytest.CaptureFi
     from threading import enumerate as threads
 
     before = threads()
-    with terminal.told_if_slow("reading scene.yaml", is_shown=True):
+    with terminal.slow_notice("reading scene.yaml", is_shown=True):
         pass
     assert not capsys.readouterr().err
     assert threads() == before

@@ -1,4 +1,4 @@
-"""Flights of gravity turns from ignition to impact: solved, integrated and told as columns over n targets."""
+"""Flights of gravity turns from ignition to impact: solved, integrated and described as columns over n targets."""
 
 from collections.abc import Sequence
 

@@ -21,7 +21,7 @@ from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.scene.scene import Choice
 
 #: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool: of a destination that
-#: is slow, and of one that tells why nothing gets through.
+#: is slow, and of one that says why nothing gets through.
 SPOOLED_STALL_S, TROUBLE_S = 30.0, 3.0
 
 

@@ -14,7 +14,7 @@ from opir_core.scene.scene import WAIT
 class Policy:
     """What is dropped when the backlog is full, how long `wait` waits, s, and when closing stops waiting.
 
-    Closing waits for acknowledgements until none has come for `stall_s`, or for `trouble_s` where the transport tells
+    Closing waits for acknowledgements until none has come for `stall_s`, or for `trouble_s` where the transport says
     why nothing gets through. A parked sink tries again after `retry_s`,
     then after twice as long each time, up to `longest_retry_s`.
     """

@@ -168,7 +168,7 @@ def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterato
             continue
         if row is not None:
             batch = batch_of(row)
-            yield number, (batch if keep else True) if batch else False, len(batch) if batch else _told(row)
+            yield number, (batch if keep else True) if batch else False, len(batch) if batch else _events_claimed(row)
 
 
 def _is_sound(database: sqlite3.Connection, path: Path) -> bool:
@@ -193,7 +193,7 @@ def _range(database: sqlite3.Connection) -> tuple[int, int]:
     return max(1, first), last
 
 
-def _told(row: tuple[object, ...]) -> int:
+def _events_claimed(row: tuple[object, ...]) -> int:
     """Return the number of events that a damaged row gives, if it can be one."""
     events = row[1]
     return events if isinstance(events, int) and 0 <= events < 1 << 20 else 0

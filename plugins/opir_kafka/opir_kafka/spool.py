@@ -1,4 +1,4 @@
-"""`opir spool check` tells what of a spool is whole, `opir spool salvage` makes a new one of what is."""
+"""`opir spool check` says what of a spool is whole, `opir spool salvage` makes a new one of what is."""
 
 import argparse
 import json
@@ -30,8 +30,8 @@ def spool(arguments: argparse.Namespace) -> int:
         state = spool_state(arguments.path)
         _print(arguments, {"whole": True, **asdict(state)}, f"{_text(arguments.path, state)}; nothing was changed")
     else:
-        told = {"whole": False, **asdict(done.state), "aside": str(done.aside)}
-        _print(arguments, told, f"the spool {arguments.path}: {done}")
+        report = {"whole": False, **asdict(done.state), "aside": str(done.aside)}
+        _print(arguments, report, f"the spool {arguments.path}: {done}")
     return 0
 
 

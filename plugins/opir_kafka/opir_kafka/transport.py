@@ -106,7 +106,7 @@ class KafkaTransport(Transport):
             self._lanes[partition].add(shipment, rows)
 
     async def _serve(self) -> None:
-        """Connect again after each transient error, and after a permanent one when told to, until closed."""
+        """Connect again after each transient error, and after a permanent one on request, until closed."""
         while True:
             try:
                 await self._one_connection()

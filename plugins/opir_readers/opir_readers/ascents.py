@@ -91,7 +91,7 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
         burns_s=joined_burns_s([table.burns_s[None] for table in tables]),
         flight=Ephemeris.build(state, ignition_s, burnout_s, breaks_s, EPHEMERIS_TOLERANCE_M),
         coast=late,
-        told=tuple(_told(*row) for row in zip(context.ids, configs, tables, strict=True)),
+        records=tuple(_record(*row) for row in zip(context.ids, configs, tables, strict=True)),
     )
 
 
@@ -210,7 +210,7 @@ def _table(config: AscentConfig, legs: Sequence[AscentLeg]) -> StateTable:
     )
 
 
-def _told(own_id: str, config: AscentConfig, table: StateTable) -> Mapping[str, Any]:
+def _record(own_id: str, config: AscentConfig, table: StateTable) -> Mapping[str, Any]:
     """Return the truth of a target as plain values."""
     launch = {"lat_deg": config.lat_deg, "lon_deg": config.lon_deg, "height_m": config.height_m}
     return {

@@ -46,7 +46,7 @@ def burns_setting() -> Any:
         default=None,
         choices=("acceleration", "all"),
         help="acceleration: burns are what the accelerations show; all: it burns from the first state to the last;"
-        " default: what the file tells",
+        " default: what the file states",
     )
 
 

@@ -51,11 +51,11 @@ def layout_of(text: str) -> Layout:
     first = next(_lines(text), None)
     if first is None:
         raise BadFileError("is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m")
-    told = _EXCEL.fullmatch(first[1])
-    head = next((line for number, line in _lines(text) if not told or number > first[0]), "")
-    delimiter = told[1] if told else _delimiter(head)
+    declared = _EXCEL.fullmatch(first[1])
+    head = next((line for number, line in _lines(text) if not declared or number > first[0]), "")
+    delimiter = declared[1] if declared else _delimiter(head)
     delimiter = "" if delimiter == " " else delimiter
-    rows = (row for row in _cells(text, delimiter) if not told or row[0] > first[0])
+    rows = (row for row in _cells(text, delimiter) if not declared or row[0] > first[0])
     names: Sequence[str]
     line, names = next(rows, (1, []))
     cells = [names]

@@ -16,7 +16,7 @@ from opir_core.plugin import StateTable
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
-#: Velocities that differ systematically from positions by this, m/s, are refused, by less told.
+#: Velocities that differ systematically from positions by this, m/s, are refused; by less, reported.
 _REFUSED_M_S = 5.0
 
 #: No launch leaves the Earth faster than it takes to leave it for good, m/s.

@@ -36,13 +36,13 @@ class TableTargets(Trajectories):
     end_s: FloatArray
     burns_s: FloatArray
     flight: Ephemeris
-    told: tuple[Mapping[str, Any], ...]
+    records: tuple[Mapping[str, Any], ...]
     warnings: Sequence[Problem] = ()
 
     @property
     def class_names(self) -> Sequence[str]:
         """Names of the target classes."""
-        return [told["type"] for told in self.told]
+        return [record["type"] for record in self.records]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
@@ -51,7 +51,7 @@ class TableTargets(Trajectories):
     @property
     def files(self) -> Sequence[Mapping[str, str]]:
         """Return the files that were read, with their SHA-256, for the manifest: a scene's hash does not know them."""
-        return [{"path": told["file"], "sha256": told["sha256"]} for told in self.told]
+        return [{"path": record["file"], "sha256": record["sha256"]} for record in self.records]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: its file with its hash, burn, gaps, and the error of the interpolation.
@@ -59,7 +59,7 @@ class TableTargets(Trajectories):
         Launch and impact are there where the first state is the ignition, and the last one after burnout, near the
         ground.
         """
-        return self.told
+        return self.records
 
 
 def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Trajectories:
@@ -96,7 +96,7 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
         flight=Ephemeris.build(
             interpolant(tables).state, ignition_s, end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
         ),
-        told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
+        records=tuple(_record(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
         warnings=tuple(warnings),
     )
 
@@ -156,7 +156,7 @@ def _points(table: StateTable) -> Mapping[str, Any]:
     return {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
 
 
-def _told(own_id: str, config: TableConfig, table: StateTable, digest: str) -> Mapping[str, Any]:
+def _record(own_id: str, config: TableConfig, table: StateTable, digest: str) -> Mapping[str, Any]:
     return {
         "id": own_id,
         "type": config.type,

@@ -2,7 +2,7 @@
 
 Velocities are compared with the rates of positions at each state: the slope there of the parabola through it and its
 neighbours. Rates of a boost sampled every 30 s are wrong by tens of metres a second where stages change, and those of
-positions rounded to metres at 0.1 s as much. So no fixed bound tells a slip: the medians over all states are compared
+positions rounded to metres at 0.1 s as much. So no fixed bound shows a slip: the medians over all states are compared
 of the velocities as given and of the same velocities mended, slip by slip. Where a mended set fits several times
 better, that slip is what happened.
 """
@@ -46,8 +46,8 @@ _MOST_STATES = 2000
 class VelocitySlip:
     """What velocities differ from positions by: at a line, the figures in m/s, and the likely cause, "" for none.
 
-    `residual_m_s` is the median difference that is left once the cause is mended; `is_systematic` tells a slip of the
-    whole table from a few lines.
+    `residual_m_s` is the median difference that is left once the cause is mended; `is_systematic` is for a slip of the
+    whole table, not of a few lines.
     """
 
     line: int

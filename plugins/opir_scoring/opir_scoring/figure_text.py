@@ -15,8 +15,8 @@ def interval_text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) ->
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
     # A single run, or track, has no interval; that of two targets may say nothing.
-    is_told = math.isfinite(low) and not 0.0 < _WIDEST * low < high
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_told else value
+    is_finite = math.isfinite(low) and not 0.0 < _WIDEST * low < high
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_finite else value
 
 
 def number_text(value: float, digits: int) -> str:

@@ -134,7 +134,7 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
 
     Each knob is loosened by itself as long as the errors stay within half of what is wanted; the levels that pay are
     then tried together, and the knob with the largest error is tightened until they fit. At last other seeds are run:
-    where these exceed what is wanted, a knob is tightened and further seeds are run. `meets` tells whether the last
+    where these exceed what is wanted, a knob is tightened and further seeds are run. `meets` says whether the last
     check held; it does not where even the reference differs from itself, which it never does.
     """
     _check(wanted)
@@ -157,9 +157,9 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
             break
         _tighten(levels, alone, within)
         chosen = tuner.trial(knobs, levels, seeds)
-    told = tuple(each for trials in alone for each in trials)
+    tried_alone = tuple(each for trials in alone for each in trials)
     overrides = overrides_at(knobs, levels)
-    return Tuned(overrides, chosen, checked.errors, given, tuner.reference_s(seeds), knobs, told, meets)
+    return Tuned(overrides, chosen, checked.errors, given, tuner.reference_s(seeds), knobs, tried_alone, meets)
 
 
 def _loosened(

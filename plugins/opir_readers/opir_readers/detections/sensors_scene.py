@@ -43,7 +43,7 @@ def scene_of_sensors(arguments: argparse.Namespace, rows: Sequence[Row], host: H
 
 
 def _keys(path: str) -> Mapping[str, Any]:
-    """Return the nodes of a scene file by key; none for one whose problems are told when the scene is read."""
+    """Return the nodes of a scene file by key; none for one whose problems are reported when the scene is read."""
     try:
         block = node_of_yaml(text_of(file_bytes(path))).value
     except (OSError, ValueError, InvalidNode):

@@ -18,7 +18,7 @@ LEAST_THRUST_M_S2 = 2.0
 #: Above this height, m, drag is no longer like thrust against the velocity, as of a boostback.
 AIRLESS_M = 60_000.0
 
-#: Half of the time over which accelerations are averaged, s, and the shortest burns and gaps that are told apart, s.
+#: Half of the time over which accelerations are averaged, s, and the shortest burns and gaps that are separated, s.
 _HALF_S, _SHORTEST_S = 1.0, 3.0
 
 

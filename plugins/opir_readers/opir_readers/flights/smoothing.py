@@ -89,7 +89,7 @@ def speed_rounding_sigma(speed_m_s: FloatArray) -> float:
 
 
 def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
-    """Return a table on smoothing splines of its positions, with their velocities; a note tells what was left.
+    """Return a table on smoothing splines of its positions, with their velocities; a note says what was left.
 
     Each run is smoothed on its own. Raises `BadFileError` for runs with few states.
     """

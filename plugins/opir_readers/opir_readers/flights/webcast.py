@@ -1,9 +1,9 @@
 """Telemetry of launch webcasts: speed and altitude over time, with launch point and azimuth.
 
 Speed is relative to the Earth, altitude above the launch point. Both are rounded: smoothing splines are fitted to them,
-and what these leave is told. The climb is the rate of the altitude, the rest of the speed is over the ground: along the
-azimuth of the launch, turned by the Earth's rotation alone (no yaw steering, which no webcast shows). Where a boostback
-takes the speed over the ground through its least, it turns round.
+and what these leave is noted. The climb is the rate of the altitude, the rest of the speed is over the ground: along
+the azimuth of the launch, turned by the Earth's rotation alone (no yaw steering, which no webcast shows). Where a
+boostback takes the speed over the ground through its least, it turns round.
 """
 
 import csv

@@ -120,7 +120,7 @@ def undefined(contract: type[Contract], method: str, returned: str) -> NotImplem
 
 def complete_part(base: Any, part: Any) -> Any:
     """Return a built part as one of a class; raises `ConformanceError` if it is None or lacks a member."""
-    change = f"Return it from build; opir_core.plugin.{base.__name__} tells what is required."
+    change = f"Return it from build; opir_core.plugin.{base.__name__} says what is required."
     require(part is not None, "build returned None", change)
     if hasattr(base, "adopt"):
         try:

@@ -301,5 +301,5 @@ def fail(task: int) -> int:
 
 
 def _exact(values: Mapping[str, float]) -> Mapping[str, str]:
-    """Return figures as text that tells every bit, and makes nan equal to itself."""
+    """Return figures as text that shows every bit, and makes nan equal to itself."""
     return {name: float(value).hex() for name, value in values.items()}

@@ -21,7 +21,7 @@ class LaunchHypotheses:
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "LaunchHypotheses":
         """Return those of a scene.
 
-        A range tells missiles apart by type; classes of one type have their prior. It does not tell a missile from a
+        A range separates missiles by type; classes of one type have their prior. It does not separate a missile from a
         glider or a space launch, as an arc through a boost falls short: these keep theirs. An arc that does not come
         down is a space launch or none of these.
         """
