@@ -52,7 +52,9 @@ missile. DSP sees one band, so few of its types are certain. `DSP-unconfirmed` r
 ({noise}).
 
 The prior of the classifier is that of the simulation: as many launches and sources; brightnesses, temperatures and
-areas from the distributions that it assumes. Looks every {period:g} s through `midlat_summer` air over the Earth.
+areas from the distributions that it assumes. Looks every {period:g} s through `midlat_summer` air over the Earth; the
+noise of DSP is given (`focal_plane: null`, 5·10⁻¹³ W/m² before the background), SBIRS-GEO and NEXTGEN-GEO have their
+default focal planes, whose difference of frames takes away most fires and flares.
 Events of one launch share its brightness, so intervals (95 %) are over launches and sources: by them {chance} of the
 {bad} bins that are off may lie within {within:.0f} points.
 
@@ -60,6 +62,11 @@ Events of one launch share its brightness, so intervals (95 %) are over launches
 synthetic launches of each flight: where plumes and hot sources overlap they are good to some points. How often each is
 detected in each part of the Earth's disc is part of them: without it, UNKNOWN is too probable at low elevations and too
 improbable at high ones.
+
+False alarms are simulated [before a dark background](../explanation/detection.md#false-alarms), with less noise than
+looks at the ground have. The classifier expects noise to be as bright as the noise of each look allows: it takes
+some of the false alarms for dim sources, and first detections of launches that hardly exceed the threshold for noise.
+That is why UNKNOWN is too confident where each detection is reported (`DSP-unconfirmed`).
 
 All bins: [calibration.csv](calibration.csv).
 """

@@ -1,6 +1,6 @@
 """Is what `imm` reports calibrated on flights of its own prior? Ranks of the truth, and whether they are uniform.
 
-    python benchmarks/simulation_calibration.py [--flights 500] [--seed 1] [--processes 2] [--write docs/benchmarks]
+    python benchmarks/simulation_calibration.py [--flights 150] [--seed 1] [--processes 2] [--write docs/benchmarks]
 
 Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth is drawn from the prior and observed, so
 its rank in the reported distribution is uniform if the tracker computes with that prior. Each flight of `prior_flights`
@@ -229,7 +229,7 @@ def rows_of(ranks: list[Rank]) -> Iterator[dict[str, str]]:
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--flights", type=int, default=500)
+    parser.add_argument("--flights", type=int, default=150)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--write", type=Path, help="folder of the CSV and the page")

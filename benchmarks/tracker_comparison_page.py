@@ -20,7 +20,8 @@ PAGE = """# Comparison of trackers on one scene
 
 Which tracker is how accurate, how consistent and how fast?
 
-* `imm` is the more accurate, and consistent to slightly conservative.
+* `imm` is the more accurate from {ahead} s after ignition on, its velocity always, and consistent to slightly
+  conservative. Until then `kepler-arc` has the better position: where one sensor sees a target, it assumes an altitude.
 * `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do not show them.
 
 ![Position and velocity RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
@@ -58,7 +59,6 @@ LINES = (
     ("last impact point, RMSE, km", "impact_rmse_km", "", False),
     ("impacts in the 95 % ellipse, %", "impact_in_95_ellipse_percent", "", True),
     ("types correct", "type_correct_share", "", False),
-    ("processor time per detection, µs", "time_per_detection_us", "", False),
 )
 
 #: Panels of the plot: the quantity, its axis, and the value to expect.
@@ -79,6 +79,8 @@ def write_page(source: Path) -> None:
         (label, *(shown(found(rows, name, quantity, start), has_interval) for name in names))
         for label, quantity, start, has_interval in LINES
     ]
+    times = [number(found(rows, name, "time_per_detection_us")["value"]) for name in names]
+    table.append(("processor time over that of imm", *(f"{each / times[-1]:.1f}" for each in times)))
     first = {key: found(rows, names[0], key)["value"] for key in ("runs", *ASSOCIATION.values())}
     page = PAGE.format(
         table=markdown_table(head, table),
@@ -86,6 +88,7 @@ def write_page(source: Path) -> None:
         sensors=SENSORS,
         words=" ".join(f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS),
         runs=first["runs"],
+        ahead=ahead_s(rows),
         **{key: first[quantity] for key, quantity in ASSOCIATION.items()},
     )
     source.with_suffix(".md").write_text(page, encoding="utf-8")
@@ -105,6 +108,16 @@ def found(rows: list[dict[str, str]], tracker: str, quantity: str, start: str = 
     """Return the row of a quantity, of all launches or of the bin that starts then."""
     key = {"tracker": tracker, "quantity": quantity, "from_s": start}
     return next(row for row in rows if key.items() <= row.items())
+
+
+def ahead_s(rows: list[dict[str, str]]) -> str:
+    """Return the start of the bin from which on imm has the least position RMSE of all trackers."""
+    errors = [row for row in rows if row["quantity"] == "position_rmse_m"]
+    starts = list(dict.fromkeys(row["from_s"] for row in errors))
+    of_start = [[row for row in errors if row["from_s"] == start] for start in starts]
+    best = [min(each, key=lambda row: number(row["value"]))["tracker"] for each in of_start]
+    behind = [place for place, name in enumerate(best) if name != "imm"]
+    return [*starts, "–"][max(behind, default=-1) + 1]
 
 
 def shown(row: Row, has_interval: bool) -> str:

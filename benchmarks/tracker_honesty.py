@@ -1,6 +1,6 @@
 """Do the regions of `imm` hold what they say, on flights that share no code with it?
 
-    python benchmarks/tracker_honesty.py [--flights 200] [--only "2 stages"] [--write docs/benchmarks]
+    python benchmarks/tracker_honesty.py [--flights 12] [--only "2 stages"] [--write docs/benchmarks]
 
 Staged gravity turns of `foreign_flights` (SciPy) and class profiles of the target model `ballistic`, drawn with seeds
 that nothing was built on, each in a scene of its own: one or two SBIRS-GEO, default settings. At 25, 50, 75 and 95 % of
@@ -371,7 +371,7 @@ HEAD = (
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--flights", type=int, default=200)
+    parser.add_argument("--flights", type=int, default=12)
     parser.add_argument("--only", help="lines whose names contain this")
     parser.add_argument("--write", type=Path, help="folder of the CSV")
     options = parser.parse_args()

@@ -63,6 +63,8 @@ def main(source: Path) -> None:
         panel.set(xlabel=label, xscale=scale)
         panel.set_yticks(range(len(names)), names)
         panel.grid(alpha=0.3, axis="x")
+        if scale == "linear":
+            panel.set_xlim(left=0.0)
     axes[0].invert_yaxis()
     figure.savefig(PAGE.with_suffix(".svg"), metadata={"Date": None})
     sys.stdout.writelines("| " + " | ".join(row) + " |\n" for row in cells)

@@ -31,6 +31,7 @@ def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -
     """Draw a layer as a map and return its axes; `place` are indices into its dimensions, by name, 0 by default."""
     import matplotlib
     from matplotlib import pyplot
+    from matplotlib.ticker import MaxNLocator
 
     layer = found[name]
     values = np.asarray(layer.values, dtype=np.float64)[tuple(place.get(each, 0) for each in layer.dims)]
@@ -44,11 +45,20 @@ def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -
         mesh = axes.pcolormesh(*corners, values, cmap="viridis", vmin=low, vmax=max(high, low + 1e-9), rasterized=True)
         _draw_ground(axes)
         unit = "" if layer.unit == "1" else f", {layer.unit}"
-        axes.figure.colorbar(mesh, ax=axes, label=f"{layer.title}{unit}", extend="both", shrink=0.85)
+        extend = _beyond(known, low, high)
+        bar = axes.figure.colorbar(mesh, ax=axes, label=f"{layer.title}{unit}", extend=extend, shrink=0.85)
+        if np.all(known == np.rint(known)):
+            bar.locator = MaxNLocator(integer=True)
         axes.set(aspect="equal", xticks=[], yticks=[], title=found.attributes["title"])
         axes.grid(visible=False)
         axes.spines[:].set_visible(False)
     return axes
+
+
+def _beyond(known: FloatArray, low: float, high: float) -> str:
+    """Return which ends of a colour bar have values beyond them, as matplotlib names it."""
+    below, above = bool(np.any(known < low)), bool(np.any(known > high))
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
 
 
 def _draw_ground(axes: Any) -> None:

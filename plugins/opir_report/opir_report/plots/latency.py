@@ -184,6 +184,7 @@ def latency_plot(axes: Axes, facts: RunFacts, pairs: list[PairLatency], data: Fi
     omitted = int(np.count_nonzero((facts.plan.pairs.target < facts.launches) & (facts.plan.pairs.looks > 0))) - len(
         pairs
     )
-    axes.set_title(f"{len(pairs)} pairs of sensor and launch; {omitted} that see it only later are left out")
+    later = f"; in view only later, left out: {omitted}" if omitted else ""
+    axes.set_title(f"{len(pairs)} pairs of sensor and launch{later}")
     legend_above(axes, marks)
     return axes
