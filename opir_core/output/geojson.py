@@ -27,8 +27,8 @@ _FEWEST = 3
 
 #: Longest step in longitude whose sense is beyond doubt, degrees.
 _WIDEST_DEG = 90.0
-#: Halvings that find a place on an edge: to 1e-12 of a part of it.
-_HALVINGS = 40
+#: Halvings that find a place on an edge, and divisions into as many parts: to 1e-12 of the edge.
+_HALVINGS, _DIVISIONS, _PARTS = 40, 7, 64
 
 _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
@@ -238,14 +238,31 @@ def _refined(ring: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
         edge = np.insert(edge, wide + 1, edge[wide])
         share = np.insert(share, wide + 1, 0.5 * (share + after)[wide])
     jumps = np.flatnonzero((turn > 180.0) & (np.abs(points[:, 0]) < 180.0))
-    low, high, side = share[jumps], after[jumps], np.sign(points[jumps, 0])
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        is_before = np.sign(_along(plane, edge[jumps], middle, chart)[:, 0]) == side
-        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
-    crossing = _along(plane, edge[jumps], high, chart)
+    side = np.sign(points[jumps, 0])
+    at = _crossed(plane, edge[jumps], (share[jumps], after[jumps]), side, chart)
+    crossing = _along(plane, edge[jumps], at, chart)
     crossing[:, 0] = 180.0 * side
     return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossing, axis=0)
+
+
+def _crossed(
+    plane: FloatArray,
+    edge: NDArray[np.int64],
+    between: tuple[FloatArray, FloatArray],
+    side: FloatArray,
+    chart: AzimuthalEquidistant,
+) -> FloatArray:
+    """Return the shares (n,) of edges, between two, at which they leave a side (the sign of the longitude)."""
+    low, high = between
+    parts, every, row = np.linspace(0.0, 1.0, _PARTS + 1), np.repeat(edge, _PARTS), np.arange(len(edge))
+    for _ in range(_DIVISIONS if len(edge) else 0):
+        ends = low[:, None] + (high - low)[:, None] * parts
+        longitude = _along(plane, every, ends[:, 1:].ravel(), chart)[:, 0]
+        is_over = np.sign(longitude).reshape(-1, _PARTS) != side[:, None]
+        is_over[:, -1] = True
+        first = np.argmax(is_over, axis=1)
+        low, high = ends[row, first], ends[row, first + 1]
+    return high
 
 
 def _along(plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:

@@ -5,6 +5,7 @@ There are usually none; otherwise looks are tested one by one at these times alo
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from attrs import frozen
@@ -18,6 +19,9 @@ from opir_core.interfaces.protocols import Sensor
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
 _ALLOWANCE_S, _TOLERANCE_S = 1.0, 0.1
+
+#: Time that is searched at once, s: a year at once would take 200 MiB.
+_SPAN_S = 30 * 86_400.0
 
 #: More than the Sun moves in a second as seen from a point at rest in ECEF.
 _SUN_RATE_RAD_S = 1.01 * EARTH_ROTATION_RAD_S
@@ -37,8 +41,9 @@ class SolarExclusion:
         """Return the solar exclusion of a sensor from scene time 0 to an end, or None if it prevents no look."""
         from opir_core.orbits.sun_events import outage_times_s  # of sensors that may meet the Sun
 
-        ends_s = -_ALLOWANCE_S, end_s + _ALLOWANCE_S
-        start_s, stop_s = outage_times_s(sensor, epoch_us, *ends_s, tolerance_s=_TOLERANCE_S).T
+        edges_s = np.append(np.arange(-_ALLOWANCE_S, end_s, _SPAN_S), end_s + _ALLOWANCE_S).tolist()
+        parts = [outage_times_s(sensor, epoch_us, *span, tolerance_s=_TOLERANCE_S) for span in pairwise(edges_s)]
+        start_s, stop_s = np.concatenate(parts).T
         if not len(start_s):
             return None
         return cls(sensor.solar_exclusion_rad, epoch_us, start_s - _ALLOWANCE_S, stop_s + _ALLOWANCE_S)

@@ -31,8 +31,8 @@ MAXIMUM_TARGETS = 50_000
 #: The most blocks of sources; one block may stand for many emitters.
 MAXIMUM_SOURCES = 1_000
 
-#: The longest scene, s: thirty days.
-MAXIMUM_DURATION_S = 30 * 86_400.0
+#: The longest scene, s: a year and what a study adds to it. Time in which nothing is in view costs next to nothing.
+MAXIMUM_DURATION_S = 400 * 86_400.0
 
 #: The longest name of a scene and the longest id of a sensor or a target, characters.
 MAXIMUM_NAME_LENGTH = 200

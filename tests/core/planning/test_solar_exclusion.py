@@ -189,6 +189,32 @@ def test_planning_samples_the_sun_twice_a_minute():
     assert [call.kwargs["step_s"] for call in found.call_args_list] == [30.0]
 
 
+def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
+    sensor = stub_sensor(**(GEO | {"solar_exclusion_rad": np.radians(5.0)}))
+    whole = opir_core.planning.solar_exclusion.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
+    module, reach_s = opir_core.planning.solar_exclusion, list[float]()
+    search = opir_core.orbits.sun_events.outage_times_s
+
+    def searched(sensor, epoch_us, start_s, stop_s, **settings):
+        reach_s.append(stop_s - start_s)
+        return search(sensor, epoch_us, start_s, stop_s, **settings)
+
+    with (
+        mock.patch.object(module, "_SPAN_S", 1000.0),
+        mock.patch.object(opir_core.orbits.sun_events, "outage_times_s", searched),
+    ):
+        pieces = module.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
+    assert max(reach_s) <= 1001.0
+    assert len(pieces.start_s) > len(whole.start_s) >= 6
+    rng = np.random.default_rng(5)
+    time_s = rng.uniform(0.0, 3 * 86_400.0, 20_000)
+    position_m, sunward = sensor.orbit.position_ecef_m(time_s), sun_position_ecef_m(EPOCH, time_s) / 1.496e11
+    target_m = position_m + 4e7 * sunward + rng.normal(0.0, 2e6, position_m.shape)
+    clear = [each.is_clear(position_m, target_m, time_s) for each in (whole, pieces)]
+    assert np.array_equal(*clear)
+    assert 0 < np.count_nonzero(~clear[0]) < 2000
+
+
 def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     sensors = [{"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0}]
     made = snr_scene(sensors, names="S", epoch="2026-03-20T11:00:00Z", duration_s=9000, detection="constant")

@@ -113,6 +113,17 @@ def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     assert steps[1] < 800
 
 
+def test_a_year_with_a_launch_at_its_end_takes_few_steps():
+    launch = {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 3.09e7}
+    target = {"id": "T1", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 38.0, "lon_deg": -120.0}}
+    scene = {**SCENE, "duration_s": 3.1e7, "targets": [target], "tracker": "imm"}
+    plan = compile_plan(scene_from_mapping(scene))
+    watched = Watched(plan.make_tracker(), False)
+    run = run_of_plan(evolve(plan, make_tracker=lambda: watched))
+    assert 3.09e7 < run.tracks.tick_s[0] < 3.09e7 + 20.0
+    assert len(watched.steps) < 500
+
+
 def test_rows_are_those_of_the_numbers_and_of_no_others():
     assert rows_of(np.array([2, 5]), np.array([5, 2, 1, 3, 9, -1]), 10).tolist() == [11, 10, -1, -1, -1, -1]
     assert rows_of(np.empty(0, dtype=np.int64), np.array([1, 2]), 10).tolist() == [-1, -1]
