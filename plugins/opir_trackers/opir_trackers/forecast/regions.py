@@ -9,6 +9,7 @@ What burns on spreads in proportion to its range: where all points lie in one di
 logarithm of the distance and in bearing, and levels are of the density on the ground.
 """
 
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -20,6 +21,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
+from opir_trackers.forecast.deferred_regions import DeferredRegion, Outline, Outlines
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 56, 3.0
@@ -114,18 +116,33 @@ def regions(
     """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,).
 
     They presume a condition with a probability, and rest on so many effective samples. `origin` (2,) is where the
-    points have come from; by default their own middle.
+    points have come from; by default their own middle. Areas and polygons are made when they are first read.
     """
     chart = AzimuthalEquidistant.about(
         weight @ unit_vectors(place) if origin is None else unit_vectors(origin[None])[0]
     )
+    outlines = Outlines(partial(_outlines_of, chart, place, weight, is_along=origin is not None))
+    figures = {
+        "centre": chart.centre,
+        "condition": condition,
+        "probability": probability,
+        "effective_samples": samples,
+    }
+    shares = enumerate(TRACK_CONTAINMENTS)
+    return tuple(DeferredRegion.of(outlines, number, containment=share, **figures) for number, share in shares)
+
+
+def _outlines_of(
+    chart: AzimuthalEquidistant, place: FloatArray, weight: FloatArray, *, is_along: bool
+) -> list[Outline]:
+    """Return the outlines of the regions of `TRACK_CONTAINMENTS`; `is_along` says that points lie along a flight."""
     plane = chart.points(place)
-    frame = Plane() if origin is None else coordinates(plane, weight)
+    frame = coordinates(plane, weight) if is_along else Plane()
     contours = _Contours(frame, frame.curved(plane), weight)
     outlines = [contours.around(share) for share in TRACK_CONTAINMENTS]
     points = _on_earth(np.concatenate([ring for ring, _ in outlines]))
-    places, centre, start, found = chart.places(points), chart.centre, 0, []
-    for share, (ring, cuts) in zip(TRACK_CONTAINMENTS, outlines, strict=True):
+    places, start, found = chart.places(points), 0, []
+    for ring, cuts in outlines:
         polygons = [[slice(start + one, start + two) for one, two in pairwise(rings)] for rings in cuts]
         # The first ring of a polygon is the outer one, others are holes.
         area_m2 = sum(
@@ -133,10 +150,9 @@ def regions(
             for parts in polygons
             for number, part in enumerate(parts)
         )
-        rings = tuple(tuple(places[part] for part in parts) for parts in polygons)
-        found.append(ImpactRegion(share, 1e-6 * area_m2, rings, centre, condition, probability, samples))
+        found.append(Outline(1e-6 * area_m2, tuple(tuple(places[part] for part in parts) for parts in polygons)))
         start += len(ring)
-    return tuple(found)
+    return found
 
 
 class _Contours:
