@@ -30,7 +30,7 @@ PAGE = """# Tracking: run time against error
 What does `imm` cost, and what does it reach, compared with Stone Soup and FilterPy on the same detections?
 
 On one target it reaches the Cramér–Rao bound, {single_faster} times faster than Stone Soup's EKF at 1 s. On a hundred
-targets with clutter it is {raid_faster} to {spread_faster} times faster than Stone Soup's GNN, at a comparable GOSPA.
+targets with clutter it is {raid_faster} to {spread_faster} times faster than its GNN; the table has GOSPA.
 
 ![Left: time per detection against RMSE over the bound. Right: time per frame against GOSPA per target](tracking.svg)
 
