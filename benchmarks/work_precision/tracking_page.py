@@ -215,7 +215,7 @@ def plot(single: list[dict[str, str]], raid: list[dict[str, str]], path: Path) -
             for row in mine:
                 draw(axes, row, "time_per_frame_ms", "gospa_per_target_m")
             axes.axhline(number(mine[0]["gospa_per_target_m"]), color="black", linewidth=0.8)
-            axes.set_ylim(150.0, 300.0)
+            axes.set_ylim(150.0, 1.1 * max(number(row["gospa_per_target_m"]) for row in raid))
             axes.set_xlabel("ms per frame")
             axes.set_ylabel("GOSPA per target, m (line: known)")
             axes.set_title(f"a hundred targets, {scene}, slice")
