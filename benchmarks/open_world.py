@@ -1,6 +1,6 @@
 """What is hot and no missile: fires for an hour, ascents to orbit and short of it, stages that fly back, gliders.
 
-    python benchmarks/open_world.py [--only ascents] [--flights 12] [--tables FOLDER] [--write docs/benchmarks]
+    python benchmarks/open_world.py [--only ascents] [--flights 6] [--tables FOLDER] [--write docs/benchmarks]
 
 Flights are those of `ascents`, `glide_flights` and `foreign_flights` (notional, no code of opir), with seeds that
 nothing was built on, or tables of a folder. SBIRS-GEO and the default tracker see each alone. At marks: is the state in
@@ -234,10 +234,10 @@ def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=(*[kind.key for kind in KINDS], "hour", "tables"))
-    parser.add_argument("--flights", type=int, default=12)
+    parser.add_argument("--flights", type=int, default=6)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--from-seed", type=int, default=1000)
-    parser.add_argument("--hour-s", type=float, default=3600.0)
+    parser.add_argument("--hour-s", type=float, default=1200.0)
     parser.add_argument("--tables", type=Path)
     parser.add_argument("--write", type=Path, help="folder of the page")
     wanted = parser.parse_args()

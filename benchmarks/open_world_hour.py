@@ -148,7 +148,7 @@ def hour(duration_s: float, seed: int) -> list[str]:
     )
     pace = f"{duration_s / cost_s:.0f} × real time; {wall_s:.0f} s on the clock"
     return [
-        "\n## Fires for an hour\n",
+        "\n## Fires and launches among them\n",
         f"{scene}; {len(false)} claimed a launch falsely (P > {LAUNCHED}).",
         f"It took {cost_s:.0f} s of processor time ({pace}).\n",
         f"| launch | first detection, s | P(launch) > {KNOWN}, s | closed form, s | ratio |",

@@ -1,6 +1,6 @@
 """A hundred launches in ten seconds from twenty sites, five sensors, false alarms: are all tracked, and how fast?
 
-    python benchmarks/raid_tracking.py [--runs 5] [--duration 120] [--false-alarms 0.5] [--write docs/benchmarks]
+    python benchmarks/raid_tracking.py [--runs 3] [--duration 120] [--false-alarms 0.5] [--write docs/benchmarks]
 
 The launches of examples/raid_100.yaml seen by five SBIRS-GEO; false alarms are uniform over each sensor's Earth disc,
 Poisson in each scan. A target is tracked if some track holds more of its detections than of any other target's. A track
@@ -151,7 +151,7 @@ def errors_m(plan: Plan, tracks: Any, owner: dict[int, int]) -> tuple[float, flo
 def main() -> None:
     """Run the raids and print, or write, the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--duration", type=int, default=120)
     parser.add_argument("--false-alarms", type=float, default=0.5)
     parser.add_argument("--write", type=Path)

@@ -41,7 +41,8 @@ there are [regions on foreign flights](tracker_honesty.md).
   of its own, before two SBIRS-GEO.
 - **Launch**: ranks of place and time in the tracker's mixture over launch times, which is kept after 10 s.
 - **State**: the containment of the ellipsoid of position and velocity on which the truth lies, up to 40 s after
-  burnout. Where it is wrong the filter is, and regions with it; where it is right and regions are wrong, the forecast.
+  burnout: many ranks near 0 say that the covariance is too wide, near 1 that it is too narrow. Where it is wrong the
+  filter is, and regions with it; where it is right and regions are wrong, the forecast.
 - **Impact region**: the smallest of the 50, 90 and 95 % regions that holds the impact, or none; of regions whose
   condition ("the burn is over" or not) is true.
 - **P(orbit), P(burn over)**: how often what is stated is true, in bins (Hosmer and Lemeshow). P(orbit) is given that it
