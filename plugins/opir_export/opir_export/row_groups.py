@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
@@ -36,19 +37,19 @@ class RowGroups:
         self._rows += table.num_rows
         if self._rows < self._group_rows:
             return
-        together = pa.concat_tables(self._kept).unify_dictionaries()
+        together = pa.concat_tables(self._kept)
         whole = self._rows - self._rows % self._group_rows
         for start in range(0, whole, self._group_rows):
             self._write(together.slice(start, self._group_rows))
         # A copy: a slice would keep all rows of its table.
         rest = together.slice(whole)
-        self._kept, self._rows = [rest.take(pa.array(range(rest.num_rows)))] if rest.num_rows else [], rest.num_rows
+        self._kept, self._rows = [rest.take(np.arange(rest.num_rows))] if rest.num_rows else [], rest.num_rows
 
     def close(self) -> None:
         """Write the rest and end the file, without which no row can be read."""
         try:
             if self._rows:
-                self._write(pa.concat_tables(self._kept).unify_dictionaries())
+                self._write(pa.concat_tables(self._kept))
         finally:
             self._kept, self._rows = [], 0
             self._end()

@@ -75,16 +75,18 @@ class CsvFolder(TableFolder):
         csv.write_csv(pa.table(columns), path, options)
 
 
-def encodings(schema: Any) -> dict[str, list[str]]:
-    """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers that all differ.
+def encodings(schema: Any) -> dict[str, Any]:
+    """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers, differences for dates.
 
-    A dictionary of measured numbers, or of ids, is as large as these; the bytes of numbers compress if equal places are
-    together. The least and the greatest of the random ids of a row group, which would exclude no group, are not sought.
+    A dictionary of measured numbers, of ids or of dates is as large as these; the bytes of numbers compress if equal
+    places are together. The least and the greatest of the random ids of a row group, which would exclude no group, are
+    not sought.
     """
     own = [each.name for each in schema if each.name != "detection_id"]
-    measured = [each.name for each in schema if _is_measured(each)]
-    repeated = [name for name in own if name not in measured]
-    return {"use_dictionary": repeated, "use_byte_stream_split": measured, "write_statistics": own}
+    by_column = {each.name: "BYTE_STREAM_SPLIT" for each in schema if _is_measured(each)}
+    by_column |= {each.name: "DELTA_BINARY_PACKED" for each in schema if pa.types.is_timestamp(each.type)}
+    repeated = [name for name in own if name not in by_column]
+    return {"use_dictionary": repeated, "column_encoding": by_column, "write_statistics": own}
 
 
 def _is_measured(column: Any) -> bool:

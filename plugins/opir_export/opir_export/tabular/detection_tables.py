@@ -27,10 +27,11 @@ def columns_of_detections(rows: Detections, origin: EncoderContext, *, in_file: 
     """Yield the columns of detections of a run's sensors, epoch and reported types.
 
     Irradiances and probabilities of types that the run does not have are left out. Of a file that is written window by
-    window (`in_file`) they are null columns, the same for all windows, and ids are 16 bytes instead of texts.
+    window (`in_file`) they are null columns, the same for all windows; ids are 16 bytes instead of texts, and times are
+    dates alone.
     """
     yield _ids(rows, in_file=in_file)
-    yield from _reports(rows, origin)
+    yield from _reports(rows, origin, in_file=in_file)
     angles = rows.angles()
     yield TableColumn(
         "azimuth_deg", numbers(np.degrees(angles.azimuth_rad)), "deg", "clockwise from north, at the sensor"
@@ -50,13 +51,15 @@ def columns_of_detections(rows: Detections, origin: EncoderContext, *, in_file: 
         yield from _probabilities(shares)
 
 
-def _reports(rows: Detections, origin: EncoderContext) -> Iterator[TableColumn]:
+def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iterator[TableColumn]:
     """Yield what a report says: sensor, times, type, confidence, bands, track."""
     epoch_us, sensors = origin.epoch_us, origin.sensors
     yield TableColumn("sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor")
-    yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
+    if not in_file:
+        yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
     yield TableColumn("time", instants(rows.time_ns, epoch_us), _UTC, "time of the look")
-    yield TableColumn("reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report")
+    if not in_file:
+        yield TableColumn("reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report")
     yield TableColumn("reported", instants(rows.reported_ns, epoch_us), _UTC, "time of the report")
     yield TableColumn(
         "scan", numbers_known(rows.scan), "", "number of the sensor's scan, null for runs read from files"
