@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from opir_coverage.bounds import LaunchInformation, LaunchSlopes, SensorInformation, burnout_bounds
+from opir_coverage.bounds import BiasInformation, LaunchInformation, LaunchSlopes, burnout_bounds
 from opir_coverage.grid import PlaceGrid
 from opir_coverage.launches import LaunchPlaces
 from opir_coverage.reports import ReportChain, Reports, ScanSteps
@@ -112,15 +112,18 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
 
     kind = core_target_class("ICBM")
     places = LaunchPlaces(np.array([latitude]), np.array([longitude]), kind, profile, azimuth)
-    slopes, known = LaunchSlopes.of(places), LaunchInformation(1)
+    slopes = LaunchSlopes.of(places)
+    own = [slopes.at(time_s) for time_s in times_s - 0.5]
+    known = LaunchInformation(own)
     for sensor in sensors:
-        parts = SensorInformation(1)
-        for time_s in times_s - 0.5:
+        pointing = BiasInformation(1)
+        for step, time_s in enumerate(times_s - 0.5):
             way = sensor - position(base, time_s)
             range_m = np.linalg.norm(way)
-            own = slopes.at(time_s)
-            parts.add(np.arange(1), own, (way / range_m)[None], np.array([range_m]), np.array([1.0 / sigma**2]))
-        known.add(parts, bias)
+            measured = (way / range_m)[None], np.array([range_m]), np.array([1.0 / sigma**2])
+            known.add(step, np.arange(1), *measured)
+            pointing.add(np.arange(1), own[step], *measured)
+        known.lose(pointing, bias)
     bounds = burnout_bounds(slopes.at_burnout(), known.covariance(), comes_down=True)
     assert bounds.launch_m[0] == pytest.approx(launch_m, rel=0.01)
 

@@ -25,6 +25,9 @@ _SPEED_SHARE, _ANGLE_RAD = 1e-4, 1e-4
 _SCALES = np.array([1e3, 1e3, 1.0, 1e-2, 10.0, 1e-2])
 #: Unknowns in units of `_SCALES` with less information than this are not observable.
 _LEAST_INFORMATION = 1e-12
+#: The entries of a symmetric matrix (3, 3) that are kept, and where in it they are.
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_MATRIX = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 @frozen(eq=False)
@@ -87,33 +90,50 @@ class LaunchSlopes:
 
 
 class LaunchInformation:
-    """Fisher information (n, 6, 6) of the unknowns of launches, added sensor by sensor."""
+    """Fisher information (n, 6, 6) of the unknowns of launches, from looks at equal steps of the burn.
 
-    def __init__(self, cells: int) -> None:
-        self.whole = np.zeros((cells, 6, 6))
+    A look without a bias adds SᵀWS with the slopes S of its step and W = w (1 - u uᵀ)/r². W is added up over sensors,
+    and multiplied by slopes once a step.
+    """
 
-    def add(self, parts: "SensorInformation", bias_sigma_rad: float) -> None:
-        """Add a sensor's looks, with its pointing bias as an unknown of this standard deviation."""
-        own = parts.own
-        if bias_sigma_rad > 0.0:
-            shared = parts.bias + np.eye(3) / bias_sigma_rad**2
-            own = own - np.matmul(parts.cross, np.linalg.solve(shared, parts.cross.transpose(0, 2, 1)))
-        self.whole += own
+    def __init__(self, slopes: Sequence[NDArray[np.floating]]) -> None:
+        self._slopes = slopes
+        self._across = np.zeros((len(slopes), len(_PAIRS), len(slopes[0])))
+        self._lost: FloatArray | float = 0.0
+
+    def add(self, step: int, rows: IntArray, direction: FloatArray, range_m: FloatArray, weight: FloatArray) -> None:
+        """Add a sensor's looks at cells `rows` (n,): unit directions (n, 3), ranges and weights 1/σ² (n,)."""
+        share, unit = weight / np.square(range_m), np.ascontiguousarray(direction.T)
+        for place, (one, other) in enumerate(_PAIRS):
+            self._across[step, place, rows] += share * (float(one == other) - unit[one] * unit[other])
+
+    def lose(self, bias: "BiasInformation", sigma_rad: float) -> None:
+        """Take off what the pointing bias of a sensor, an unknown of this standard deviation, costs."""
+        shared = bias.own + np.eye(3) / sigma_rad**2
+        self._lost = self._lost + np.matmul(bias.cross, np.linalg.solve(shared, bias.cross.transpose(0, 2, 1)))
+
+    def whole(self) -> FloatArray:
+        """Return the information (n, 6, 6)."""
+        whole = np.zeros((self._across.shape[2], 6, 6))
+        for slopes, across in zip(self._slopes, self._across, strict=True):
+            weighed = np.matmul(across[_MATRIX].transpose(2, 0, 1), slopes)
+            whole += np.matmul(slopes.transpose(0, 2, 1), weighed)
+        return whole - self._lost
 
     def covariance(self) -> FloatArray:
         """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan where something is not observable."""
-        values, vectors = np.linalg.eigh(self.whole)
+        values, vectors = np.linalg.eigh(self.whole())
         is_known = values[:, 0] > _LEAST_INFORMATION * np.maximum(values[:, -1], 1e-300)
         with np.errstate(divide="ignore", invalid="ignore"):
             covariance = np.matmul(vectors / values[:, None, :], vectors.transpose(0, 2, 1))
         return np.where(is_known[:, None, None], covariance, np.nan)
 
 
-class SensorInformation:
-    """What one sensor's looks say: information (n, 6, 6) of the unknowns, (n, 3, 3) of its bias, and of both."""
+class BiasInformation:
+    """Information (n, 3, 3) of one sensor's pointing bias, `own`, and (n, 6, 3) of it and the unknowns, `cross`."""
 
     def __init__(self, cells: int) -> None:
-        self.own, self.cross, self.bias = np.zeros((cells, 6, 6)), np.zeros((cells, 6, 3)), np.zeros((cells, 3, 3))
+        self.own, self.cross = np.zeros((cells, 3, 3)), np.zeros((cells, 6, 3))
 
     def add(
         self,
@@ -123,13 +143,11 @@ class SensorInformation:
         range_m: FloatArray,
         weight: FloatArray,
     ) -> None:
-        """Add looks at cells `rows` (n,): slopes (n, 3, 6), unit directions (n, 3), ranges and weights 1/σ² (n,)."""
+        """Add looks at cells `rows` (n,) with slopes (n, 3, 6), the rest as of `LaunchInformation.add`."""
         along = np.matmul(direction[:, None, :], slopes)
         across = slopes - direction[:, :, None] * along
-        turned = across.transpose(0, 2, 1)
-        self.own[rows] += np.matmul(turned, across) * (weight / range_m**2)[:, None, None]
-        self.cross[rows] += turned * (weight / range_m)[:, None, None]
-        self.bias[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[:, None, None]
+        self.cross[rows] += across.transpose(0, 2, 1) * (weight / range_m)[:, None, None]
+        self.own[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[:, None, None]
 
 
 @frozen(eq=False)

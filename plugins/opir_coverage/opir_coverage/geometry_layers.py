@@ -42,15 +42,18 @@ def geometry_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> 
 
 def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatArray, FloatArray]:
     """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single precision."""
-    angles, spreads = [], []
+    angles, spreads = np.empty((2, len(sight.bits), sight.cells), dtype=np.float32)
     for step in range(len(sight.bits)):
         seeing = sight.seeing(step)
+        # Cells in order of their number of sensors: those that the k-th sensor sees are then next to one another.
+        cells = np.argsort(-(seeing >= 0).sum(axis=0), kind="stable")
+        seeing = seeing[:, cells]
         is_seen = seeing >= 0
-        direction, range_m = directions(points, fleet.position_m[seeing, step])
-        angles.append(np.degrees(stereo_angles_rad(direction, is_seen)).astype(np.float32))
-        spreads.append((dilution_m(direction, range_m, is_seen) * _PER_URAD).astype(np.float32))
+        direction, range_m = directions(points.position_m[cells], fleet.position_m[seeing, step])
+        angles[step, cells] = np.degrees(stereo_angles_rad(direction, is_seen))
+        spreads[step, cells] = dilution_m(direction, range_m, is_seen) * _PER_URAD
     shape = (sight.steps, sight.cells)
-    return np.broadcast_to(np.stack(angles), shape), np.broadcast_to(np.stack(spreads), shape)
+    return np.broadcast_to(angles, shape), np.broadcast_to(spreads, shape)
 
 
 def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]) -> Iterator[Layer]:

@@ -1,23 +1,19 @@
 """Layers of launches: P_d and least intensity, first report and track, bounds at burnout."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
 
 from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.planning import distinct_bands
-from opir_core.plugin import Ballistic, Band
-from opir_coverage.bounds import (
-    BurnSlopes,
-    LaunchInformation,
-    LaunchSlopes,
-    SensorInformation,
-    burnout_bounds,
-)
+from opir_core.plugin import Ballistic, Band, Sensor
+from opir_coverage.bounds import BiasInformation, BurnSlopes, LaunchInformation, LaunchSlopes, burnout_bounds
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.layers import Layer
-from opir_coverage.looks import Salvo
+from opir_coverage.looks import GridLooks, Salvo
 from opir_coverage.reports import Reports
 from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
@@ -88,7 +84,7 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
     first_s, last_s = min(latency_s), burn_s + max(latency_s)
     time_s = first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
     reports = Reports(time_s, settings.track_reports, cells)
-    information = LaunchInformation(cells)
+    information = LaunchInformation(slopes.moved)
     points = [SeenPoints.of(salvo.state(since)[0]) for since in node_s.tolist()]
     watch = Watch(salvo, reports)
     for number, sensor in enumerate(sensors):
@@ -96,13 +92,7 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
         if not any(len(each.rows) for each in looks):
             continue
         watch.add(number, looks)
-        parts = SensorInformation(cells)
-        per_node = burn_s / settings.samples / (sensor.scan.period_ns * 1e-9)
-        for step, each in enumerate(looks):
-            looked = per_node * (0.5 if step in (0, len(looks) - 1) else 1.0)
-            weight = looked * each.chance / np.square(each.sigma_rad)
-            parts.add(each.rows, slopes.moved[step][each.rows], each.direction, each.range_m, weight)
-        information.add(parts, sensor.line_of_sight_bias_sigma_rad)
+        _add_information(information, slopes, sensor, burn_s, looks)
     watch.close()
     comes_down = isinstance(salvo.places.target_class.after_burnout, Ballistic)
     bounds = burnout_bounds(slopes.burnout, information.covariance(), comes_down=comes_down)
@@ -115,6 +105,23 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
         "velocity_bound": bounds.velocity_m_s,
         "impact_bound": 1e-3 * bounds.impact_m,
     }
+
+
+def _add_information(
+    information: LaunchInformation, slopes: BurnSlopes, sensor: Sensor, burn_s: float, looks: Sequence[GridLooks]
+) -> None:
+    """Add what a sensor's looks at equal steps of the burn, its ends included, say of launches."""
+    last, sigma_rad = len(looks) - 1, sensor.line_of_sight_bias_sigma_rad
+    per_step = burn_s / last / (sensor.scan.period_ns * 1e-9)
+    bias = BiasInformation(len(slopes.moved[0])) if sigma_rad > 0.0 else None
+    for step, each in enumerate(looks):
+        weight = per_step * (0.5 if step in (0, last) else 1.0) * each.chance / np.square(each.sigma_rad)
+        measured = each.direction, each.range_m, weight
+        information.add(step, each.rows, *measured)
+        if bias is not None:
+            bias.add(each.rows, slopes.moved[step][each.rows], *measured)
+    if bias is not None:
+        information.lose(bias, sigma_rad)
 
 
 @frozen

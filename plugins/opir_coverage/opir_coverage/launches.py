@@ -84,20 +84,38 @@ class GridBoosts:
 
     def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
-        rows, (times_s, at) = self.row[target], np.unique(time_s, return_inverse=True)
-        latitudes = len(self.path.ignition_s)
-        if latitudes * len(times_s) < len(rows):
-            each = np.arange(latitudes)
-            states = self.path.state(np.tile(each, len(times_s)), np.repeat(times_s, latitudes))
-            own = states[0][at * latitudes + rows], states[1][at * latitudes + rows]
-        else:
-            own = self.path.state(rows, time_s)
-        return self._turned(own[0], target), self._turned(own[1], target)
+        (position, velocity), rows = self._of_latitudes(target, time_s)
+        return self._turned(position, target, rows), self._turned(velocity, target, rows)
 
-    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray) -> FloatArray:
-        x, y, z = vector_m.T
+    def position_m(self, target: RowArray | IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return ECEF positions (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
+        (position, _), rows = self._of_latitudes(target, time_s)
+        return self._turned(position, target, rows)
+
+    def _of_latitudes(
+        self, target: RowArray | IndexArray, time_s: FloatArray
+    ) -> tuple[tuple[FloatArray, FloatArray], RowArray]:
+        """Return states at the longitude 0, and the rows (m,) of launches in them.
+
+        Looks come in runs of equal times: states of all latitudes at these are fewer than those of all launches.
+        """
+        starts = np.flatnonzero(np.diff(time_s, prepend=np.nan) != 0.0)
+        latitudes, rows = len(self.path.ignition_s), self.row[target]
+        if latitudes * len(starts) >= len(rows):
+            return self.path.state(rows, time_s), np.arange(len(rows))
+        run = np.repeat(np.arange(len(starts)) * latitudes, np.diff(starts, append=len(rows)))
+        everyone = np.tile(np.arange(latitudes), len(starts))
+        return self.path.state(everyone, np.repeat(time_s[starts], latitudes)), run + rows
+
+    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray, rows: RowArray | None = None) -> FloatArray:
+        """Return vectors, those of some `rows` if given, turned to the longitudes of launches (m,)."""
+        x, y, z = (column if rows is None else column[rows] for column in vector_m.T)
         cosine, sine = self.cosine[target], self.sine[target]
-        return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+        turned = np.empty((len(target), 3))
+        np.subtract(cosine * x, sine * y, out=turned[:, 0])
+        np.add(sine * x, cosine * y, out=turned[:, 1])
+        turned[:, 2] = z
+        return turned
 
 
 @frozen(eq=False)
@@ -120,7 +138,7 @@ class GridLaunches(Trajectories):
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of launches (n,) at scene times (n,)."""
-        return self.path.state(target, time_s)[0]
+        return self.path.position_m(target, time_s)
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each launch."""

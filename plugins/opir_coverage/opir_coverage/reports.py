@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import FloatArray, IntArray
@@ -18,12 +19,15 @@ from opir_core.arrays import FloatArray, IntArray
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
 #: So many looks are prepared at once. After them launches that have fewer than the reports with less than this chance
 #: are left out, if they are this share of all.
-_BLOCK, _SURE, _WORTH_PRUNING = 8, 1e-9, 0.05
+_BLOCK, _SURE, _WORTH_PRUNING = 8, 1e-6, 0.05
 #: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
 _IMPOSSIBLE = 1e-6
 _IMPOSSIBLE_QUANTILE = float(ndtri(_IMPOSSIBLE))
 #: Time within a look's step: its middle.
 _MIDDLE = 0.5
+
+#: Chances of numbers of reports, in single precision: they are read to a thousandth.
+Chances = NDArray[np.float32]
 
 
 @frozen(eq=False)
@@ -58,9 +62,9 @@ class ReportChain:
         self._memory = phases * (confirmation[1] - 1)
         self._last = np.full(rows, -self._memory - 1)
         self._active = np.arange(rows)
-        self._states = np.zeros((phases, most, 1 << (confirmation[1] - 1), rows))
+        self._states: Chances = np.zeros((phases, most, 1 << (confirmation[1] - 1), rows), dtype=np.float32)
         self._states[:, 0, 0] = 1.0
-        self.total = np.zeros((most, rows))
+        self.total: Chances = np.zeros((most, rows), dtype=np.float32)
         self.total[0] = 1.0
 
     @property
@@ -82,7 +86,7 @@ class ReportChain:
         phase = self._step % self._phases
         if len(rows):
             old = self._states[phase][..., rows]
-            new = _after(old, own, self._needed)
+            new = _after(old, own.astype(np.float32), self._needed)
             self.total[:, self._active[rows]] += (_whole(new) - _whole(old)) / self._phases
             self._states[phase][..., rows] = new
         self._step += 1
@@ -98,7 +102,7 @@ class ReportChain:
             self._states = self._states[..., ~is_done]
 
 
-def _whole(states: FloatArray) -> FloatArray:
+def _whole(states: Chances) -> Chances:
     """Return the chances (reports, n) over all past outcomes."""
     whole = states[:, 0].copy()
     for past in range(1, states.shape[1]):
@@ -106,9 +110,9 @@ def _whole(states: FloatArray) -> FloatArray:
     return whole
 
 
-def _after(old: FloatArray, chance: FloatArray, needed: int) -> FloatArray:
+def _after(old: Chances, chance: Chances, needed: int) -> Chances:
     """Return the states (reports, outcomes, n) after a look with P_d (n,)."""
-    new, mask = np.zeros(old.shape), old.shape[1] - 1
+    new, mask = np.zeros_like(old), old.shape[1] - 1
     missed = 1.0 - chance
     for past in range(old.shape[1]):
         new[:, (past << 1) & mask] += old[:, past] * missed
@@ -120,9 +124,9 @@ def _after(old: FloatArray, chance: FloatArray, needed: int) -> FloatArray:
     return new
 
 
-def joined(counts: FloatArray, others: FloatArray) -> FloatArray:
+def joined(counts: Chances, others: Chances) -> Chances:
     """Return the chances (…, most, n) of numbers of reports of two independent sources, each (…, most, n)."""
-    both = np.zeros(counts.shape)
+    both = np.zeros_like(counts)
     for more in range(counts.shape[-2]):
         both[..., more:, :] += counts[..., : counts.shape[-2] - more, :] * others[..., more : more + 1, :]
     return both
@@ -133,7 +137,7 @@ class Reports:
 
     def __init__(self, time_s: FloatArray, most: int, cells: int) -> None:
         self.time_s = time_s
-        self.chance = np.zeros((len(time_s), most, cells), dtype=np.float32)
+        self.chance: Chances = np.zeros((len(time_s), most, cells), dtype=np.float32)
         self.chance[:, 0] = 1.0
 
     def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
@@ -163,8 +167,9 @@ class Reports:
         for left in range(wanted, len(place)):
             self._join(left, rows, sensors, chain.total)
 
-    def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: FloatArray) -> None:
-        has_reported = counts[0] < 1.0
+    def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: Chances) -> None:
+        # Cells that surely have all reports have chances of exactly 0 from then on.
+        has_reported = (counts[0] < 1.0) & self.chance[place].any(axis=0)[rows]
         for all_cells in sensors:
             own = all_cells[has_reported[all_cells]]
             cells = rows[own]

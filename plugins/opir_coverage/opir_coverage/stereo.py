@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_coverage.grid import SeenPoints
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 
 def stereo_angles_rad(direction: FloatArray, is_seen: BoolArray) -> FloatArray:
@@ -13,13 +12,13 @@ def stereo_angles_rad(direction: FloatArray, is_seen: BoolArray) -> FloatArray:
     `direction` (S, n, 3) are unit vectors from points to sensors, `is_seen` (S, n) which of them count. Lines of sight
     are best at right angles; the angle is that of the lines, at most π/2.
     """
-    best = np.full(is_seen.shape[1], -1.0)
+    best, columns = np.full(is_seen.shape[1], -1.0), _columns(direction)
     for one in range(len(is_seen)):
         for other in range(one + 1, len(is_seen)):
-            rows = np.flatnonzero(is_seen[one] & is_seen[other])
-            if len(rows):
-                cosine = _dot(direction[one, rows], direction[other, rows])
-                best[rows] = np.maximum(best[rows], 1.0 - cosine * cosine)
+            rows = _slice_if_consecutive(np.flatnonzero(is_seen[one] & is_seen[other]))
+            x, y, z = (each[one, rows] * each[other, rows] for each in columns)
+            cosine = x + y + z
+            best[rows] = np.maximum(best[rows], 1.0 - cosine * cosine)
     return np.arcsin(np.sqrt(np.where(best >= 0.0, best, np.nan)))
 
 
@@ -30,11 +29,20 @@ def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) ->
     measures two angles; `weight` (S, n) is 0 for one that does not see the point. nan where J is singular: one line of
     sight, or parallel ones.
     """
-    share = np.asarray(weight, dtype=np.float64) / np.square(range_m)
-    x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
-    whole = share.sum(axis=0)
-    xx, yy, zz = (whole - (share * each * each).sum(axis=0) for each in (x, y, z))
-    xy, xz, yz = (-(share * one * other).sum(axis=0) for one, other in ((x, y), (x, z), (y, z)))
+    share, columns = np.asarray(weight, dtype=np.float64) / np.square(range_m), _columns(direction)
+    whole, xx, yy, zz, xy, xz, yz = np.zeros((7, range_m.shape[1]))
+    for number, own in enumerate(share):
+        x, y, z = (each[number] for each in columns)
+        along, across = own * x, own * y
+        whole += own
+        xx -= along * x
+        yy -= across * y
+        zz -= own * z * z
+        xy -= along * y
+        xz -= along * z
+        yz -= across * z
+    for diagonal in (xx, yy, zz):
+        diagonal += whole
     minors = (yy * zz - yz * yz) + (xx * zz - xz * xz) + (xx * yy - xy * xy)
     determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -43,13 +51,20 @@ def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) ->
         return np.sqrt(np.where(singular, np.nan, square))
 
 
-def directions(points: SeenPoints, sensor_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (S, n, 3) from points to sensors at (S, n, 3), ECEF, m, and their distances (S, n), m."""
-    way = sensor_m - points.position_m[None]
-    distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2)
-    way /= distance[..., None]
-    return way, distance
+def directions(point_m: FloatArray, sensor_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors (S, n, 3) from points (n, 3) to sensors (S, n, 3), ECEF, m, and distances (S, n), m."""
+    ways = np.stack([sensor_m[..., axis] - point_m[:, axis] for axis in range(3)])
+    distance = np.sqrt(ways[0] ** 2 + ways[1] ** 2 + ways[2] ** 2)
+    ways /= distance
+    return np.moveaxis(ways, 0, -1), distance
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1] + one[:, 2] * other[:, 2]
+def _columns(direction: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the components (S, n) of vectors (S, n, 3), each contiguous."""
+    x, y, z = (np.ascontiguousarray(direction[..., axis]) for axis in range(3))
+    return x, y, z
+
+
+def _slice_if_consecutive(rows: IntArray) -> IntArray | slice:
+    """Return ascending rows as a slice, which copies nothing, if they have no holes."""
+    return slice(rows[0], rows[-1] + 1) if len(rows) and rows[-1] - rows[0] + 1 == len(rows) else rows

@@ -24,6 +24,7 @@ from opir_studies.axes import Design, designs_of, override_text
 from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
 from opir_studies.runs import identity_of, run_key
 from opir_studies.study import Study
+from opir_studies.subsets import parted, with_subset
 from opir_studies.until import Until, until_of
 
 #: The most problems that one message lists, and notes of a study.
@@ -126,12 +127,12 @@ def built_executor(study: Study, context: ExecutorContext, host: Host | None = N
 
 def _compiled(study: Study, design: Design, host: Host) -> Plan:
     fixed = [f"{path}={override_text(value)}" for path, value in study.overrides.items()]
-    overrides = [*fixed, *design.overrides]
+    overrides, chosen = parted([*fixed, *design.overrides])
     if isinstance(study.scene, Mapping):
         scene = scene_from_mapping(study.scene, overrides=overrides, host=host)
     else:
         scene = load_scene(study.scene, overrides=overrides, host=host)
-    return compile_plan(evolve(scene, outputs=()), host)
+    return compile_plan(evolve(with_subset(scene, chosen), outputs=()), host)
 
 
 def _cut_short(problems: Sequence[Problem]) -> Sequence[Problem]:

@@ -20,6 +20,7 @@ from opir_studies.axes import AxisError, vary_of_text
 from opir_studies.requirements import FigureRequirement
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.study import Study, is_study, read_study
+from opir_studies.subsets import SUBSET_PATHS
 from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
 
 _HERE = "command line"
@@ -208,6 +209,8 @@ def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, S
 
 
 def _short(path: str) -> str:
+    if path in SUBSET_PATHS:
+        return path
     *_, before, last = ["", *path.split(".")]
     return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
 
