@@ -26,7 +26,6 @@ from opir_coverage.layers import (
     Layer as Layer,
 )
 from opir_coverage.maps import (
-    equal_earth as equal_earth,
     layer_axes as layer_axes,
 )
 from opir_coverage.merits import (

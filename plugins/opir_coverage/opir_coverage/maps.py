@@ -1,30 +1,14 @@
-"""A layer as a map of matplotlib, in the Equal Earth projection.
-
-Source: B. Šavrič, T. Patterson and B. Jenny, International Journal of Geographical Information Science 33 (2019) 454.
-"""
+"""A layer as a map of matplotlib, in the Equal Earth projection."""
 
 from typing import Any
 
 import numpy as np
-from opir_report import GRID, INK, MUTED, STYLE, coast_rings
+from opir_report import GRID, INK, MUTED, STYLE, coast_rings, equal_earth
 
-from opir_core.arrays import FloatArray
 from opir_coverage.layers import CoverageMap
 
-#: The polynomial of the projection, and half the root of 3.
-_A, _M = (1.340264, -0.081106, 0.000893, 0.003796), 0.5 * np.sqrt(3.0)
 #: The quantiles of the values between which colours run.
 _LIMITS = (0.02, 0.98)
-
-
-def equal_earth(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return map coordinates (…) of places, in radii of the sphere; areas on the map are those on the sphere."""
-    angle = np.arcsin(_M * np.sin(np.radians(latitude_deg)))
-    square = angle * angle
-    sixth = square**3
-    slope = _A[0] + 3.0 * _A[1] * square + sixth * (7.0 * _A[2] + 9.0 * _A[3] * square)
-    x = np.radians(longitude_deg) * np.cos(angle) / (_M * slope)
-    return x, angle * (_A[0] + _A[1] * square + sixth * (_A[2] + _A[3] * square))
 
 
 def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -> Any:

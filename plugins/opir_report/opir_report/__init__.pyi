@@ -5,6 +5,9 @@ from opir_report.canvas import (
 from opir_report.maps.base_map import (
     coast_rings as coast_rings,
 )
+from opir_report.maps.projections import (
+    equal_earth as equal_earth,
+)
 from opir_report.pages.html_page import (
     html_page as html_page,
 )

@@ -87,8 +87,10 @@ def without_data(axes: Axes, words: str) -> Axes:
     return axes
 
 
-#: Widths of a letter and of a line with its gaps in a legend, inches; height of a row, points.
-_LETTER_IN, _HANDLE_IN, _ROW_PT = 0.066, 0.6, 12.5
+#: Widths of a letter and of the gaps of an entry in a legend, inches; height of a row, points.
+_LETTER_IN, _GAPS_IN, _ROW_PT = 0.062, 0.24, 12.5
+#: Lengths of a line with dashes and of a mark alone in a legend, in units of its font size, and of that size in inches.
+_LINE_LENGTH, _MARK_LENGTH, _FONT_IN = 3.2, 1.2, 8.0 / 72.0
 
 
 def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
@@ -111,9 +113,11 @@ def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole:
     figure, part = axes.figure, axes.get_subplotspec()
     panels = 1 if whole or part is None else part.get_geometry()[1]
     width_in = figure.bbox.width / figure.dpi / panels - 0.9
-    longest_in = _HANDLE_IN + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
+    has_lines = any(line.get_linestyle() != "None" for line in lines)
+    handle = _LINE_LENGTH if has_lines else _MARK_LENGTH
+    longest_in = _GAPS_IN + _FONT_IN * handle + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
     columns = int(min(max(width_in // longest_in, 1), len(lines)))
-    style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": 3.2}
+    style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": handle}
     if title:
         style |= {"title": title, "title_fontsize": 8, "alignment": "left"}
     if whole:

@@ -10,11 +10,13 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_core.plugin import TargetClass, Tracks
-from opir_report.maps.spheres import oriented
+from opir_core.plugin import ImpactRegion, TargetClass, Tracks
+from opir_report.maps.clipping import dense
 from opir_report.palette import Hues
 
 _ELLIPSE_POINTS = 73
+#: Longest step along an edge of a region.
+_STEP_M = 100e3
 
 
 class RunFacts:
@@ -96,9 +98,9 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list
             region.containment: (
                 float(region.area_km2),
                 [
-                    oriented(np.asarray(ring), is_hole=place > 0)
-                    for polygon in region.polygons
-                    for place, ring in enumerate(polygon)
+                    _left_ring(region, ring, is_hole=place > 0)
+                    for rings in region.polygons
+                    for place, ring in enumerate(rings)
                 ],
             )
             for region in regions
@@ -106,6 +108,15 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list
         }
     ellipses = {containment: _ellipse(tracks, row, containment) for containment in TRACK_CONTAINMENTS}
     return {containment: found for containment, found in ellipses.items() if found is not None}
+
+
+def _left_ring(region: ImpactRegion, ring: FloatArray, *, is_hole: bool) -> FloatArray:
+    """Return a ring of a region, with the region on its left and points along edges, straight on the region's chart."""
+    chart = region.chart()
+    flat = dense(chart.points(ring), _STEP_M)
+    (x, y), (east, north) = flat[:-1].T, flat[1:].T
+    is_left = float(np.sum(x * north - east * y)) > 0.0
+    return chart.places(flat if is_left != is_hole else flat[::-1])
 
 
 def _ellipse(tracks: Tracks, row: int, containment: float) -> tuple[float, list[FloatArray]] | None:

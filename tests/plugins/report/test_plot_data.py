@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from opir_report import RunPlots
 from opir_report.palette import SERIES, Hues
 from opir_report.plots.flights import cap_radius_rad, fields_of_view, ground_tracks
-from opir_report.plots.impact import area_text, impact_points
+from opir_report.plots.impact import impact_points
 from opir_report.plots.timeline import detection_counts
 from opir_report.run_facts import RunFacts, containment_rings
 from reported_runs import empty_run, example_run, scored_run
@@ -162,9 +162,3 @@ def test_few_targets_have_colours_of_their_own_and_many_those_of_their_types() -
     assert [hue.label for hue in many.legend] == ["ICBM", "SRBM"]
     assert many.of_target[0] == many.of_target[2] != many.of_target[1]
     assert len(set(SERIES)) == len(SERIES)
-
-
-def test_areas_have_two_digits() -> None:
-    assert [area_text(each) for each in (78_512.0, 1_349.0, 12.3, 0.0567, np.nan)] == [
-        *("79 000", "1 300", "12", "0.057", "-")
-    ]

@@ -1,6 +1,7 @@
 """The ground of a map: sea, land, graticule with labels, and the axes' limits."""
 
 import json
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,8 @@ _FEWEST = 3
 _LINE_POINTS, _SAMPLES = 121, 25
 #: A map with more parallels has labels on them where the left edge has hardly any.
 _FEW_PARALLELS = 4
-#: Least distance of the labels below a map, as a share of its width.
-_APART = 0.2
+#: Least distance of the labels below a map, as a share of its width; below one of the whole Earth, whose pole is short.
+_APART, _APART_WORLD = 0.2, 0.17
 
 
 @cache
@@ -38,9 +39,9 @@ def coast_rings() -> tuple[FloatArray, ...]:
 
 
 def filled(axes: Axes, projection: MapProjection, rings: list[FloatArray], **style: Any) -> None:
-    """Fill what lies on the left of rings (n, 2) of latitudes and longitudes, within the limits of the axes."""
+    """Fill the region on the left of rings (n, 2) of latitudes and longitudes, within the limits of the axes."""
     limits = axes.get_xlim(), axes.get_ylim()
-    curves = [clipped(curve, *limits) for ring in rings for curve in projection.rings(ring)]
+    curves = [clipped(curve, *limits) for curve in projection.curves(rings)]
     curves = [curve for curve in curves if len(curve) > _FEWEST]
     if curves:
         codes = [[Outline.MOVETO, *[Outline.LINETO] * (len(curve) - 2), Outline.CLOSEPOLY] for curve in curves]
@@ -57,20 +58,57 @@ def drawn_line(axes: Axes, projection: MapProjection, line: FloatArray, **style:
 
 
 def drawn_world(axes: Axes, projection: WorldProjection) -> None:
-    """Draw the ground of a map of the whole Earth."""
-    axes.set(xlim=(-180.0, 180.0), ylim=(-90.0, 90.0), aspect="equal", facecolor=SEA)
+    """Draw the ground of a map of the whole Earth, which cuts off what is drawn beyond its edge."""
+    edge = projection.edge
+    axes.patch = PathPatch(Outline(edge), transform=axes.transData, facecolor=SEA, edgecolor="none")
+    axes.patch.set_figure(axes.figure)
+    (west, south), (east, north) = edge.min(axis=0), edge.max(axis=0)
+    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
+    axes.plot(*edge.T, color=MUTED, linewidth=0.8, clip_on=False, zorder=0.8)
     _land(axes, projection)
+    _world_graticule(axes, projection)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0.0, labelsize=8)
+
+
+def _world_graticule(axes: Axes, projection: WorldProjection) -> None:
+    """Draw meridians and parallels, labelled below the map and left of it."""
+    axes.grid(False)
     first = np.ceil((projection.longitude_deg - 180.0) / 60.0) * 60.0
-    meridians = np.arange(first, projection.longitude_deg + 180.0 + 1e-9, 60.0)
-    axes.set_xticks(meridians - projection.longitude_deg, [longitude_text(each) for each in meridians])
-    parallels = np.arange(-60.0, 61.0, 30.0)
-    axes.set_yticks(parallels, [latitude_text(each) for each in parallels])
-    axes.grid(True, color=GRID)
-    _frame(axes)
+    meridians, parallels = np.arange(first, first + 359.0, 60.0), np.arange(-60.0, 61.0, 30.0)
+    along, around = np.linspace(-90.0, 90.0, _LINE_POINTS), projection.longitude_deg + np.linspace(-179.9, 179.9, 361)
+    for longitude in meridians:
+        _draw_grid(axes, projection, along, np.full(len(along), longitude))
+    for latitude in parallels:
+        _draw_grid(axes, projection, np.full(len(around), latitude), around)
+    south_pole = projection.points(np.full(len(meridians), -0.5 * np.pi), np.radians(meridians))[:, 0].tolist()
+    labels = [(x, longitude_text(each)) for x, each in zip(south_pole, meridians, strict=True)]
+    _set_ticks(axes.set_xticks, _apart(labels, _APART_WORLD * float(np.ptp(axes.get_xlim()))))
+    heights = projection.points(np.radians(parallels), np.zeros(len(parallels)))[:, 1].tolist()
+    _set_ticks(axes.set_yticks, [(y, latitude_text(each)) for y, each in zip(heights, parallels, strict=True)])
+
+
+def _draw_grid(
+    axes: Axes, projection: MapProjection, latitude_deg: FloatArray, longitude_deg: FloatArray
+) -> FloatArray:
+    """Draw a line of the graticule; return it on the map (n, 2)."""
+    line = projection.points(np.radians(latitude_deg), np.radians(longitude_deg))
+    axes.plot(*line.T, color=GRID, linewidth=0.6, zorder=0.7)
+    return line
+
+
+def drawn_ground(
+    axes: Axes, projection: MapProjection, places: FloatArray, ratio: float, least_km: float, parts: int = 9
+) -> None:
+    """Draw the ground of a map of points (n, 2): that of the whole Earth, or as `drawn_region` does."""
+    if isinstance(projection, WorldProjection):
+        drawn_world(axes, projection)
+    else:
+        drawn_region(axes, projection, places, ratio, least_km, parts)
 
 
 def drawn_region(
-    axes: Axes, projection: RegionProjection, places: FloatArray, ratio: float, least_km: float, parts: int = 9
+    axes: Axes, projection: RegionProjection, places: FloatArray, ratio: float, least_km: float, parts: int
 ) -> None:
     """Draw the ground of a map of points (n, 2), with a margin and at least so wide.
 
@@ -106,21 +144,20 @@ def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> Non
     along = np.linspace(max(parallels[0], -89.9), min(parallels[-1], 89.9), _LINE_POINTS)
     around = np.linspace(meridians[0], meridians[-1], _LINE_POINTS)
     for longitude in meridians.tolist():
-        part = projection.points(np.radians(along), np.full(len(along), np.radians(longitude)))
-        axes.plot(*part.T, color=GRID, linewidth=0.6, zorder=0.7)
+        part = _draw_grid(axes, projection, along, np.full(len(along), longitude))
         ticks[0].extend((x, longitude_text(longitude)) for x in _crossings(part[:, ::-1], south, west, east))
     for latitude in parallels.tolist():
-        part = projection.points(np.full(len(around), np.radians(latitude)), np.radians(around))
-        axes.plot(*part.T, color=GRID, linewidth=0.6, zorder=0.7)
+        part = _draw_grid(axes, projection, np.full(len(around), latitude), around)
         ticks[1].extend((y, latitude_text(latitude)) for y in _crossings(part, west, south, north))
-    for place, kept in (
-        (axes.set_xticks, _apart(ticks[0], _APART * (east - west))),
-        (axes.set_yticks, _apart(ticks[1], 0.0)),
-    ):
-        place([value for value, _ in kept], [text for _, text in kept])
+    _set_ticks(axes.set_xticks, _apart(ticks[0], _APART * (east - west)))
+    _set_ticks(axes.set_yticks, _apart(ticks[1], 0.0))
     if len(ticks[1]) < 2 and len(parallels) > _FEW_PARALLELS:
         _label_inside(axes, projection, parallels)
     axes.set(xlim=(west, east), ylim=(south, north))
+
+
+def _set_ticks(place: Callable[[list[float], list[str]], object], ticks: list[tuple[float, str]]) -> None:
+    place([value for value, _ in ticks], [text for _, text in ticks])
 
 
 def _apart(ticks: list[tuple[float, str]], least: float) -> list[tuple[float, str]]:

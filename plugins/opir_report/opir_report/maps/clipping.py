@@ -1,4 +1,4 @@
-"""Closed curves in the plane, cut to a rectangle, so that a file does not hold what its map does not show."""
+"""Curves in the plane: points added along them, and closed ones cut to a rectangle, which keeps files small."""
 
 import numpy as np
 
@@ -21,6 +21,14 @@ def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -
             if not len(curve):
                 return curve
     return curve
+
+
+def dense(curve: FloatArray, step: float) -> FloatArray:
+    """Return a curve (n, 2) with points along its straight edges, at most a step apart."""
+    parts = np.ceil(np.linalg.norm(np.diff(curve, axis=0), axis=1) / step).clip(1).astype(np.int64)
+    places = np.append(0, np.cumsum(parts))
+    fine = np.arange(places[-1] + 1)
+    return np.stack([np.interp(fine, places, column) for column in curve.T], axis=1)
 
 
 def _half_plane(curve: FloatArray, above: FloatArray) -> FloatArray:

@@ -67,9 +67,3 @@ def area_sr(ring: FloatArray) -> float:
     sines = 0.5 * (np.sin(ring[1:, 0]) + np.sin(ring[:-1, 0]))
     around = _TURN if turns(ring) else 0.0
     return float(np.mod(around - np.sum(sines * step), 2.0 * _TURN))
-
-
-def oriented(ring: FloatArray, *, is_hole: bool = False) -> FloatArray:
-    """Return a ring with the region on its left: the smaller side for an outer ring, the larger for a hole."""
-    is_large = area_sr(ring) > _TURN
-    return ring if is_large == is_hole else ring[::-1]

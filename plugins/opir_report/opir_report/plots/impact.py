@@ -6,12 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from opir_core.arrays import FloatArray
 from opir_report.canvas import legend_above, without_data
 from opir_report.figure_data import FigureData
-from opir_report.maps.base_map import drawn_region, filled
-from opir_report.maps.projections import RegionProjection
+from opir_report.maps.base_map import drawn_ground, filled
+from opir_report.maps.projections import MapProjection, RegionProjection, fitting_projection
 from opir_report.palette import INK, PAPER
 from opir_report.run_facts import RunFacts, containment_rings
+from opir_report.words import shown_unit
 
 _RATIO = 1.45
 _LEAST_KM = 4.0
@@ -52,28 +54,36 @@ def impact_map(axes: Axes, facts: RunFacts, target: int) -> Axes:
     predicted = facts.run.tracks.impact[row : row + 1, :2]
     places = np.concatenate([true, predicted, *rings])
     places = places[np.isfinite(places).all(axis=1)]
-    projection = RegionProjection.about(places)
-    drawn_region(axes, projection, places, _RATIO, _LEAST_KM, parts=4)
+    projection = fitting_projection(places)
+    drawn_ground(axes, projection, places, _RATIO, _LEAST_KM, parts=4)
     colour = facts.hues.of_target[target].colour
-    marks = []
-    for containment, (area_km2, found) in sorted(regions.items(), reverse=True):
-        shade = _SHADES.get(containment, 0.3)
-        filled(axes, projection, found, facecolor=colour, alpha=shade, linewidth=0.0, zorder=2)
-        filled(axes, projection, found, facecolor="none", edgecolor=colour, linewidth=0.8, zorder=2.1)
-        label = f"{100.0 * containment:g} %: {area_text(area_km2)} km²"
-        marks.append(Line2D([], [], marker="s", linestyle="", color=colour, alpha=shade, markersize=8, label=label))
+    marks = _draw_regions(axes, projection, regions, colour)
     style: dict[str, Any] = {"marker": "D", "linestyle": "", "markersize": 5, "markerfacecolor": PAPER, "zorder": 4}
     marks += axes.plot(*projection.points(*predicted.T).T, color=colour, label="predicted impact", **style)
     if np.isfinite(true).all():
         cross: dict[str, Any] = {"marker": "x", "linestyle": "", "markersize": 8, "markeredgewidth": 2, "zorder": 5}
         marks += axes.plot(*projection.points(*true.T).T, color=INK, label="true impact", **cross)
-    # The bar is where an oblong region is not.
-    flat = projection.points(*places.T)
-    is_rising = float(np.sum((flat[:, 0] - flat[:, 0].mean()) * (flat[:, 1] - flat[:, 1].mean()))) > 0.0
-    _scale_bar(axes, at_right=is_rising)
+    if isinstance(projection, RegionProjection):
+        # The bar is where an oblong region is not.
+        east, north = projection.points(*places.T).T
+        _scale_bar(axes, at_right=float(np.sum((east - east.mean()) * (north - north.mean()))) > 0.0)
     axes.set_title(f"{name}, predicted at {facts.run.tracks.tick_s[row]:g} s")
     legend_above(axes, marks)
     return axes
+
+
+def _draw_regions(
+    axes: Axes, projection: MapProjection, regions: dict[float, tuple[float, list[FloatArray]]], colour: str
+) -> list[Line2D]:
+    """Draw regions by containment, area and rings, the largest first; return their marks for a legend."""
+    marks = []
+    for containment, (area_km2, rings) in sorted(regions.items(), reverse=True):
+        shade = _SHADES.get(containment, 0.3)
+        filled(axes, projection, rings, facecolor=colour, alpha=shade, linewidth=0.0, zorder=2)
+        filled(axes, projection, rings, facecolor="none", edgecolor=colour, linewidth=0.8, zorder=2.1)
+        label = f"{100.0 * containment:g} %: {area_text(area_km2)}"
+        marks.append(Line2D([], [], marker="s", linestyle="", color=colour, alpha=shade, markersize=8, label=label))
+    return marks
 
 
 def _scale_bar(axes: Axes, *, at_right: bool) -> None:
@@ -90,8 +100,11 @@ def _scale_bar(axes: Axes, *, at_right: bool) -> None:
 
 
 def area_text(area_km2: float) -> str:
-    """Return an area in two significant digits, with spaces between thousands."""
+    """Return an area in two significant digits: `8.5 km²`, `12 000 km²`, `140 million km²`."""
     if not np.isfinite(area_km2):
         return "-"
     short = float(f"{area_km2:.2g}")
-    return f"{round(short):,}".replace(",", " ") if short >= 10.0 else f"{short:g}"
+    scale = shown_unit("km²", np.array([short]))
+    number = short / scale.divisor
+    digits = f"{round(number):,}".replace(",", " ") if number >= 10.0 else f"{number:g}"
+    return f"{digits} {scale.unit}"

@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 from opir_core.arrays import FloatArray
 from opir_report.canvas import legend_above, legend_of, without_data
 from opir_report.figure_data import FigureData
-from opir_report.maps.base_map import drawn_line, drawn_region, drawn_world, filled
-from opir_report.maps.projections import MapProjection, RegionProjection, WorldProjection
-from opir_report.maps.spheres import cap, latitudes_longitudes, unit_vectors
+from opir_report.maps.base_map import drawn_ground, drawn_line, drawn_world, filled
+from opir_report.maps.projections import MapProjection, WorldProjection, fitting_projection
+from opir_report.maps.spheres import cap
 from opir_report.palette import INK, MUTED, PAPER, SERIES
 from opir_report.plots.flights import satellite_track
 from opir_report.run_facts import RunFacts, containment_rings
@@ -39,11 +39,11 @@ _PREDICTED = Line2D(
 
 def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     """Draw the launches: true ground tracks, launch and impact points, and the last predicted impact regions."""
-    places = _places(facts, tracks)
+    places = np.concatenate([_flown(facts, tracks), *_outer_regions(facts)])
     if not len(places):
         return without_data(axes, "the scene has no launches")
-    projection = RegionProjection.about(places)
-    drawn_region(axes, projection, places, RATIO, _LEAST_KM)
+    projection = fitting_projection(places)
+    drawn_ground(axes, projection, places, RATIO, _LEAST_KM)
     _draw_flights(axes, projection, facts, tracks)
     _draw_regions(axes, projection, facts)
     marks = [_LAUNCH, _IMPACT, *([_PREDICTED] if facts.last_with_impact else [])]
@@ -53,28 +53,30 @@ def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
 
 def world_map(axes: Axes, facts: RunFacts, tracks: FigureData, views: FigureData) -> Axes:
     """Draw the whole Earth: satellites, the edges of their fields of view, and the launches' ground tracks."""
-    places = _places(facts, tracks)
-    centre = latitudes_longitudes(unit_vectors(*places.T).mean(axis=0))[1] if len(places) else 0.0
-    projection = WorldProjection(float(np.radians(round(np.degrees(centre) / 30.0) * 30.0)))
+    projection = WorldProjection.about(_flown(facts, tracks))
     drawn_world(axes, projection)
     _draw_sensors(axes, projection, facts, views)
     _draw_flights(axes, projection, facts, tracks)
     return axes
 
 
-def _places(facts: RunFacts, tracks: FigureData) -> FloatArray:
-    """Return the points (n, 2), rad, that a map of the launches must show."""
+def _flown(facts: RunFacts, tracks: FigureData) -> FloatArray:
+    """Return points (n, 2), rad, of the ground tracks of launches, with their impacts."""
     flown = np.radians(np.stack([tracks["latitude_deg"], tracks["longitude_deg"]], axis=1).astype(np.float64))
     impacts = [facts.true_point(target, "impact") for target in range(facts.launches)]
-    regions = [
+    places = np.concatenate([flown.reshape(-1, 2), np.array(impacts).reshape(-1, 2)])
+    known: FloatArray = places[np.isfinite(places).all(axis=1)]
+    return known
+
+
+def _outer_regions(facts: RunFacts) -> list[FloatArray]:
+    """Return the rings (n, 2), rad, of the largest predicted regions of the last estimates."""
+    return [
         ring
         for row in facts.last_with_impact.values()
         for _, rings in list(containment_rings(facts.run.tracks, row).values())[-1:]
         for ring in rings
     ]
-    places = np.concatenate([flown.reshape(-1, 2), np.array(impacts).reshape(-1, 2), *regions])
-    known: FloatArray = places[np.isfinite(places).all(axis=1)]
-    return known
 
 
 def _draw_flights(axes: Axes, projection: MapProjection, facts: RunFacts, tracks: FigureData) -> None:
