@@ -21,7 +21,7 @@ from typing import Any, Self
 from attrs import frozen
 
 from opir_core.errors import SinkError, reason_of, unwritable
-from opir_core.output.temporary_files import GrowingDigest, file_digest, held, keep_mode, locked, planted, sync_folder
+from opir_core.output.temporary_files import GrowingDigest, file_digest, held, keep_mode, locked, planted, sync_path
 
 #: What is appended to a path while its file is written.
 TEMPORARY = ".part"
@@ -223,7 +223,7 @@ def finish_interrupted(manifest: Path) -> bool:
             path.with_name(path.name + TEMPORARY).replace(path)
         record.replace(target) if set(document) != {FILES_KEY} else record.unlink()
         for folder in {target.parent, *(path.parent for path in moves)}:
-            sync_folder(folder)
+            sync_path(folder)
         return True
     return False
 
@@ -277,6 +277,6 @@ def _sync_folders(files: Sequence[_Staged], made: Sequence[Path] = ()) -> None:
     """Make the names of files, and of folders that were made, last."""
     for folder in {*(staged.target.parent for staged in files), *(each.parent for each in made)}:
         try:
-            sync_folder(folder)
+            sync_path(folder)
         except OSError as error:
             raise unwritable("the folder", folder, error) from error

@@ -112,8 +112,9 @@ class Backlog(Protocol):
     def drop_oldest(self, after: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
 
-    def sync_if_due(self) -> None:
-        """Make batches last that wait for that for a second; raise `FullError` if the disk fails."""
+    @property
+    def sync_fault(self) -> str:
+        """Why the disk did not make batches last that it has taken, or ""."""
 
     def close(self) -> None:
         """Release the file, if there is one."""
@@ -123,6 +124,7 @@ class MemoryBacklog:
     """A `Backlog` in memory, with at most `max_bytes` of messages; the first batch always has room."""
 
     outlives_the_process = False
+    sync_fault = ""
 
     def __init__(self, max_bytes: int) -> None:
         self._batches: OrderedDict[int, Batch] = OrderedDict()
@@ -130,9 +132,6 @@ class MemoryBacklog:
         self._bytes = 0
         self._max_bytes = max_bytes
         self.waiting = 0
-
-    def sync_if_due(self) -> None:
-        """Do nothing: nothing here lasts."""
 
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it."""

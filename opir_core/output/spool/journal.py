@@ -5,9 +5,7 @@ or absent (https://www.sqlite.org/wal.html). The checksum of a row detects damag
 """
 
 import json
-import os
 import sqlite3
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps
@@ -17,10 +15,11 @@ from zlib import crc32
 
 import numpy as np
 
-from opir_core.errors import SinkError, reason_of
+from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import DamagedError, FullError
-from opir_core.output.temporary_files import sync_folder
+from opir_core.output.spool.log_sync import LogSync
+from opir_core.output.temporary_files import sync_path
 
 #: "OPIR": distinguishes a spool from other SQLite files.
 _APPLICATION = 0x4F504952
@@ -31,8 +30,6 @@ _ROW_BYTES = 128
 #: Pages of the schema, the table's interior and the free list.
 _SPARE_PAGES = 32
 _LOG_BYTES = 1 << 22
-#: Longest time, s, for which a batch is not on the disk for sure: what a power cut may take.
-SYNC_S = 1.0
 
 _TABLE = """CREATE TABLE IF NOT EXISTS parcel (
     number INTEGER PRIMARY KEY AUTOINCREMENT, events INTEGER NOT NULL, bytes INTEGER NOT NULL, crc INTEGER NOT NULL,
@@ -82,9 +79,7 @@ class Journal:
         self._max_bytes = max_bytes
         self._bytes = 0
         self.waiting = 0
-        #: Time of the monotonic clock since which something is not on the disk for sure; None if all is.
-        self._unsynced_since_s: float | None = None
-        self._syncs = not survives_power_cut
+        self._sync: LogSync | None = None
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
         #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
         self.is_open = False
@@ -96,6 +91,7 @@ class Journal:
         try:
             self._open(survives_power_cut)
             self.is_open = True
+            self._sync = None if survives_power_cut else LogSync(Path(f"{absolute}-wal"))
         except FullError as error:
             self.close()
             reason = f": {error}" if str(error) else ""
@@ -113,27 +109,13 @@ class Journal:
         self._database.execute(_INSERT, row)
         self._bytes += row[1]
         self.waiting += len(batch)
-        if self._syncs:
-            self._unsynced_since_s = self._unsynced_since_s or time.monotonic()
-            with suppress(FullError):  # the batch is in the file; the sender tries again and reports the error
-                self.sync_if_due()
+        if self._sync is not None:
+            self._sync.note_write()
 
-    def sync_if_due(self) -> None:
-        """Make the log last, if a batch in it waits for that for a second; raise `FullError` if the disk fails.
-
-        The log is a file without locks: closing another descriptor of it gives up none.
-        """
-        if self._unsynced_since_s is None or time.monotonic() - self._unsynced_since_s < SYNC_S:
-            return
-        try:
-            descriptor = os.open(f"{self.path}-wal", os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
-        except OSError as error:
-            raise FullError(f"its disk answers {reason_of(error)!r}") from error
-        self._unsynced_since_s = None
+    @property
+    def sync_fault(self) -> str:
+        """Why the disk did not make the log last, or ""."""
+        return "" if self._sync is None else self._sync.fault
 
     @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:
@@ -191,6 +173,8 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; SQLite merges its log if there is room, else at the next opening."""
+        if self._sync is not None:
+            self._sync.stop()
         with suppress(sqlite3.Error):
             self._database.close()
 
@@ -212,11 +196,13 @@ class Journal:
         self._require_spool()
         execute(_TABLE)
         execute("COMMIT")
+        with suppress(sqlite3.Error):  # the mark of a spool is looked for in the file itself; a full disk has none
+            execute("PRAGMA wal_checkpoint")
         execute(f"PRAGMA max_page_count = {pages}")
         self.waiting, self._bytes = execute("SELECT total(events), total(bytes) FROM parcel").fetchone()
         self.waiting, self._bytes = int(self.waiting), int(self._bytes)
         with suppress(OSError):  # SQLite does not sync the name of a new file
-            sync_folder(Path(self.path).absolute().parent)
+            sync_path(Path(self.path).absolute().parent)
 
     def _require_spool(self) -> None:
         """Mark a new database as a spool; raise `SinkError` for any other database."""

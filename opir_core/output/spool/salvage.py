@@ -15,7 +15,7 @@ from opir_core.errors import SinkError, reason_of
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
 from opir_core.output.spool.journal import Journal, batch_of, complaint, is_refusal, is_spool_file, primary_code
-from opir_core.output.temporary_files import sync_folder
+from opir_core.output.temporary_files import sync_path
 
 #: Appended to the path of a spool that is made from a damaged one, until it is complete, and until it is in place.
 _NEW, _READY = ".salvaging", ".salvaged"
@@ -111,14 +111,14 @@ def _make_successor(place: Path) -> None:
     if _beside(fresh, "-wal").exists():  # SQLite could not merge its log
         raise FullError
     fresh.rename(_beside(place, _READY))
-    sync_folder(place.parent)
+    sync_path(place.parent)
 
 
 def _put_in_place(place: Path) -> Path:
     """Set the damaged spool, or what is left of it, aside, and give its successor its name; return the former's."""
     aside = _set_aside(place)
     _beside(place, _READY).rename(place)
-    sync_folder(place.parent)
+    sync_path(place.parent)
     return aside
 
 

@@ -117,7 +117,6 @@ class Sender:
     def _is_done(self) -> bool:
         """Remove acknowledged batches and send as many as there is room for; return whether sending is over."""
         self._remove_acknowledged()
-        self.store.sync()
         if self.transport.acknowledged != self._progress:  # a part of a batch is progress too
             self._progress, self.closing.acknowledged_at = self.transport.acknowledged, time.monotonic()
         self._resume()

@@ -37,7 +37,7 @@ class Store:
         self.read_to = 0
         #: What of the spool is damaged, why the disk did not take the last bytes, and why it cannot be read.
         self.damage = None if damage is None else f"{name}: the spool {self._place}: {damage}"
-        self._unwritten = self._unread = self._unsynced = ""
+        self._unwritten = self._unread = ""
 
     def delivery(self, complaint: str | None) -> Delivery:
         """Return the counts; `spooled` are the events that wait."""
@@ -47,7 +47,7 @@ class Store:
     @property
     def fault(self) -> str | None:
         """Why the spool's disk fails, or None."""
-        if unwritten := self._unwritten or self._unsynced:
+        if unwritten := self._unwritten or self.backlog.sync_fault:
             return f"{self.name}: the spool {self._place} cannot be written: {unwritten}"
         return self._unread or None
 
@@ -100,15 +100,6 @@ class Store:
                 if numbered is not None:
                     self.read_to = numbered[0]
                 return numbered
-
-    def sync(self) -> None:
-        """Make what waits last, at least once a second."""
-        with self.room:
-            try:
-                self.backlog.sync_if_due()
-                self._unsynced = ""
-            except FullError as error:
-                self._unsynced = str(error)
 
     def acknowledge(self, numbers: list[int]) -> None:
         """Remove delivered batches; raise `FullError` if the disk has no room to note it."""

@@ -2,8 +2,11 @@
 
 import errno
 import random
+import shutil
 import sqlite3
+import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +30,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.salvage import spool_state
 from opir_core.output.spool.transport_sink import TransportSink
 
 
@@ -165,3 +169,39 @@ def test_the_log_is_synced_within_a_second_with_and_without_new_batches(tmp_path
         disk.heal()
         until(lambda: sink.parked is None, within_s=10.0)
         sink.close()
+
+
+class Stuck(Holding):
+    """A carrier whose `send` does not return until it is let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.let_go = threading.Event()
+
+    def send(self, batch: Batch) -> "Future[None]":
+        self.let_go.wait(30.0)
+        return super().send(batch)
+
+
+@pytest.mark.skipif(not can_fail(), reason="needs a SQLite whose calls can be seen")
+def test_the_log_is_synced_while_a_transport_hangs(tmp_path: Path) -> None:
+    carrier = Stuck()
+    with FailingDisk(tmp_path) as disk:
+        sink = spooled(tmp_path / "spool", carrier)
+        sink.write(window(5))
+        time.sleep(0.3)
+        before = len(disk.calls)
+        sink.write(window(5, 5))
+        until(lambda: ("fsync", "spool-wal") in disk.calls[before:], within_s=2.0)
+        carrier.let_go.set()
+        assert sink.close().delivered == 10
+
+
+def test_a_spool_that_was_killed_when_it_was_new_is_a_spool(tmp_path: Path) -> None:
+    sink = spooled(tmp_path / "spool", Holding("hold"))
+    sink.write(window(5))
+    (tmp_path / "killed").mkdir()
+    for path in tmp_path.glob("spool*"):
+        shutil.copy(path, tmp_path / "killed")
+    sink.close()
+    assert spool_state(tmp_path / "killed" / "spool").events == 5
