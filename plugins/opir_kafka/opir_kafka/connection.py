@@ -17,6 +17,7 @@ from aiokafka.conn import create_conn
 from aiokafka.errors import KafkaConnectionError
 
 from opir_core.errors import SinkError
+from opir_kafka.failures import ClosedError, cause_of
 from opir_kafka.settings import KafkaConfig, SecurityConfig
 
 Connector = Callable[[], Awaitable[AIOKafkaProducer]]
@@ -58,6 +59,7 @@ def connector(config: KafkaConfig) -> Connector:
             await close_producer(producer)
             if isinstance(error, KafkaConnectionError):
                 await probe(config)
+                raise ClosedError from error
             raise
         return producer
 
@@ -98,7 +100,7 @@ async def probe(config: KafkaConfig) -> None:
             async with asyncio.timeout(config.connect_timeout_s):
                 connection = await create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
         except Exception as error:
-            reason = reason or error
+            reason = reason or cause_of(error, is_encrypted="SSL" in config.security.protocol)
         else:
             connection.close()
             return

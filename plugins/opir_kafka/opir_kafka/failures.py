@@ -5,6 +5,7 @@ retried: a retry in vain is reported as the trouble and costs only time, giving 
 """
 
 import ssl
+from asyncio import IncompleteReadError
 
 from aiokafka import errors
 
@@ -68,11 +69,23 @@ _REMEDIES = {
     18: "raise the broker's segment size, or lower batch_bytes",
     29: "let this login write to the topic, or give another topic",
     31: "let this login write to the topic (brokers before 2.8 ask for IdempotentWrite on the cluster too)",
+    33: "see security.mechanism",
+    34: "this listener has no login; see security.protocol and the port",
     58: "see security.username and the variable of its password",
     76: "give another compression",
     35: "the broker is too old for idempotent producers; Kafka has them from 0.11 on",
 }
 
+
+#: By OpenSSL's code of why a certificate is refused; else `ca_file` is not that of the broker's certificate.
+_CERTIFICATE_REMEDIES = {
+    9: "the broker's certificate is not valid yet, or this clock is wrong",
+    10: "renew the broker's certificate",
+    62: "write a name of the certificate in bootstrap_servers",
+    64: "write a name of the certificate in bootstrap_servers",
+}
+#: First byte of what a listener with TLS answers to plain text (RFC 8446, section 5.1: an alert).
+_TLS_ALERT = 21
 
 #: The broker or the topic takes no batches of that size; it may take smaller ones.
 TOO_LARGE = tuple(errors.for_code(code) for code in (10, 18))
@@ -82,32 +95,94 @@ class SmallerBatchesError(errors.KafkaError):  # type: ignore[misc]
     """A batch was too large; smaller ones follow."""
 
 
+class TlsExpectedError(errors.KafkaError):  # type: ignore[misc]
+    """The listener speaks TLS; plain text was sent."""
+
+
+class NoTlsError(errors.KafkaError):  # type: ignore[misc]
+    """The listener closes connections that begin with TLS."""
+
+
+class ClosedError(errors.KafkaError):  # type: ignore[misc]
+    """A broker answers and closes the connection at the next request."""
+
+
+def cause_of(error: Exception, *, is_encrypted: bool) -> Exception:
+    """Return why a connection could not be made: aiokafka has only that it is closed, and its cause."""
+    cause = error.__cause__ if isinstance(error, errors.KafkaConnectionError) else None
+    if isinstance(cause, ssl.SSLError):
+        return cause
+    if isinstance(cause, IncompleteReadError) and (cause.expected or 0) >> 24 == _TLS_ALERT:
+        return TlsExpectedError()
+    if is_encrypted and isinstance(error, ConnectionResetError):
+        return NoTlsError()
+    return error
+
+
 def is_fatal(error: BaseException) -> bool:
     """Return whether an error is permanent."""
-    return isinstance(error, _FATAL_TYPES) or (getattr(error, "errno", None) in FATAL_CODES and _is_answer(error))
+    if isinstance(error, _FATAL_TYPES) or _is_client_refused(error):
+        return True
+    return getattr(error, "errno", None) in FATAL_CODES and _is_answer(error)
+
+
+#: Messages by the types of errors: the first that fits.
+_MESSAGES = (
+    (TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError, "no answer from {servers} in time"),
+    (SmallerBatchesError, "{servers} refuses a batch as too large; sending smaller ones"),
+    (TlsExpectedError, "{servers} speaks TLS; see security.protocol: SSL, or SASL_SSL with a login"),
+    (NoTlsError, "{servers} closes encrypted connections at their start; see security.protocol and the port"),
+    (
+        ClosedError,
+        "{servers} answers and then closes the connection, perhaps for want of a login; see security.protocol",
+    ),
+    (
+        errors.AuthenticationFailedError,
+        "{servers} refuses the login; see security.username and the variable of its password",
+    ),
+    (
+        errors.IncompatibleBrokerVersion | errors.UnrecognizedBrokerVersion,
+        "{servers} does not know what the settings ask for, a login perhaps, or is too old",
+    ),
+    (OSError | errors.KafkaConnectionError, "no broker answers at {servers}"),
+)
 
 
 def words(error: BaseException, servers: str) -> str:
     """Return the message for an error, without secrets."""
     if isinstance(error, SinkError):
         return str(error)
-    if isinstance(error, TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError):
-        return f"no answer from {servers} in time"
-    if _is_answer(error):
-        code: int = getattr(error, "errno", -1)
-        remedy = f"; {_REMEDIES[code]}" if code in _REMEDIES else ""
-        return f"{servers} answers {type(error).__name__} (code {code}){remedy}"
-    if isinstance(error, SmallerBatchesError):
-        return f"{servers} refuses a batch as too large; sending smaller ones"
     if isinstance(error, ssl.SSLError):
-        return f"no encrypted connection to {servers}: {error.reason or 'TLS fails'}; see security.ca_file"
-    if isinstance(error, errors.AuthenticationFailedError):
-        return f"{servers} refuses the login; see security.username and the variable of its password"
-    if isinstance(error, errors.IncompatibleBrokerVersion | errors.UnrecognizedBrokerVersion):
-        return f"{servers} does not know what the settings ask for, a login perhaps, or is too old"
-    if isinstance(error, OSError | errors.KafkaConnectionError):
-        return f"no broker answers at {servers}"
-    return f"{servers}: {type(error).__name__}"
+        return _tls_words(error, servers)
+    message = next((message for types, message in _MESSAGES if isinstance(error, types)), None)
+    if message is not None:
+        return message.format(servers=servers)
+    return _answer_words(error, servers) if _is_answer(error) else f"{servers}: {type(error).__name__}"
+
+
+def _answer_words(error: BaseException, servers: str) -> str:
+    code: int = getattr(error, "errno", -1)
+    remedy = f"; {_REMEDIES[code]}" if code in _REMEDIES else ""
+    return f"{servers} answers {type(error).__name__} (code {code}){remedy}"
+
+
+def _tls_words(error: ssl.SSLError, servers: str) -> str:
+    if _is_client_refused(error):
+        return (
+            f"{servers} refuses the client's certificate, or that there is none ({error.reason}); see"
+            " security.certificate_file and security.key_file"
+        )
+    if isinstance(error, ssl.SSLCertVerificationError):
+        reason, remedy = error.verify_message.rstrip("."), _CERTIFICATE_REMEDIES.get(error.verify_code)
+    else:
+        reason, remedy = error.reason or "TLS fails", None
+    return f"no encrypted connection to {servers}: {reason}; {remedy or 'see security.ca_file'}"
+
+
+def _is_client_refused(error: BaseException) -> bool:
+    """Return whether an error is the broker's alert about the client's certificate (RFC 8446, section 6.2)."""
+    reason = (error.reason or "") if isinstance(error, ssl.SSLError) else ""
+    return "_ALERT_" in reason and ("CERTIFICATE" in reason or "UNKNOWN_CA" in reason)
 
 
 def _is_answer(error: BaseException) -> bool:

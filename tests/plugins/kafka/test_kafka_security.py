@@ -2,7 +2,6 @@
 
 import json
 import logging
-import shutil
 import socket
 import ssl
 import struct
@@ -14,12 +13,14 @@ from pathlib import Path
 
 import pytest
 from aiokafka import errors
+from certificates import WHY_ABSENT, Authority
 from kafka_broker import carrier, kafka_sink
 from opir_kafka.connection import connector
 from opir_kafka.failures import FATAL_CODES, is_fatal, words
 from opir_kafka.settings import KafkaConfig, SecurityConfig
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
+from waiting import until
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
@@ -109,8 +110,8 @@ def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a self-signed certificate for localhost and its key, with the password `SECRET`."""
-    if shutil.which("openssl") is None:
-        pytest.skip("there is no openssl to make a certificate with")
+    if WHY_ABSENT:
+        pytest.skip(WHY_ABSENT)
     folder = tmp_path_factory.mktemp("tls")
     subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
     command = [
@@ -184,8 +185,47 @@ def test_a_missing_codec_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         connector(KafkaConfig(compression="zstd"))
 
 
+@pytest.mark.parametrize(
+    ("name", "days", "reason"),
+    [
+        ("IP:127.0.0.2", 2, "not valid for '127.0.0.1'; write a name of the certificate in bootstrap_servers"),
+        ("IP:127.0.0.1", -1, "certificate has expired; renew the broker's certificate"),
+    ],
+)
+def test_what_is_wrong_with_a_certificate_is_in_the_message(
+    authority: Authority, tmp_path: Path, name: str, days: int, reason: str
+) -> None:
+    for source, target in zip(authority.signed("broker", name, days=days), ("cert", "key"), strict=True):
+        (tmp_path / target).write_bytes(source.read_bytes())
+    with door(0, tmp_path) as address:
+        assert reason in refusal(address, SecurityConfig(protocol="SSL", ca_file=str(authority.certificate)))
+
+
+def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(certificate: Path) -> None:
+    security = SecurityConfig(protocol="SSL", ca_file=str(certificate / "cert"))
+    with door(0, certificate, is_mutual=True) as address:
+        told = refusal(address.replace("127.0.0.1", "localhost"), security)
+    assert "refuses the client's certificate, or that there is none" in told
+    assert "see security.certificate_file and security.key_file" in told
+
+
+def refusal(address: str, security: SecurityConfig) -> str:
+    """Return the complaint of a sink whose events do not arrive."""
+    sink = kafka_sink(address, "topic", None, security=security)
+    sink.write(window(5))
+    until(lambda: sink.attempts > 0)
+    return sink.close().complaint or ""
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
+    if WHY_ABSENT:
+        pytest.skip(WHY_ABSENT)
+    return Authority(tmp_path_factory.mktemp("authority"), "ours")
+
+
 @contextmanager
-def door(code: int, certificate: Path | None = None) -> Iterator[str]:
+def door(code: int, certificate: Path | None = None, *, is_mutual: bool = False) -> Iterator[str]:
     """Be a broker that speaks as far as the login, and answers that with a code (0: welcome), the rest with 29.
 
     Sources: the protocol's own pages of ApiVersions (18), SaslHandshake (17), SaslAuthenticate (36) and Metadata (3).
@@ -196,6 +236,7 @@ def door(code: int, certificate: Path | None = None) -> Iterator[str]:
     if certificate is not None:
         tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         tls.load_cert_chain(certificate / "cert", certificate / "key", SECRET)
+        tls.verify_mode = ssl.CERT_REQUIRED if is_mutual else ssl.CERT_NONE
 
     def serve() -> None:
         while True:
