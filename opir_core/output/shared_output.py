@@ -1,16 +1,12 @@
 """The output of a run in several processes: workers encode what the parent writes, in order.
 
 Lines of events and of the truth are encoded in the workers, by the sinks and the file that the parent has opened; all
-other sinks write the window's columns in threads of the parent.
+other sinks write the window's columns in the parent.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Protocol, runtime_checkable
 
-from attrs import evolve
-
-from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import Delivery, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.run_files import TruthFile
@@ -68,10 +64,10 @@ class SharedOutput:
         return self._texts.get(name)
 
     def sink(self, path: str, sink: Sink) -> Sink:
-        """Return a sink that writes what the workers encode, or columns in a thread."""
+        """Return a sink that writes what the workers encode, or the sink itself if it takes columns."""
         if not isinstance(sink, LineSink):
             self._needs_columns = True
-            return SharedColumns(sink)
+            return sink
         self._encoders[path] = lambda window: (Text(*block) for block in sink.encoded(window))
         return SharedLines(self, path, sink)
 
@@ -101,36 +97,6 @@ class SharedLines(Sink):
     def close(self) -> Delivery:
         """Close the file."""
         return self._sink.close()
-
-
-class SharedColumns(Sink):
-    """A sink that writes a window's columns in a thread, while the run goes on; what it raises comes a window later."""
-
-    def __init__(self, sink: Sink) -> None:
-        self._sink, self._thread = sink, ThreadPoolExecutor(1, "opir-columns")
-        self._writing: Future[None] | None = None
-
-    def write(self, window: Window) -> None:
-        """Begin to write a window when the one before is written."""
-        self._wait()
-        self._writing = self._thread.submit(self._sink.write, window)
-
-    def close(self) -> Delivery:
-        """Close the sink when its last window is written."""
-        complaint = None
-        try:
-            self._wait()
-        except SinkError as error:
-            complaint = str(error)
-        finally:
-            self._thread.shutdown()
-            delivery = self._sink.close()
-        return evolve(delivery, complaint=complaint or delivery.complaint)
-
-    def _wait(self) -> None:
-        writing, self._writing = self._writing, None
-        if writing is not None:
-            writing.result()
 
 
 class SharedTruth:
