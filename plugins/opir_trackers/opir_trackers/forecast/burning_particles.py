@@ -98,8 +98,8 @@ def _staging_logs(log: FloatArray, prior: FloatArray, part: IntArray, share: Flo
     density = np.sum(np.exp(log - top) * prior[:, None, None], axis=0)
     steady, staging = (np.sum(np.where(part == code, density, 0.0), axis=1) for code in (0, 1))
     odds = share[:, 1] * _HOT / np.maximum(share[:, 0] + share[:, 1] * _HOT, 1e-12)
-    known = (steady > 0.0) & (staging > 0.0) & (odds < 1.0)
-    change = np.log(odds / (1.0 - odds), where=known, out=np.zeros(len(odds)))
+    known = (steady > 0.0) & (staging > 0.0) & (odds > 0.0) & (odds < 1.0)
+    change = np.log(odds, where=known, out=np.zeros(len(odds))) - np.log1p(-odds, where=known, out=np.zeros(len(odds)))
     change += np.log(steady, where=known, out=np.zeros(len(odds))) - np.log(
         staging, where=known, out=np.zeros(len(odds))
     )
