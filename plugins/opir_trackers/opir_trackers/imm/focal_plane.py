@@ -36,7 +36,7 @@ _SWEEPS = 10
 #: targets launch one by one. In wide crowds belief propagation is overconfident without it.
 _NEWCOMERS = 0.01
 
-#: A scan whose equivalent line has less than this share of the information of a line of a lone target is left out.
+#: Least information of the equivalent line of a scan, as a share of that of one with the variance of its innovation.
 _LEAST_INFORMATION = 0.02
 
 
@@ -270,7 +270,7 @@ def _equivalent_looks(
 def _after_looks(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, weight: FloatArray
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
-    """Return the rows after looks (m,), and the equivalent line of each row where they tell enough, and its row.
+    """Return the rows after looks (m,), the equivalent line of each row that has any, and its row.
 
     `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their times.
     """
@@ -290,16 +290,17 @@ def _after_looks(
     after = evolve(tracks, mean=mean_after, covariance=covariance, time_s=time_s)
     last = np.empty(len(row), dtype=np.int64)
     last[place] = pairs.line
-    good = np.flatnonzero(total * np.square(lines.sigma_rad[last]) > _LEAST_INFORMATION)
-    direction = before.directions(good, before.mean[good, 0] + pull[good] / total[good, None])
+    # Light among that of others says at least that the row still burns.
+    least = _LEAST_INFORMATION / (before.covariance[:, 0, 0] + np.square(lines.sigma_rad[last]))
+    off = np.where(total > least, pull.T / np.maximum(total, least), 0.0).T
     equivalent = evolve(
-        lines.take(last[good]),
-        time_s=when[good],
-        origin_ecef_m=mean[good, 1:4],
-        direction_ecef=direction,
-        sigma_rad=1.0 / np.sqrt(total[good]),
+        lines.take(last),
+        time_s=when,
+        origin_ecef_m=mean[:, 1:4],
+        direction_ecef=before.directions(np.arange(len(row)), before.mean[:, 0] + off),
+        sigma_rad=1.0 / np.sqrt(np.maximum(total, least)),
     )
-    return after, equivalent, row[good]
+    return after, equivalent, row
 
 
 def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray) -> FloatArray:
