@@ -129,7 +129,9 @@ class OutputFiles:
             _sync_folders(self._all(), self._made)
             self._write_manifest(document)
             is_recorded = self._record is not None
-            _rename(self._all() if self._is_kept else self._staged, is_recorded=is_recorded)
+            _rename(self._staged, is_recorded=is_recorded)
+            if self._record is not None and self._is_kept:  # last on the disk too, which may order nothing
+                _rename([self._record], is_recorded=True)
             if self._record is not None and not self._is_kept:
                 with suppress(OSError):
                     self._record.part.unlink()
@@ -221,9 +223,10 @@ def finish_interrupted(manifest: Path) -> bool:
         moves = [path for path, entry in entries if not _is_there(path, entry)]
         for path in moves:
             path.with_name(path.name + TEMPORARY).replace(path)
-        record.replace(target) if set(document) != {FILES_KEY} else record.unlink()
-        for folder in {target.parent, *(path.parent for path in moves)}:
+        for folder in {path.parent for path, _entry in entries}:  # what was moved before it was interrupted too
             sync_path(folder)
+        record.replace(target) if set(document) != {FILES_KEY} else record.unlink()
+        sync_path(target.parent)
         return True
     return False
 

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.errors import Problem, SceneError, unwritable
+from opir_core.errors import Problem, SceneError
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.orbits import omm_name
+from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
 from opir_readers.columns import map_complaint
@@ -128,10 +129,8 @@ def _write_fleet(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]
     if not arguments.out:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
         return
-    try:
-        Path(arguments.out).write_text("\n".join([*lines, ""]), encoding="utf-8")
-    except OSError as error:
-        raise unwritable("sensors", Path(arguments.out), error) from error
+    with OutputFiles() as files:
+        files.write(Path(arguments.out), "\n".join([*lines, ""]).encode(), "sensors")
     sys.stdout.write(f"{arguments.out}: {len(rows)} sensors {arguments.sensors}, for a scene or opir track\n")
 
 
@@ -211,7 +210,5 @@ def _write(table: StateTable, path: Path) -> None:
     numbers = np.column_stack(columns).tolist()
     rows = (",".join(map(repr, [*row, burning])) for row, burning in zip(numbers, is_burning, strict=True))
     lines = [",".join([*names, "is_burning"]), *rows, ""]
-    try:
-        path.write_text("\n".join(lines), encoding="utf-8")
-    except OSError as error:
-        raise unwritable("states", path, error) from error
+    with OutputFiles() as files:
+        files.write(path, "\n".join(lines).encode(), "states")

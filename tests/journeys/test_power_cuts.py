@@ -1,0 +1,153 @@
+"""Runs, exports, reports, studies and imports through power cuts: what was there before, or what is new, whole."""
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from power_cuts import Recording, can_record, power_cuts, record
+from study_scene import PERIOD, SCENE
+
+from opir_core.cli.main import main
+from opir_core.output import OutputFiles, finish_interrupted
+
+#: Power cuts of each recording in the slow tests; in the quick ones a few.
+CUTS, FEW = int(os.environ.get("OPIR_POWER_CUTS", "1000")), 60
+
+pytestmark = pytest.mark.skipif(not can_record(), reason="needs Linux and a C compiler")
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from opir_core.cli.main import main
+from power_cuts import note
+assert main(sys.argv[2:]) == 0
+note(Path(sys.argv[1]), "done")
+"""
+EPHEMERIS = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n" + "".join(f"{t},{-2.6e6 + t},{-4.6e6},{3.6e6}\n" for t in range(2000))
+
+#: Arguments of a command that writes into the folder {disk}; {number} is 1 of the files before and 2 of the new ones.
+COMMANDS = {
+    "run": "run {scene} --set seed={number} --out {disk}/e.jsonl --quiet",
+    "run of columns": "run {scene} --set seed={number} --out {disk}/e.parquet --quiet",
+    "run into two folders": "run {scene} --set seed={number} --out {disk}/a/e.jsonl --truth {disk}/b/t.jsonl --quiet",
+    "export of a file": "export {run} --to kml --out {disk}/run.kml",
+    "export of a folder": "export {run} --to parquet --out {disk}/tables",
+    "report": "report {run} --out {disk}/report.html",
+    "sweep": "sweep {scene} --set seed={number} --vary {period}=100,400 --metric latency --runs 2 --executor serial"
+    " --out {disk}/study --quiet",
+    "import": "import {ephemeris} --out {disk}/states.csv",
+}
+
+
+def finish(disk: Path) -> None:
+    """Do what the next command that reads or writes the files does."""
+    for manifest in disk.rglob("*.part"):
+        finish_interrupted(manifest.with_name(manifest.name.removesuffix(".part")))
+    for folder in {listed.parent for listed in disk.rglob(".opir.part")}:
+        OutputFiles(folder=folder).abandon()
+
+
+def contents(disk: Path) -> dict[str, bytes]:
+    """Return the files of a folder, without temporary ones, parts of studies and times."""
+    return {
+        str(path.relative_to(disk)): path.read_bytes()
+        for path in disk.rglob("*")
+        if path.is_file()
+        and path.suffix != ".part"
+        and path.parent.name != "parts"
+        and path.name not in ("run_times.csv", "notes")
+    }
+
+
+def parts(disk: Path) -> dict[str, bytes]:
+    """Return the parts of the studies in a folder."""
+    return {path.name: path.read_bytes() for path in disk.rglob("parts/*.parquet")}
+
+
+class Stage:
+    """A folder with the files of a command, and the means to make them anew."""
+
+    def __init__(self, scratch: Path, command: str) -> None:
+        self.scratch, self._command = scratch, command
+        self.disk = scratch / "disk"
+        self.disk.mkdir()
+        for folder in ("a", "b"):
+            (self.disk / folder).mkdir()
+        (scratch / "scene.yaml").write_text(json.dumps(SCENE), encoding="utf-8")
+        for number in (1, 2):
+            (scratch / f"states{number}.csv").write_text(
+                EPHEMERIS.replace("3600000.0", f"36{number}0000.0"), encoding="utf-8"
+            )
+            run = f"run {scratch}/scene.yaml --set seed={number} --set scene=s{number} --quiet"
+            (scratch / f"run{number}").mkdir()
+            assert main([*run.split(), "--out", f"{scratch}/run{number}/e.jsonl"]) == 0
+
+    def arguments(self, number: int, disk: Path | None = None) -> list[str]:
+        """Return the arguments of the command with the files before, 1, or the new ones, 2."""
+        places = {"scene": "scene.yaml", "ephemeris": f"states{number}.csv", "run": f"run{number}"}
+        given = {key: self.scratch / name for key, name in places.items()}
+        return self._command.format(**given, disk=disk or self.disk, number=number, period=PERIOD).split()
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Callable[[str], Stage]:
+    return lambda name: Stage(tmp_path, COMMANDS[name])
+
+
+def recorded(stage: Stage) -> tuple[Recording, dict[str, bytes], dict[str, bytes]]:
+    """Return what the command does that makes the new files, and the files before and after."""
+    before = contents(stage.disk)
+    recording = record(stage.disk, PROGRAM, stage.scratch, stage.disk, *stage.arguments(2))
+    return recording, before, contents(stage.disk)
+
+
+def require_old_or_new(stage: Stage, cuts: int) -> set[bool]:
+    """Return whether the new files were there after some cuts; fail if neither they nor those before were."""
+    recording, old, new = recorded(stage)
+    known, found_new = parts(stage.disk), set[bool]()
+    for cut in power_cuts(recording, range(cuts)):
+        place = cut.make(stage.scratch / "cut")
+        finish(place)
+        found = contents(place)
+        assert found in (old, new), f"cut {cut.seed} after call {cut.calls}"
+        assert parts(place).items() <= known.items()
+        assert found == new or not cut.notes, f"cut {cut.seed}: undone after the end of the command"
+        found_new.add(found == new)
+    return found_new
+
+
+def require_resumable(stage: Stage, seeds: Sequence[int]) -> None:
+    """Fail if the command does not make the new files from what cuts leave."""
+    recording, _old, new = recorded(stage)
+    for cut in power_cuts(recording, seeds):
+        place = cut.make(stage.scratch / "cut")
+        assert main(stage.arguments(2, place)) == 0
+        found = contents(place)
+        different = {path for path in new if found[path] != new[path] and not path.endswith(".manifest.json")}
+        assert not different, f"cut {cut.seed} after call {cut.calls}"
+
+
+def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage: Callable[[str], Stage]) -> None:
+    of_run = stage("run")
+    assert main(of_run.arguments(1)) == 0
+    assert require_old_or_new(of_run, FEW) == {True, False}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_files_are_old_or_new_after_a_power_cut(stage: Callable[[str], Stage], name: str, is_first: bool) -> None:
+    of_command = stage(name)
+    if not is_first:
+        assert main(of_command.arguments(1)) == 0
+    assert require_old_or_new(of_command, CUTS) == {True, False}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_goes_on_after_a_power_cut(stage: Callable[[str], Stage], name: str) -> None:
+    of_command = stage(name)
+    assert main(of_command.arguments(1)) == 0
+    require_resumable(of_command, range(12))
