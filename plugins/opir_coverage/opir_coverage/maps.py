@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from opir_report import GRID, INK, MUTED, STYLE, coast_rings, equal_earth
 
+from opir_core.arrays import FloatArray
 from opir_coverage.layers import CoverageMap
 
 #: The quantiles of the values between which colours run.
