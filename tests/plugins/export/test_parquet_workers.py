@@ -9,8 +9,6 @@ from opir_export.parquet_sink import ParquetSink
 import opir_core
 from opir_core.errors import SinkError
 from opir_core.output.delivery import RunOutcome, deliver
-from opir_core.output.shared_output import SharedColumns
-from opir_core.plugin import Delivery, Sink
 from opir_core.simulation import run
 
 
@@ -42,29 +40,10 @@ def full(*_: object) -> None:
 
 
 @pytest.mark.parametrize("method", ["write", "close"])
-def test_a_sink_that_fails_in_its_thread_fails_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
-) -> None:
+def test_a_sink_that_fails_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(ParquetSink, method, full)
     outcome = delivered(tmp_path, 2)
     report = outcome.report.sinks[0]
     assert "the disk is full" in str(report.error)
     assert report.dropped == outcome.summary["counts"]["detections"] > 0
     assert not (tmp_path / "events.parquet").exists()
-
-
-def test_an_error_of_the_last_window_is_the_complaint_of_a_closed_sink() -> None:
-    closed = []
-
-    class Failing(Sink):
-        def write(self, window: object) -> None:
-            raise SinkError("too late")
-
-        def close(self) -> Delivery:
-            closed.append(True)
-            return Delivery(delivered=3)
-
-    sink = SharedColumns(Failing())
-    sink.write(None)  # type: ignore[arg-type]
-    assert sink.close() == Delivery(delivered=3, complaint="too late")
-    assert closed == [True]
