@@ -5,7 +5,7 @@ with variances v (B,), has the density N(mean_s, C_ss + diag v); the count given
 elimination by bands, element by element.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
@@ -15,8 +15,8 @@ from opir_core.arrays import FloatArray, IntArray
 #: Least variance, in squared units of the signals: no singular density without signal and noise.
 _LEAST_VARIANCE = 1e-12
 
-#: Numbers of a column that is worked on at once.
-_CACHED = 1 << 16
+#: Numbers that are worked on at once.
+_CACHED = 1 << 18
 
 _LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
@@ -59,74 +59,63 @@ class Mixture:
                 covariance[:, :, place, own] = part.covariance.transpose(1, 2, 0)
         return cls(log_weight, mean, covariance, edges)
 
-    def given_signal(
-        self, place: int, signal: FloatArray, variance: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ln weight · p(y), and the mean and the variance of the count given y, (K, n) each.
+    def log_densities(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float = -np.inf
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ln weight · p(y) and ln p(count | y), (n, K) each.
 
-        Signals and variances are (B, n), of rows in the bin `place`.
+        `place` (n,) are the bins; signals and variances are (n, B), counts (n,). Normal densities of counts are
+        reflected at `least`, below which there are none (B. W. Silverman, Density Estimation for Statistics and Data
+        Analysis, 1986, section 2.10).
         """
-        covariance = list(self.covariance[:, :, place, :, None])
-        off = [value - mean for value, mean in zip([*signal, 0.0], self.mean[:, place, :, None], strict=True)]
-        deviance, volume = np.zeros((1, 1)), np.ones((1, 1))
-        for row, noise in enumerate(variance):
-            pivot = np.maximum(covariance[row][row] + noise, _LEAST_VARIANCE)
-            per_pivot = 1.0 / pivot
-            for later in range(row + 1, len(covariance)):
-                factor = covariance[row][later] * per_pivot
-                off[later] = off[later] - factor * off[row]
-                covariance[later] = list(covariance[later])
-                for column in range(later, len(covariance)):
-                    covariance[later][column] = covariance[later][column] - factor * covariance[row][column]
-            deviance = deviance + off[row] * off[row] * per_pivot
-            volume = volume * pivot
-        density = self.log_weight[place, :, None] - 0.5 * (deviance + np.log(volume) + len(signal) * _LOG_TWO_PI)
-        return density, -off[-1], np.maximum(covariance[-1][-1], _LEAST_VARIANCE)
+        # A few rows at a time: their columns stay in the processor's cache.
+        step = max(_CACHED // (self.log_weight.shape[1] * self.mean.shape[0] ** 2), 1)
+        parts = [
+            self._of_rows(place[rows], signal[rows], variance[rows], count[rows], least)
+            for rows in (slice(start, start + step) for start in range(0, max(len(place), 1), step))
+        ]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+    def _of_rows(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float
+    ) -> tuple[FloatArray, FloatArray]:
+        bands, size = signal.shape[1], signal.shape[1] + 1
+        work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
+        work[:, :size] = self.covariance[:, :, place]
+        band = np.arange(bands)
+        work[band, band] += variance.T[:, :, None]
+        work[:, size] = np.concatenate([signal, count[:, None]], axis=1).T[:, :, None] - self.mean[:, place]
+        log_density = self.log_weight[place]
+        for row in range(bands):
+            log_density += self._eliminated(work, row)
+        counted = self._eliminated(work, bands)
+        if least == -np.inf:
+            return log_density, counted
+        work[bands, -1] += 2.0 * (least - count)[:, None]
+        return log_density, np.logaddexp(counted, self._eliminated(work, bands))
+
+    def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
+        """Return the log density of one variable given those before it, and condition those after it on it."""
+        pivot, residual = np.maximum(work[row, row], _LEAST_VARIANCE), work[row, -1]
+        factors = work[row + 1 :, row] / pivot
+        work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
+        return -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
 
     def by_class(self, log_densities: FloatArray) -> FloatArray:
-        """Return ln of the sums (classes, n) of densities (K, n)."""
-        starts, widths = self.edges[:-1], np.diff(self.edges)
-        most = np.maximum.reduceat(log_densities, starts, axis=0)
+        """Return ln of the sums (n, classes) of densities (n, K)."""
+        starts, widths = self.edges[:-1], self.edges[1:] - self.edges[:-1]
+        most = np.maximum.reduceat(log_densities, starts, axis=1)
         at = np.where(most > -np.inf, most, 0.0)
-        shares = exp_of_share(log_densities - np.repeat(at, widths, axis=0))
-        return most + np.log(np.maximum(np.add.reduceat(shares, starts, axis=0), 1.0))
+        shares = np.exp(log_densities - np.repeat(at, widths, axis=1))
+        return most + np.log(np.maximum(np.add.reduceat(shares, starts, axis=1), 1.0))
 
 
-def blocks(place: IntArray, components: int) -> Iterator[tuple[int, IntArray]]:
-    """Yield bins with row numbers of theirs, few enough that columns of all components stay in the cache."""
-    step = max(_CACHED // components, 1)
-    for number in np.unique(place).tolist():
-        rows = np.flatnonzero(place == number)
-        for start in range(0, len(rows), step):
-            yield number, rows[start : start + step]
-
-
-def log_counts(count: FloatArray, mean: FloatArray, variance: FloatArray, least: float) -> FloatArray:
-    """Return ln p (K, n) of counts (n,), normal with these means and variances (K, n).
-
-    Densities are reflected at `least`, below which there are none (B. W. Silverman, Density Estimation for Statistics
-    and Data Analysis, 1986, section 2.10).
-    """
-    per_variance = -0.5 / variance
-    straight, turned = np.square(count - mean) * per_variance, np.square((2.0 * least - count) - mean) * per_variance
-    both = np.log1p(exp_of_share(-np.abs(straight - turned)))
-    return np.maximum(straight, turned) + both - 0.5 * (np.log(variance) + _LOG_TWO_PI)
-
-
-def exp_of_share(log_share: FloatArray) -> FloatArray:
-    """Return exp of values up to 0, at least 1e-304: subnormal results take far longer, and 1 + 1e-304 is 1."""
-    return np.exp(np.maximum(log_share, -700.0))
-
-
-def log_sum(terms: FloatArray) -> FloatArray:
-    """Return ln Σ exp (n,) of terms (m, n); -inf if all are."""
-    most = np.maximum.reduce(terms, axis=0, initial=-np.inf)
-    at, total = np.where(most > -np.inf, most, 0.0), np.zeros(len(most))
-    # One term after another: the order of summation must not depend on the number of rows.
-    for term in terms:
-        total += exp_of_share(term - at)
+def log_sum(values: FloatArray) -> FloatArray:
+    """Return ln Σ exp (n,) of rows (n, m), m > 0; -inf if all values are."""
+    most = values.max(axis=-1)
+    at = np.where(most > -np.inf, most, 0.0)
     # The largest term is 1: a smaller sum has no terms.
-    return most + np.log(np.maximum(total, 1.0))
+    return most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
 
 
 def log_shares(values: FloatArray) -> FloatArray:

@@ -34,6 +34,9 @@ from opir_photons.classification.type_densities import (
 )
 from opir_photons.detection.snr import SnrDetection
 
+#: Rows classified at once.
+_ROWS = 512
+
 
 @frozen(eq=False)
 class SpectralClassifier(Classifier):
@@ -69,16 +72,18 @@ class SpectralClassifier(Classifier):
         bank = self.bank_of_sensor[sightings.sensor]
         for number in np.unique(bank).tolist():
             rows = np.flatnonzero(bank == number)
-            log_rates[rows] = _log_rates(self.banks[number], sightings, rows)
+            for start in range(0, len(rows), _ROWS):
+                block = rows[start : start + _ROWS]
+                log_rates[block] = _log_rates(self.banks[number], sightings, block)
         return log_shares(log_rates)
 
     def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
         """Return ln P (n, types): each class adds to its own name where that is a type, or else to its reported type;
         what is no missile and none of these to UNKNOWN.
         """
-        of_type = np.array([each.name if each.name in types else each.reported_type for each in self.hypotheses])
-        columns = log_posterior.T.copy()
-        return np.stack([log_sum(columns[of_type == name]) for name in types], axis=1)
+        of_type = [each.name if each.name in types else each.reported_type for each in self.hypotheses]
+        is_of_type = np.array([[other == name for other in of_type] for name in types])
+        return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
         """Return posteriors (n, hypotheses) with the prior of the missile types replaced by those of tracks, (n, 4).
@@ -91,7 +96,7 @@ class SpectralClassifier(Classifier):
             turned = np.log(type_probability[:, :UNKNOWN_TYPE]) - np.maximum(self.log_prior, -1e300)
         split = log_posterior[:, missiles] + turned[:, code]
         known = np.flatnonzero(np.isfinite(split.max(axis=1)))
-        missile = log_sum(log_posterior[np.ix_(known, missiles)].T)
+        missile = log_sum(log_posterior[:, missiles][known])
         revised = log_posterior.copy()
         revised[np.ix_(known, missiles)] = log_shares(split[known]) + missile[:, None]
         return revised
@@ -110,7 +115,7 @@ class SpectralClassifier(Classifier):
 
     def log_odds(self, type_log_probability: FloatArray) -> FloatArray:
         """Return ln of the odds (n,) of a missile over anything else, of ln P (n, 4) over `REPORTED_TYPES`."""
-        return log_sum(type_log_probability.T[:UNKNOWN_TYPE]) - type_log_probability[:, UNKNOWN_TYPE]
+        return log_sum(type_log_probability[:, :UNKNOWN_TYPE]) - type_log_probability[:, UNKNOWN_TYPE]
 
 
 def _log_rates(bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> FloatArray:

@@ -12,14 +12,7 @@ from opir_core.interfaces import names_of
 from opir_core.planning import visible_now
 from opir_core.plugin import Band, Response, Sensor
 from opir_photons.classification.configs import SpectralConfig
-from opir_photons.classification.gaussian_mixture import (
-    Components,
-    Mixture,
-    blocks,
-    cell_moments,
-    log_counts,
-    log_sum,
-)
+from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
 from opir_photons.classification.priors import LaunchPrior
 from opir_photons.classification.synthetic_looks import (
     EARTH_RADIUS_M,
@@ -96,33 +89,26 @@ class TypeDensities:
 
         Their elevation bins `place` and counts are (n,), intensities and their variances (n, B).
         """
-        log_rates = np.empty((len(place), len(self.rates.log_rates)))
+        density, counted = self.plumes.log_densities(place, signal, variance, count, _LEAST_COUNT)
+        counted = np.maximum(counted, np.log(_UNINFORMATIVE / self.most_looks))
+        flown = self.plumes.by_class(density + counted) + self.log_scale[place]
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
-        for number, rows in blocks(place, self.plumes.edges[-1]):
-            seen = number, signal[rows].T, variance[rows].T, count[rows]
-            events = np.concatenate([self._log_flown(*seen), self._log_others(*seen), unknown[None, rows]])
-            log_rates[rows] = self.rates.log_sums(events).T
-        return log_rates
+        events = np.concatenate([flown, self._log_others(place, signal, variance, count), unknown[:, None]], axis=1)
+        return log_sum(events[:, None] + self.rates.log_rates)
 
-    def _log_flown(self, place: int, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
-        """Return ln of the densities (flights, n) of events of launches in one bin."""
-        density, mean, spread = self.plumes.given_signal(place, signal, variance)
-        density += np.maximum(log_counts(count, mean, spread, _LEAST_COUNT), np.log(_UNINFORMATIVE / self.most_looks))
-        return self.plumes.by_class(density) + self.log_scale[place, :, None]
-
-    def _log_others(self, place: int, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
-        """Return ln of the densities (kinds and noise, n) of events of no launch in one bin.
+    def _log_others(self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
+        """Return ln of the densities (n, kinds and noise) of events of no launch.
 
         A hot source shines for an exponentially distributed time: events of one that is detected ν times on average
         have the number n of detections so far with probability exp(-n / ν) / ν. Components have their ν as their mean
         count. A false alarm has as many detections as the sensor needs, and seldom more.
         """
-        density, _, _ = self.others.given_signal(place, signal, variance)
+        density, _ = self.others.log_densities(place, signal, variance, count)
         noise = self.others.edges[-2]
-        mean = np.maximum(self.others.mean[-1, place, :noise, None], 1.0)
-        density[:noise] -= count / mean + np.log(mean)
+        mean = np.maximum(self.others.mean[-1, place, :noise], 1.0)
+        density[:, :noise] -= count[:, None] / mean + np.log(mean)
         further = count - self.rates.needed
-        density[noise] += np.where(further >= 0.0, further * self.rates.log_again, -np.inf)
+        density[:, noise] += np.where(further >= 0.0, further * self.rates.log_again, -np.inf)
         return self.others.by_class(density)
 
 
@@ -139,12 +125,6 @@ class EventRates:
     needed: int
     log_again: float
     looks_per_day: float
-
-    def log_sums(self, events: FloatArray) -> FloatArray:
-        """Return ln of the rates (hypotheses, n), of densities of events (events, n) in the logarithm."""
-        return np.stack(
-            [log_sum(events[own] + row[own, None]) for row in self.log_rates for own in [np.flatnonzero(row > -np.inf)]]
-        )
 
     @classmethod
     def of(

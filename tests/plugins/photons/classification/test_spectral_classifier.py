@@ -199,18 +199,17 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
         parts.append(Components(rng.standard_normal(4), rng.standard_normal((4, bands + 1)) * 3.0, root @ root.mT))
     mixture = Mixture.of([parts])
     signal, variance, count = rng.standard_normal((rows, bands)), rng.random((rows, bands)), rng.standard_normal(rows)
-    seen, *counts = mixture.given_signal(0, signal.T, variance.T)
-    counted = norm.logpdf(count, counts[0], np.sqrt(counts[1]))
+    seen, counted = mixture.log_densities(np.zeros(rows, dtype=np.int64), signal, variance, count)
     every = [(w, m, c) for p in parts for w, m, c in zip(p.log_weight, p.mean, p.covariance, strict=True)]
     for row in range(rows):
         for column, (weight, mean, covariance) in enumerate(every):
             whole = covariance + np.diag([*variance[row], 0.0])
             alone = multivariate_normal(mean[:-1], whole[:-1, :-1]).logpdf(signal[row])
             both = multivariate_normal(mean, whole).logpdf([*signal[row], count[row]])
-            assert seen[column, row] == pytest.approx(weight + alone, rel=1e-8, abs=1e-8)
-            assert counted[column, row] == pytest.approx(both - alone, rel=1e-7, abs=1e-7)
-    sums = [logsumexp(seen[4 * code : 4 * code + 4], axis=0) for code in range(3)]
-    assert np.allclose(mixture.by_class(seen), np.stack(sums), rtol=1e-12)
+            assert seen[row, column] == pytest.approx(weight + alone, rel=1e-8, abs=1e-8)
+            assert counted[row, column] == pytest.approx(both - alone, rel=1e-7, abs=1e-7)
+    sums = [logsumexp(seen[:, 4 * code : 4 * code + 4], axis=1) for code in range(3)]
+    assert np.allclose(mixture.by_class(seen), np.stack(sums, axis=1), rtol=1e-12)
 
 
 def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
@@ -219,9 +218,9 @@ def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
         Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1))),
     )
     both = Mixture.of([few, [more]])
-    arguments = 0, np.array([[0.3]]), np.array([[0.2]])
-    alone = Mixture.of([few]).given_signal(*arguments)[0]
-    padded = both.given_signal(*arguments)[0]
+    arguments = np.array([[0.3]]), np.array([[0.2]]), np.array([1.0])
+    alone = Mixture.of([few]).log_densities(np.zeros(1, np.int64), *arguments)[0]
+    padded = both.log_densities(np.zeros(1, np.int64), *arguments)[0]
     assert both.by_class(padded)[0, 0] == Mixture.of([few]).by_class(alone)[0, 0] == alone[0, 0]
 
 
