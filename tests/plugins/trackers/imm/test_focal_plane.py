@@ -84,6 +84,20 @@ def test_two_that_part_keep_their_lines_and_equivalent_lines_are_no_surer_than_l
     assert worth[11] > 0.99 * seen[11]
 
 
+def test_a_look_that_may_be_of_either_is_a_vague_line_of_both() -> None:
+    """Ten seconds after the last look both predictions hold both lines: without a line a motor seems burnt out."""
+    place, speed = np.array([[0.0, 0.0], [2e4, 0.0]]), np.array([[900.0, 0.0], [900.0, 0.0]])
+    tracks = begun(place, speed).predicted(60.0)
+    lines, _ = looks(place, speed, 1.0, np.random.default_rng(3), 60.0)
+    one_scan = lines.take(np.flatnonzero(lines.time_s == lines.time_s.min()))
+    near = focal_plane.candidate_pairs(tracks, one_scan, 60.0, 4.5)
+    pairs = focal_plane.gated_pairs(tracks, one_scan, *near, 4.5)
+    assert len(pairs.row) == 4, "each line is within the gates of both"
+    update = focal_plane.updated(tracks, one_scan, pairs, MODEL, 4.5)
+    assert sorted(update.row.tolist()) == [0, 1]
+    assert (update.equivalent.sigma_rad > 5.0 * SIGMA_RAD).all()
+
+
 def test_a_track_that_begins_from_a_state_has_its_direction_rate_and_error() -> None:
     tracks = begun(np.array([[5e4, -2e4]]), np.array([[700.0, -300.0]]))
     later = tracks.predicted(2.0)
