@@ -25,8 +25,9 @@ class Outlines:
 
     def __getitem__(self, number: int) -> Outline:
         """Return the outline of a region; the points that it is made of are let go."""
-        if self._make is not None:
-            self._made, self._make = self._make(), None
+        make = self._make  # another thread may read at the same time: both make the same outlines
+        if make is not None:
+            self._made, self._make = make(), None
         return self._made[number]
 
 
