@@ -16,7 +16,6 @@ GALLERY = DOCS.parent / "examples" / "gallery"
 #: The script of each picture, and the number of its figure.
 PICTURES = {
     "pacific-map": ("plot_pacific_map", 1),
-    "impact-regions": ("plot_impact_regions", 1),
     "coverage-map": ("plot_coverage_map", 1),
 }
 #: Two clips, by their seeds, of the command of `how-to/train-detectors.md`.

@@ -53,7 +53,7 @@ def test_each_script_of_the_gallery_makes_its_figures(tmp_path: Path) -> None:
 
 def test_the_pictures_of_pages_are_those_of_the_gallery() -> None:
     text = (ROOT / "docs" / "pictures.py").read_text(encoding="utf-8")
-    for name in ("pacific-map", "impact-regions"):
+    for name in ("pacific-map", "coverage-map"):
         assert f'"{name}"' in text
         assert (ROOT / "docs" / "images" / f"{name}.png").is_file()
-    assert {path.stem for path in SCRIPTS} >= {"plot_pacific_map", "plot_impact_regions"}
+    assert {path.stem for path in SCRIPTS} >= {"plot_pacific_map", "plot_coverage_map"}
