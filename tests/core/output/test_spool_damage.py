@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from attrs import evolve
 from failing_disk import OPEN, READ, WRITE, WRITING, FailingDisk, can_fail
-from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, ids_of, window
+from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, filled_spool, ids_of, window
 from waiting import until
 
 from opir_core.errors import SinkError
@@ -28,12 +28,7 @@ BATCHES, ROWS = 20, 100
 
 @pytest.fixture
 def spool(tmp_path: Path) -> Path:
-    path = tmp_path / "spool"
-    journal = Journal(str(path), 64 * MIB)
-    for number in range(BATCHES):
-        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
-    journal.close()
-    return path
+    return filled_spool(tmp_path / "spool", BATCHES, ROWS)
 
 
 def sent_from(path: Path) -> tuple[Any, list[str]]:

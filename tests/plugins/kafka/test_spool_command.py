@@ -1,26 +1,19 @@
-"""`opir spool` tells what of a spool is whole, and makes a new one of what is."""
+"""`opir spool` says what of a spool is whole, and makes a new one of what is."""
 
 import json
 from pathlib import Path
 
 import pytest
-from spool_transports import ENCODER, MIB, SENSORS, ids_of, window
+from spool_transports import filled_spool, ids_of, window
 
 from opir_core.cli.main import main
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
 
 BATCHES, ROWS = 20, 100
 
 
 @pytest.fixture
 def spool(tmp_path: Path) -> Path:
-    path = tmp_path / "spool"
-    journal = Journal(str(path), 64 * MIB)
-    for number in range(BATCHES):
-        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
-    journal.close()
-    return path
+    return filled_spool(tmp_path / "spool", BATCHES, ROWS)
 
 
 def flip_body(path: Path, *events: int) -> None:
