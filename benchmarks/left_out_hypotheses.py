@@ -21,6 +21,7 @@ from calibration import bin_numbers
 from discrimination_objects import moved, place
 from left_out_classes import CLASSES, EDGES, EVERY, NAMES
 from opir_scoring import evidence_of_run, open_set_rate, ownership
+from opir_scoring.containments import proportion
 from opir_scoring.proper_scores import share_above
 from work_precision.results_csv import write_csv
 
@@ -59,8 +60,9 @@ once for each class). Classes count with the tracker's own prior, which has them
 {bins}
 
 **Method.** {launches} launches of each of seven classes, seed {seed}, two SBIRS-GEO, `classification: none`: motion
-alone. With a few launches of a class an AUROC is good to some 0.1, and bins of fewer than 200 say little. What light
-adds: [classes left out of the classifier](left_out_classes.md). Earlier marks and data:
+alone. Intervals of an AUROC are 95 % (Wilson), with the largest variance that it can have: of a share of as many trials
+as the class has launches (Birnbaum and Klose, 1957). Bins of fewer than 200 say little. What light adds:
+[classes left out of the classifier](left_out_classes.md). Earlier marks and data:
 [left_out_hypotheses.csv](left_out_hypotheses.csv).
 """
 
@@ -230,13 +232,22 @@ def calibration(records: Sequence[Record]) -> list[str]:
     return cells
 
 
+def auroc_text(row: Row) -> str:
+    """Return an AUROC with its interval; nan if nothing is left out."""
+    least = min(row.unknown_tracks, row.known_tracks)
+    if not least:
+        return "nan"
+    _, low, high = proportion(row.auroc * least, least)
+    return f"{row.auroc:.2f} [{low:.2f}, {high:.2f}]"
+
+
 def page(rows: Sequence[Row], records: Sequence[Record], launches: int, seed: int) -> str:
     """Return the page."""
     known, partial = ([each for each in records if bool(each.left_out) == is_out] for is_out in (False, True))
     last = [row for row in rows if row.mark == MARKS[-1][0] and row.unknown_tracks]
-    rises = ", ".join(f"{row.left_out} (AUROC {row.auroc:.2f})" for row in last if row.auroc >= BAR) or "for none"
+    rises = ", ".join(f"{row.left_out} (AUROC {auroc_text(row)})" for row in last if row.auroc >= BAR) or "for none"
     lines = [
-        f"| {row.left_out} | {row.auroc:.2f} | {row.unknown:.3f} | {row.known:.3f} | {row.oscr:.2f} |"
+        f"| {row.left_out} | {auroc_text(row)} | {row.unknown:.3f} | {row.known:.3f} | {row.oscr:.2f} |"
         f" {row.right:.2f} of {row.known_tracks} | {row.alike} {row.as_alike:.2f} |"
         for row in rows
         if row.mark == MARKS[-1][0]

@@ -107,7 +107,7 @@ def on_normal_scale(values: FloatArray, reported_sigmas: FloatArray, freedom: in
     return np.where(is_reported, scaled, values)
 
 
-def proportion(successes: int, trials: int) -> tuple[float, float, float]:
+def proportion(successes: float, trials: int) -> tuple[float, float, float]:
     """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan without trials."""
     if not trials:
         return np.nan, np.nan, np.nan
