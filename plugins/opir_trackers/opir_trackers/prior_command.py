@@ -21,6 +21,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.errors import OpirError
+from opir_core.output import OutputFiles
 
 #: Factor of standard deviations, and their least values: burn time, acceleration, ratio, gap.
 WIDEN, LEAST = 1.5, (0.3, 0.2, 0.25, 0.7)
@@ -54,7 +55,8 @@ def fit(arguments: argparse.Namespace) -> int:
     """Write the law of the flights in files, and print what each is taken for."""
     flights = [recorded_flight(path) for path in arguments.files]
     data = fitted(flights)
-    arguments.out.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    with OutputFiles() as files:
+        files.write(arguments.out, (json.dumps(data, indent=2) + "\n").encode(), "law of vehicles")
     sys.stdout.write("\n".join([f"{arguments.out}:", *map(_shown, arguments.files, flights)]) + "\n")
     return 0
 
