@@ -238,9 +238,9 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         (GOOD_OEM, {"start_s": 1.0}, "is read as oem, which has no start_s; omit start_s (its settings: object)"),
         (GOOD_OEM, {"object": "TWO"}, "has no object 'TWO'; it has ONE"),
         (
-            GOOD_OEM.replace("ITRF2014", "GTOD"),
+            GOOD_OEM.replace("ITRF2014", "RSW"),
             {},
-            "line 13: REF_FRAME is 'GTOD'; convert the states to one of ITRF, TDR",
+            "line 13: REF_FRAME is 'RSW'; convert the states to one of ITRF, TDR",
         ),
         (GOOD_OEM.replace("UTC", "TCG"), {}, "line 13: TIME_SYSTEM is 'TCG'; convert the times to one of UTC, UT1,"),
         (GOOD_OEM.replace("EARTH", "MARS"), {}, "line 13: CENTER_NAME is 'MARS'; only EARTH is taken"),
