@@ -195,15 +195,15 @@ def rows_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int 
     marks = [mark for each in said for mark in each.marks]
     for name in dict.fromkeys(mark.name for mark in marks):
         mine = [mark for mark in marks if mark.name == name]
-        told = [mark for mark in mine if np.isfinite(mark.nees)]
-        within = sum(mark.nees <= WITHIN for mark in told)
-        shares = [float(np.median([getattr(mark, key) for mark in told])) if told else np.nan for key in SHARES]
-        areas = np.array([mark.area_km2 for mark in told])
+        reported = [mark for mark in mine if np.isfinite(mark.nees)]
+        within = sum(mark.nees <= WITHIN for mark in reported)
+        shares = [float(np.median([getattr(mark, key) for mark in reported])) if reported else np.nan for key in SHARES]
+        areas = np.array([mark.area_km2 for mark in reported])
         known = areas[np.isfinite(areas)]
         sizes = (float(known.min()), float(np.median(known))) if len(known) else (np.nan, np.nan)
-        inside = (_inside_of(told, "inside"), _inside_of(told, "given"))
-        rows.append(Row(title, name, len(mine), len(told), within, *shares, len(known), *inside, *sizes))
-        keep(f"{title}: {name}: state held", within / max(len(told), 1))
+        inside = (_inside_of(reported, "inside"), _inside_of(reported, "given"))
+        rows.append(Row(title, name, len(mine), len(reported), within, *shares, len(known), *inside, *sizes))
+        keep(f"{title}: {name}: state held", within / max(len(reported), 1))
     return rows, ticks_of(title, said)
 
 

@@ -297,9 +297,9 @@ def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
 def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.ndarray) -> Row:
     error = tracks.state[row] - flight.state(float(tracks.tick_s[row]))
     nees = float(error @ np.linalg.solve(tracks.state_covariance[row], error))
-    told = tracks.impact_regions[row]
-    regions = {region.containment: region for region in main_regions(told)}
-    given = regions_given(told, float(tracks.tick_s[row]) >= flight.burnout_s)
+    reported = tracks.impact_regions[row]
+    regions = {region.containment: region for region in main_regions(reported)}
+    given = regions_given(reported, float(tracks.tick_s[row]) >= flight.burnout_s)
     inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
     place, true = ecef(*tracks.impact[row, :2]), ecef(*flight.impact)
@@ -332,20 +332,20 @@ def table(line: Line, rows: list[Row]) -> Iterator[str]:
     """Yield the CSV lines of a line of the page."""
     for mark, name in enumerate(MARKS):
         mine = [row for row in rows if row.mark == mark]
-        told = [row for row in mine if np.isfinite(row.nees)]
-        known = [row for row in told if np.isfinite(row.in_95)]
-        state = containment(np.array([row.nees for row in told]), 6, 0.95)
+        reported = [row for row in mine if np.isfinite(row.nees)]
+        known = [row for row in reported if np.isfinite(row.in_95)]
+        state = containment(np.array([row.nees for row in reported]), 6, 0.95)
         half, most = (
             proportion(int(sum(getattr(row, key) for row in known)), len(known)) for key in ("in_50", "in_95")
         )
-        speed = np.sqrt(np.mean([row.velocity_m_s**2 for row in told]))
+        speed = np.sqrt(np.mean([row.velocity_m_s**2 for row in reported]))
         area = [np.median([getattr(row, key) for row in known]) for key in ("area_50_km2", "area_95_km2")]
         shares = ",".join(f"{100.0 * value:.1f}" for value in (*state, *half, *most))
-        ratios = ",".join(over_bound(getattr(row, f"{what}_over_bound") for row in told) for what in BOUNDED)
+        ratios = ",".join(over_bound(getattr(row, f"{what}_over_bound") for row in reported) for what in BOUNDED)
         impact_km = 1e-3 * np.median([row.impact_m for row in known])
         sizes = f"{speed:.1f},{area[0]:.4g},{area[1]:.4g},{impact_km:.1f}"
-        proper = ",".join(mean_of(getattr(row, key) for row in told) for key in PROPER)
-        yield f"{line.name},{name},{len(mine)},{len(told)},{shares},{sizes},{ratios},{proper}"
+        proper = ",".join(mean_of(getattr(row, key) for row in reported) for key in PROPER)
+        yield f"{line.name},{name},{len(mine)},{len(reported)},{shares},{sizes},{ratios},{proper}"
 
 
 def mean_of(values: Iterable[float]) -> str:

@@ -7,7 +7,7 @@ parabola through the others, and the half of a piece by how far they are off the
 bend that is in no model may stand anywhere between the knots; it may be one of the slope, or of the curvature, or a
 jump. Printed is the largest true error, anywhere on the piece and over all places of the bend, as a share of the
 tolerance, of pieces that both terms just let pass (`THIRD_SHARE`, `FOURTH_SHARE`), and of halves whose new knots were
-just foretold (`MISSED_SHARE`).
+just predicted (`MISSED_SHARE`).
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def main() -> None:
             missed.append(
                 error / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max() * MISSED_SHARE
             )
-        print(f"a bend of {name}: at most {max(judged):.2f} of the tolerance by its terms, {max(missed):.2f} foretold")
+        print(f"a bend of {name}: at most {max(judged):.2f} of the tolerance by its terms, {max(missed):.2f} predicted")
 
 
 def _through(knots: np.ndarray, values: np.ndarray, scan: np.ndarray) -> np.ndarray:

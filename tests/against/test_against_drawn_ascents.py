@@ -22,9 +22,9 @@ def held(kind, count, seed, marks, sensors=2):
     for tick in followed(truth, SEEING, seed, until_s, some, regions_every_s=600.0):
         for mark, when in due.items():
             for flight in np.flatnonzero(when == tick.time_s):
-                row = rows_of(tick.told, tick.shared)[flight]
-                error = tick.told.state[row] - truth.states(tick.time_s)[flight]
-                squared = error @ np.linalg.solve(tick.told.state_covariance[row], error)
+                row = rows_of(tick.reported, tick.shared)[flight]
+                error = tick.reported.state[row] - truth.states(tick.time_s)[flight]
+                squared = error @ np.linalg.solve(tick.reported.state_covariance[row], error)
                 found[mark][flight] = row >= 0 and squared < HELD
     return found
 

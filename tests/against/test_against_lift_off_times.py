@@ -3,8 +3,8 @@
 A source that stands still and one that rises from rest with a known net acceleration a, seen from the first moment for
 a time T, differ by a mean log likelihood ratio of ½ Σ (a/2)² (4/45) T⁵ r sin²θ / (σ R)², summed over sensors of r looks
 a second: 4/45 T⁴ is the variance of t² over [0, T], θ the angle between the line of sight and the vertical. A launch is
-told with P > 0.95 and a prior of 1:1000 where that exceeds ln 19 000. A tracker does not know the acceleration: it may
-take 1.3 times as long.
+reported with P > 0.95 and a prior of 1:1000 where that exceeds ln 19 000. A tracker does not know the acceleration: it
+may take 1.3 times as long.
 """
 
 import numpy as np
@@ -95,18 +95,18 @@ def test_the_closed_form_agrees_with_a_simulation_of_known_acceleration():
             return sums[1] - sums[0] ** 2 / total
 
         ratio = 0.5 * (misfit(seen) - misfit(seen - rise))
-        told_s = when[np.argmax(ratio > np.log(19000.0), axis=1)]
-        assert np.median(told_s) == pytest.approx(closed_form_s(lift, sensors), rel=0.05)
+        reported_s = when[np.argmax(ratio > np.log(19000.0), axis=1)]
+        assert np.median(reported_s) == pytest.approx(closed_form_s(lift, sensors), rel=0.05)
 
 
 @pytest.mark.parametrize("sensors", [1, 2])
 @pytest.mark.parametrize("lift_m_s2", [3.0, 5.0, 10.0, 15.0])
-def test_lift_offs_are_told_within_a_factor_of_the_closed_form(lift_m_s2, sensors):
+def test_lift_offs_are_reported_within_a_factor_of_the_closed_form(lift_m_s2, sensors):
     expected_s = closed_form_s(lift_m_s2, sensors)
-    told_s = np.full(20, np.inf)
+    reported_s = np.full(20, np.inf)
     for second, chance in enumerate(probabilities([5, int(lift_m_s2), sensors], 20, lift_m_s2, sensors, 45)):
-        told_s = np.where((chance[:, LAUNCH] > THRESHOLD) & np.isinf(told_s), second + 1.0, told_s)
-    assert np.median(told_s) <= SLACK * expected_s
+        reported_s = np.where((chance[:, LAUNCH] > THRESHOLD) & np.isinf(reported_s), second + 1.0, reported_s)
+    assert np.median(reported_s) <= SLACK * expected_s
     # What was recognised stays recognised.
     assert np.all(chance[:, LAUNCH] > THRESHOLD)
     assert np.all(chance[:, NONE] <= 0.05)

@@ -184,13 +184,13 @@ COMMENT a file of navigation
 """
 
 
-def test_the_standards_own_example_is_of_another_planet_and_told_so(tmp_path):
+def test_the_standards_own_example_is_of_another_planet_and_reported_so(tmp_path):
     text = OF_THE_STANDARD.format(center="MARS BARYCENTER")
     assert len(by_oem(tmp_path, text)[0]) == 3
     with pytest.raises(BadFileError, match="line 16: CENTER_NAME is 'MARS BARYCENTER'; only EARTH is taken"):
         oem_table(text, EPOCH_US, None)
 
 
-def test_its_states_would_be_deep_in_the_earth_and_that_is_told():
+def test_its_states_would_be_deep_in_the_earth_and_that_is_reported():
     with pytest.raises(BadFileError, match=r"line 18: the position is 3\.30326e\+06 m from the Earth's centre"):
         oem_table(OF_THE_STANDARD.format(center="EARTH"), EPOCH_US, None)

@@ -71,7 +71,7 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
             seen.append(scan)
         for second in range(1, SECONDS):
             counts = [np.count_nonzero(scan // 10 == second) for scan in seen]
-            information += told(path(np.array([second - 0.5]))[0], axes, counts)
+            information += reported(path(np.array([second - 0.5]))[0], axes, counts)
     scan, sensor, direction = (np.concatenate(column) for column in zip(*rows, strict=True))
     order = np.lexsort((sensor, scan))
     detections = evolve(
@@ -88,7 +88,7 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
     return detections, bias, information
 
 
-def told(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarray:
+def reported(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarray:
     """Return what a second of looks says of the biases, the place of the target being free."""
 
     def directions(values: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
 
 
 @pytest.mark.slow
-def test_biases_that_are_told_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
+def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
     scaled, squares = [], []
     for seed in range(0, 24, 2):
         detections, bias, information = looks(seed)
@@ -146,7 +146,7 @@ def test_biases_that_are_told_reach_the_bound_and_are_as_accurate_as_they_say() 
 
 
 @pytest.mark.slow
-def test_biases_that_nobody_told_are_found_with_one_track_a_target() -> None:
+def test_biases_that_nobody_reported_are_found_with_one_track_a_target() -> None:
     detections, bias, information = looks(100)
     tracker, tracks = found(detections, 0.0)
     health = tracker.sensor_health()

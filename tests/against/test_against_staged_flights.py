@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from drawn_flights import flown
 from opir_scoring.containments import nees
-from tracked_flights import followed, last_told, rows_of, usual
+from tracked_flights import followed, last_reported, rows_of, usual
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("course", "kind"), [("staged", "SRBM"), ("tabulated", "SRBM")])
 def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind):
     truth = flown(kind, 60, 1, course)
-    told = last_told(truth, usual(kind), 1, 6.0)
-    tick_s = float(told.tick_s[0])
+    reported = last_reported(truth, usual(kind), 1, 6.0)
+    tick_s = float(reported.tick_s[0])
     # The velocity at burnout is what an impact hangs on. ANEES of 60 draws: 99.9 % of χ² with 180 degrees are below.
-    error = told.state - truth.states(tick_s)
-    assert nees(error[:, 3:], told.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
+    error = reported.state - truth.states(tick_s)
+    assert nees(error[:, 3:], reported.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
 
 
 class ReportedRegions(NamedTuple):
@@ -35,33 +35,33 @@ class ReportedRegions(NamedTuple):
 
 FLIGHTS = 12
 
-#: A region larger than this, km², reaches round the Earth: what its polygons hold is no longer told.
+#: A region larger than this, km², reaches round the Earth: what its polygons hold is no longer reported.
 HUGE_KM2 = 5e7
 
 
 @pytest.fixture(
     scope="module", params=[pytest.param(course, marks=pytest.mark.slow) for course in ("staged", "smooth")]
 )
-def told(request):
+def reported(request):
     truth = flown("SRBM", FLIGHTS, 3, request.param)
     impact, ticks = truth.impacts(), []
     for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0):
         area, held, burning = np.full((FLIGHTS, 3), np.nan), np.zeros((FLIGHTS, 3)), np.full(FLIGHTS, np.nan)
-        for flight, row in enumerate(rows_of(tick.told, tick.shared).tolist()):
-            if row < 0 or tick.told.probability_launch[row] < 0.5:
+        for flight, row in enumerate(rows_of(tick.reported, tick.shared).tolist()):
+            if row < 0 or tick.reported.probability_launch[row] < 0.5:
                 continue
-            burning[flight] = tick.told.probability_burning[row]
+            burning[flight] = tick.reported.probability_burning[row]
             # The first three are those of the most probable condition.
-            for place, region in enumerate(tick.told.impact_regions[row][:3]):
+            for place, region in enumerate(tick.reported.impact_regions[row][:3]):
                 area[flight, place] = region.area_km2
                 held[flight, place] = region.contains(*impact[flight, :2])
         ticks.append((tick.time_s, area, held, burning))
     return truth, ReportedRegions(*map(np.array, zip(*ticks, strict=True)))
 
 
-def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(told):
+def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(reported):
     """These flights come down: what is recognised has regions, but for ticks with too few effective samples."""
-    _, seen = told
+    _, seen = reported
     tracked = np.isfinite(seen.burning)
     assert tracked[15:].mean() > 0.9
     known = tracked & np.isfinite(seen.area_km2[:, :, 2])
@@ -71,8 +71,8 @@ def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(told)
     assert (np.diff(seen.is_held[small], axis=1) >= 0.0).all()
 
 
-def test_the_95_percent_region_holds_most_impacts_in_the_burn_and_after(told):
-    truth, seen = told
+def test_the_95_percent_region_holds_most_impacts_in_the_burn_and_after(reported):
+    truth, seen = reported
     for late_s in (-25.0, -10.0, 10.0, 30.0):
         row = np.searchsorted(seen.tick_s, truth.burnout_s + late_s)
         held = seen.is_held[row, np.arange(FLIGHTS)]
@@ -80,9 +80,9 @@ def test_the_95_percent_region_holds_most_impacts_in_the_burn_and_after(told):
         assert np.count_nonzero(held[:, 2]) >= 9, late_s
 
 
-def test_after_burnout_the_probability_of_burning_falls_and_the_region_shrinks(told):
+def test_after_burnout_the_probability_of_burning_falls_and_the_region_shrinks(reported):
     """For 20 s another stage may ignite after a gap; then the region is that of a free flight."""
-    truth, seen = told
+    truth, seen = reported
     before, after = (np.searchsorted(seen.tick_s, truth.burnout_s + late_s) for late_s in (-5.0, 30.0))
     flights = np.arange(FLIGHTS)
     assert seen.burning[before, flights].min() > 0.9

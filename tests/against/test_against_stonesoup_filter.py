@@ -93,8 +93,8 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         time = now + datetime.timedelta(seconds=number * STEP_S)
         measure = across(**noise, origin=origin, frame=frame)
-        told = Detection(StateVector(seen[number - 1]), timestamp=time, measurement_model=measure)
-        state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=time), told))
+        reported = Detection(StateVector(seen[number - 1]), timestamp=time, measurement_model=measure)
+        state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=time), reported))
     back = np.argsort(order)
     return np.array(state.state_vector, dtype=float).ravel()[back], np.array(state.covar)[np.ix_(back, back)]
 

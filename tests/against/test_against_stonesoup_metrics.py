@@ -29,9 +29,9 @@ def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
 
     found, true = points(seed, estimates), points(seed + 100, truths)
     metric, _ = GOSPAMetric(c=2000.0, p=order).compute_gospa_metric(as_states(found), as_states(true))
-    told = metric.value
+    reported = metric.value
     mine = gospa(found, true, cutoff=2000.0, order=order)
-    assert mine.distance == pytest.approx(told["distance"], rel=1e-12, abs=1e-9)
-    assert mine.localisation == pytest.approx(told["localisation"], rel=1e-12, abs=1e-6)
-    assert mine.missed == pytest.approx(told["missed"], rel=1e-12)
-    assert mine.false == pytest.approx(told["false"], rel=1e-12)
+    assert mine.distance == pytest.approx(reported["distance"], rel=1e-12, abs=1e-9)
+    assert mine.localisation == pytest.approx(reported["localisation"], rel=1e-12, abs=1e-6)
+    assert mine.missed == pytest.approx(reported["missed"], rel=1e-12)
+    assert mine.false == pytest.approx(reported["false"], rel=1e-12)

@@ -40,7 +40,7 @@ def test_every_kind_has_a_contract_with_promises_in_words() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> None:
+def test_what_is_kept_is_reported_promise_by_promise_and_pytest_is_not_needed() -> None:
     done = opir("check", "weighted")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -54,12 +54,12 @@ def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> N
 
 
 @pytest.mark.slow
-def test_what_is_broken_is_told_with_what_to_change() -> None:
-    told = {
+def test_what_is_broken_is_reported_with_what_to_change() -> None:
+    reported = {
         row.test: row
         for row in conformance_results(contract_for("opir_detection_models", "moody", {}, {}, ("broken_components",)))
     }
-    row = told["test_the_same_seed_gives_the_same_bytes"]
+    row = reported["test_the_same_seed_gives_the_same_bytes"]
     assert row.state == "failed"
     assert "in a second run there are" in row.seen
     assert "Draw random numbers only from the argument `rng`" in row.change
@@ -96,7 +96,7 @@ def test_an_incomplete_part_is_the_only_result(hook: str, name: str, words: str)
         (["check", "null", "--expect", "test_every_event_is_accounted_for=x"], 4, "it passes"),
     ],
 )
-def test_what_is_asked_wrongly_is_told(
+def test_what_is_asked_wrongly_is_reported(
     words: list[str], code: int, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words) == code
@@ -105,10 +105,10 @@ def test_what_is_asked_wrongly_is_told(
 
 def test_json_has_every_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "null", "--json"]) == 0
-    (told,) = json.loads(capsys.readouterr().out)
-    assert (told["kind"], told["name"], told["distribution"]) == ("sink", "null", "opir-core")
-    assert [row["test"] for row in told["tests"]] == names_of(contract_of("opir_sinks"))
-    assert {row["state"] for row in told["tests"]} == {"passed"}
+    (reported,) = json.loads(capsys.readouterr().out)
+    assert (reported["kind"], reported["name"], reported["distribution"]) == ("sink", "null", "opir-core")
+    assert [row["test"] for row in reported["tests"]] == names_of(contract_of("opir_sinks"))
+    assert {row["state"] for row in reported["tests"]} == {"passed"}
 
 
 CONTRACT_FILE = """

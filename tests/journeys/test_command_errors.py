@@ -36,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scored: Path) -> Pat
     return tmp_path
 
 
-def told(capsys: pytest.CaptureFixture[str], *words: str, code: int) -> str:
+def reported(capsys: pytest.CaptureFixture[str], *words: str, code: int) -> str:
     assert main(list(words)) == code
     message = capsys.readouterr().err
     assert message.startswith("opir: ")
@@ -62,16 +62,18 @@ WRITING = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "code", "message"), WRITING)
-def test_files_that_cannot_be_written_are_told(
+def test_files_that_cannot_be_written_are_reported(
     folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, message: str
 ) -> None:
-    assert message in told(capsys, *RUN, *words, code=code)
+    assert message in reported(capsys, *RUN, *words, code=code)
     assert (folder / "scene.yaml").read_bytes() == EXAMPLE.read_bytes()
 
 
 @pytest.mark.parametrize("path", ["/dev/full", "no/y", "folder"])
-def test_tracks_that_cannot_be_written_are_told(folder: Path, capsys: pytest.CaptureFixture[str], path: str) -> None:
-    message = told(capsys, *TRACKED, "--out", "x", "--tracks", path, code=5)
+def test_tracks_that_cannot_be_written_are_reported(
+    folder: Path, capsys: pytest.CaptureFixture[str], path: str
+) -> None:
+    message = reported(capsys, *TRACKED, "--out", "x", "--tracks", path, code=5)
     assert f"the tracks file {path} cannot be written: " in message
 
 
@@ -106,47 +108,47 @@ BROKEN = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "pattern", "other", "message"), BROKEN)
-def test_a_run_s_files_that_something_else_wrote_are_told(
+def test_a_run_s_files_that_something_else_wrote_are_reported(
     folder: Path, capsys: pytest.CaptureFixture[str], name: str, pattern: str, other: str, message: str
 ) -> None:
     written = (folder / name).read_text()
     broken = re.sub(pattern, other, written)
     assert broken != written
     (folder / name).write_text(broken)
-    assert re.search(rf"opir: run\.\S+: 1 problem\n.*{re.escape(message)}", told(capsys, "score", EVENTS, code=2))
+    assert re.search(rf"opir: run\.\S+: 1 problem\n.*{re.escape(message)}", reported(capsys, "score", EVENTS, code=2))
 
 
 def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "is not a file of events" in told(capsys, "score", "", code=2)
+    assert "is not a file of events" in reported(capsys, "score", "", code=2)
     (folder / TRACKS).unlink()
-    assert "there is no tracks file" in told(capsys, "score", EVENTS, code=2)
+    assert "there is no tracks file" in reported(capsys, "score", EVENTS, code=2)
 
 
 TABLE = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,{x},0,0\n10,7e6,1,0\n"
 
 
-def test_tables_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_that_are_none_are_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for x in ("1e300", "7e12"):
         (folder / "far.csv").write_text(TABLE.format(x=x))
-        assert "beyond the Moon; check its units" in _told_of_table(capsys, "far.csv")
-    assert "targets[0].file: the path is empty" in _told_of_table(capsys, "")
+        assert "beyond the Moon; check its units" in _reported_of_table(capsys, "far.csv")
+    assert "targets[0].file: the path is empty" in _reported_of_table(capsys, "")
 
 
-def test_sources_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sources_that_are_none_are_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "fires.csv").write_bytes(b"lat_deg,lon_deg\n\xff,0\n")
     for path, words in (("fires.csv", "fires.csv, line 2: is not UTF-8 text"), ("", "the path is empty")):
         sources = json.dumps([{"id": "F", "model": "fires", "csv": path}])
-        message = told(capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2)
+        message = reported(capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2)
         assert "sources[0].csv: " in message
         assert words in message
 
 
-def _told_of_table(capsys: pytest.CaptureFixture[str], file: str) -> str:
+def _reported_of_table(capsys: pytest.CaptureFixture[str], file: str) -> str:
     target = json.dumps([{"id": "A", "model": "table", "type": "ICBM", "file": file}])
-    return told(capsys, *RUN, "--set", f"targets={target}", code=2)
+    return reported(capsys, *RUN, "--set", f"targets={target}", code=2)
 
 
-def test_a_command_that_is_none_is_told_all_that_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_is_none_is_reported_all_that_are(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         main(["srve"])
     assert left.value.code == 2
@@ -173,7 +175,7 @@ def test_a_missing_package_of_this_project_is_named(
     package: str,
 ) -> None:
     monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
-    message = told(capsys, *words, code=3)
+    message = reported(capsys, *words, code=3)
     assert f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/" in message
 
 

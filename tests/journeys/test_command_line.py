@@ -58,8 +58,8 @@ def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
             code = main(list(words))
         except SystemExit as ended:
             code = ended.code
-        told = capsys.readouterr()
-        return subprocess.CompletedProcess(words, code, told.out, told.err)
+        reported = capsys.readouterr()
+        return subprocess.CompletedProcess(words, code, reported.out, reported.err)
 
     return run
 
@@ -108,13 +108,13 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
     for event in lines(folder / "events.jsonl"):
         first.setdefault(ids[event["detection_id"]], event["sensor_id"])
     for name, row in truth.items():
-        told = answers[f"{name} ({row['type']})"]
-        assert told.startswith(f"first seen by {first[name]} after ")
+        reported = answers[f"{name} ({row['type']})"]
+        assert reported.startswith(f"first seen by {first[name]} after ")
         # In mid-burn an intercontinental missile may as well be a space launch: then the answer is one of both.
         answers_for = {"ICBM": "(ICBM|SLV)"}.get(row["type"], row["type"])
-        assert re.search(rf"; (tracker|detections): {answers_for}\b", told)
-        if "from" in told:
-            north, east = re.search(r"from ([\d.]+) N ([\d.]+) [EW]", told).groups()
+        assert re.search(rf"; (tracker|detections): {answers_for}\b", reported)
+        if "from" in reported:
+            north, east = re.search(r"from ([\d.]+) N ([\d.]+) [EW]", reported).groups()
             assert float(north) == pytest.approx(row["launch"]["lat_deg"], abs=0.02)
             assert float(east) == pytest.approx(abs(row["launch"]["lon_deg"]), abs=0.02)
     assert done.stdout.index(f"{name} (") < done.stdout.index("sensor ")
@@ -128,10 +128,10 @@ def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> N
     sensors = [{"model": "DSP", "id": "D", "orbital_slot_deg": 120.0}]
     head = {"scene": "raid", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "seed": 1}
     scene.write_text(json.dumps({**head, "sensors": sensors, "targets": targets}), encoding="utf-8")
-    told = opir("run", str(scene), "--sink", "null").stdout.splitlines()[2:9]
-    assert told[0] == "T0 (SRBM): not detected: the Earth is in the way throughout the burn"
-    assert [line.partition(" ")[0] for line in told[1:6]] == ["T1", "T2", "T3", "T4", "T5"]
-    assert told[6] == "... and 3 more targets"
+    reported = opir("run", str(scene), "--sink", "null").stdout.splitlines()[2:9]
+    assert reported[0] == "T0 (SRBM): not detected: the Earth is in the way throughout the burn"
+    assert [line.partition(" ")[0] for line in reported[1:6]] == ["T1", "T2", "T3", "T4", "T5"]
+    assert reported[6] == "... and 3 more targets"
 
 
 @pytest.mark.slow
@@ -177,10 +177,10 @@ def test_settings_reach_the_run(tmp_path: Path, opir: Opir) -> None:
         "run", FIRST_LIGHT, "--out", "a.jsonl", "--truth", "t.jsonl", "--manifest", "m.json", "--seed", "11",
         "--set", "sensors[0].scan_period_ms=1000", "--json",
     )  # fmt: skip
-    told = json.loads(done.stdout)
-    assert told["files"] == {"truth": "t.jsonl", "manifest": "m.json"}
+    reported = json.loads(done.stdout)
+    assert reported["files"] == {"truth": "t.jsonl", "manifest": "m.json"}
     assert json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["seed"] == 11
-    assert told["sensors"][0]["looks"] < 300
+    assert reported["sensors"][0]["looks"] < 300
     assert not (tmp_path / "events.jsonl").exists()
 
 
@@ -225,19 +225,19 @@ def test_an_aim_out_of_reach_says_what_the_class_reaches(opir: Opir) -> None:
 
 
 def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
-    told = json.loads(opir("explain", PACIFIC, "--json").stdout)
-    assert told["pairs"]
-    assert told["skipped"]
-    assert {row["reason"] for row in told["skipped"]} <= {
+    reported = json.loads(opir("explain", PACIFIC, "--json").stdout)
+    assert reported["pairs"]
+    assert reported["skipped"]
+    assert {row["reason"] for row in reported["skipped"]} <= {
         "the Earth is in the way throughout the burn",
         "outside the field of regard throughout the burn",
         "no scan falls into the burn before the scene ends",
     }
-    assert any("geometry" in line for line in told["not_computed"])
+    assert any("geometry" in line for line in reported["not_computed"])
     text = opir("explain", PACIFIC)
     assert text.returncode == 0
     assert "skipped because" in text.stdout
-    assert told["noise"] == []
+    assert reported["noise"] == []
     noisy = json.loads(opir("explain", PACIFIC, "--set", "detection=snr", "--json").stdout)["noise"]
     rates = {row["sensor_id"]: row["per_scan"] for row in noisy}
     # DSP: 8.73 exceedances of 5 standard deviations a scan, of which the gates of the two scans before confirm few.
@@ -254,9 +254,9 @@ def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path, opir: Opir) ->
     assert "DSP-1" in done.stderr
     assert "set scan_phase: random" in done.stderr
     assert process(tmp_path, "run", FIRST_LIGHT, *aligned, "--quiet").stderr == ""
-    told = process(tmp_path, "explain", FIRST_LIGHT, *aligned)
-    assert told.stdout.rstrip().splitlines()[-1] == f"warning: {done.stderr.strip()}"
-    assert told.stderr == ""
+    reported = process(tmp_path, "explain", FIRST_LIGHT, *aligned)
+    assert reported.stdout.rstrip().splitlines()[-1] == f"warning: {done.stderr.strip()}"
+    assert reported.stderr == ""
     assert "warning" not in opir("explain", FIRST_LIGHT).stdout
 
 
@@ -281,9 +281,9 @@ def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: 
 
 
 def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opir) -> None:
-    told = opir("explain", FIRST_LIGHT, *LATE, "--set", "tracking_order=report", "--set", "tracking_lag_s=9.5")
-    assert told.returncode == 0, told.stderr
-    rows = told.stdout.splitlines()
+    reported = opir("explain", FIRST_LIGHT, *LATE, "--set", "tracking_order=report", "--set", "tracking_lag_s=9.5")
+    assert reported.returncode == 0, reported.stderr
+    rows = reported.stdout.splitlines()
     place = next(number for number, row in enumerate(rows) if row.startswith("sensor  reports after s"))
     assert rows[place + 1].split("  ")[0] == "DSP-1"
     assert rows[place + 1].endswith("downlink 2, processing 5 ± 1.5")

@@ -38,38 +38,38 @@ def test_json_of_every_component_of_the_core_has_every_field() -> None:
     for kind, hook in HOOK_BY_KIND.items():
         for name in host.names(hook):
             (owned,) = components_named(host, name, kind)
-            told = json.loads(json.dumps(described(owned.component, owned.owner), allow_nan=False))
+            reported = json.loads(json.dumps(described(owned.component, owned.owner), allow_nan=False))
             if hook == "opir_target_classes":
                 continue
             assert isinstance(owned.component, Component)
-            top_level = [row["key"] for row in told["fields"] if "." not in row["key"]]
+            top_level = [row["key"] for row in reported["fields"] if "." not in row["key"]]
             assert top_level == [attribute.name for attribute in fields(owned.component.config)]
-            assert all(row["help"] for row in told["fields"])
+            assert all(row["help"] for row in reported["fields"])
 
 
-def test_one_name_of_several_kinds_is_told_of_each_or_of_one() -> None:
+def test_one_name_of_several_kinds_is_reported_of_each_or_of_one() -> None:
     everyone: list[dict[str, Any]] = json.loads(opir("describe", "always", "--json").stdout)
-    assert [told["kind"] for told in everyone] == ["detection model", "confidence model", "classifier"]
+    assert [reported["kind"] for reported in everyone] == ["detection model", "confidence model", "classifier"]
     (one,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
     assert one["kind"] == "classifier"
 
 
 def test_a_constellation_has_its_satellites() -> None:
-    (told,) = json.loads(opir("describe", "DSP", "--kind", "constellation", "--json").stdout)
-    assert told["model"] == "DSP"
-    assert [row["id"] for row in told["satellites"]] == ["DSP-1", "DSP-2", "DSP-3", "DSP-4"]
+    (reported,) = json.loads(opir("describe", "DSP", "--kind", "constellation", "--json").stdout)
+    assert reported["model"] == "DSP"
+    assert [row["id"] for row in reported["satellites"]] == ["DSP-1", "DSP-2", "DSP-3", "DSP-4"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["wieghted"], ["wieghted", "--kind", "confidence-model"]])
-def test_a_name_that_is_not_there_is_told_with_the_nearest(words: list[str]) -> None:
+def test_a_name_that_is_not_there_is_reported_with_the_nearest(words: list[str]) -> None:
     done = opir("describe", *words)
     assert done.returncode == 3
     assert "nearest: weighted" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_a_missing_setting_is_told_with_what_it_is_to_hold(tmp_path: Path) -> None:
+def test_a_missing_setting_is_reported_with_what_it_is_to_hold(tmp_path: Path) -> None:
     scene = EXAMPLES / "first_light.yaml"
     text = scene.read_text(encoding="utf-8").replace("lat_deg: ", "lat_dge: ", 1)
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")

@@ -125,12 +125,12 @@ def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) ->
     assert_detections(plan, simulate(scene, HOST))
 
 
-def assert_only_out_of_reach(mapping: dict[str, Any], told: str) -> None:
+def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
     """Check that the targets refused are those whose aim lies outside all that their type flies."""
-    refused = [number for number in range(len(mapping["targets"])) if f"targets[{number}].aim: " in told]
+    refused = [number for number in range(len(mapping["targets"])) if f"targets[{number}].aim: " in reported]
     assert refused
-    assert told.count("targets[") == len(refused)
-    assert "no flight of" not in told, told
+    assert reported.count("targets[") == len(refused)
+    assert "no flight of" not in reported, reported
 
 
 def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
@@ -141,14 +141,14 @@ def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
         assert np.isfinite(targets.position_ecef_m(every, time_s)).all()
     for time_s in (np.nextafter(start, -1.0), np.nextafter(end, np.inf)):
         assert np.isnan(targets.position_ecef_m(every, time_s)).all()
-    for told, asked in zip(targets.truth(), mapping["targets"], strict=True):
-        assert told["miss_m"] <= 0.01
-        assert told["impact"]["time_s"] > told["burnout_s"]
-        assert np.isfinite([*told["burnout"]["position_ecef_m"], *told["burnout"]["velocity_ecef_m_s"]]).all()
+    for reported, asked in zip(targets.truth(), mapping["targets"], strict=True):
+        assert reported["miss_m"] <= 0.01
+        assert reported["impact"]["time_s"] > reported["burnout_s"]
+        assert np.isfinite([*reported["burnout"]["position_ecef_m"], *reported["burnout"]["velocity_ecef_m_s"]]).all()
         launch = asked["launch"]
         place = Geodetic(math.radians(launch["lat_deg"]), math.radians(launch["lon_deg"]), launch["height_m"])
         first = targets.position_ecef_m(
-            np.array([targets.ids.index(told["id"])], np.int32), np.array([told["ignition_s"]])
+            np.array([targets.ids.index(reported["id"])], np.int32), np.array([reported["ignition_s"]])
         )
         assert np.linalg.norm(first - geodetic_to_ecef(*place)) <= 0.02
 

@@ -163,9 +163,9 @@ def contrast(page: Page) -> float:
         "() => { const probe = document.createElement('i'); document.body.append(probe);"
         " const rgb = (name) => { probe.style.color = `var(--${name})`;"
         " return getComputedStyle(probe).color.match(/[0-9.]+/g).map(Number); };"
-        " const told = Object.fromEntries("
+        " const reported = Object.fromEntries("
         "   ['panel', 'ground', 'ink', 'soft', 'bad', 'button', 'on-button'].map((name) => [name, rgb(name)]));"
-        " probe.remove(); return told; }"
+        " probe.remove(); return reported; }"
     )
     pairs = [("ink", "panel"), ("soft", "panel"), ("bad", "panel"), ("ink", "ground"), ("on-button", "button")]
     return min(ratio(colours[one], colours[other]) for one, other in pairs)

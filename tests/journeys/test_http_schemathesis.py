@@ -30,8 +30,8 @@ SCENARIOS = 5 * FOR_S if STEPS else 20
 SEED = os.environ.get("OPIR_SCHEMATHESIS_SEED", "5")
 
 #: What a request may be answered that keeps to the schema: a document cannot say that a type's burn time fits its mass,
-#: that a day is in its month, or which tag is in force. A tag that is missing or not in force is told before the body
-#: is looked at (RFC 9110, 13.2.1; RFC 6585, 3).
+#: that a day is in its month, or which tag is in force. A tag that is missing or not in force is reported before
+#: the body is looked at (RFC 9110, 13.2.1; RFC 6585, 3).
 SETTINGS = """
 [checks]
 positive_data_acceptance.expected-statuses = ["2xx", 400, 401, 403, 404, 409, 412, 422, 429]
@@ -69,11 +69,11 @@ def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand: Stand, tm
 
 @pytest.mark.slow
 def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(stand: Stand, tmp_path: Path) -> None:
-    told = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
-    found = re.search(r"API Links: +(\d+) covered / (\d+) selected", told)
-    assert found, told
+    reported = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
+    found = re.search(r"API Links: +(\d+) covered / (\d+) selected", reported)
+    assert found, reported
     assert int(found[2]) >= links()
-    assert int(found[1]) >= 3, told
+    assert int(found[1]) >= 3, reported
 
 
 def links() -> int:

@@ -30,9 +30,9 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
     scene += "tracker: imm\n"
     with serving(tmp_path, "--speed", "max", scene=scene) as running:
         streamed = streamed_track(running.port)
-        told = running.ask("GET", "/tracks").json
-    validate(told)
-    for track in (told["tracks"][0], streamed):
+        reported = running.ask("GET", "/tracks").json
+    validate(reported)
+    for track in (reported["tracks"][0], streamed):
         launch, impact = track["launch_point"], track["impact_point"]
         assert away_km(launch, LAUNCH) < 20.0
         assert 1000.0 * away_km(impact, AIM) < 2.0 * impact["ellipse"]["semi_major_m"]
@@ -51,7 +51,7 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
 
 
 def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> None:
-    told = stub_estimates(
+    reported = stub_estimates(
         1,
         tick_s=60.0,
         state=np.array([6.5e6, 0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -66,7 +66,7 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         burnout_covariance=np.eye(7),
         state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
-    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
+    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(reported)))["tracks"]
     axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
@@ -82,14 +82,14 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
 def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() -> None:
     over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
     again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
-    told = stub_estimates(
+    reported = stub_estimates(
         2,
         track=[0, 1],
         hypothesis_probability=[stub_hypotheses(ICBM=0.9, SLV=0.05), np.full(len(HYPOTHESES), np.nan)],
         impact_regions=[(*over, *again), over],
         end=[0, 3],
     )
-    first, second = json.loads(msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(told)))["tracks"]
+    first, second = json.loads(msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(reported)))["tracks"]
     validate({"tracks": [first, second]})
     assert list(first["hypotheses"]) == list(HYPOTHESES)
     assert (first["hypotheses"]["ICBM"], first["hypotheses"]["none of these"]) == (0.9, 0.05)
@@ -104,14 +104,14 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() ->
 
 
 def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> None:
-    told = stub_estimates(
+    reported = stub_estimates(
         1,
         impact=np.radians([9.0, 179.9, 0.0]),
         impact_covariance=np.diag([4e6, 4e6, 1.0]),
         impact_regions=[stub_regions(9.0, 179.9)],
         impact_method=1,
     )
-    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
+    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(reported)))["tracks"]
     impact = track["impact_point"]
     assert (impact["method"], impact["containment"], impact["sigma_m"]) == ("paper", None, 2000.0)
     assert [impact[name] for name in ("ellipse", "ellipse_50", "ellipse_90")] == [None] * 3
@@ -130,19 +130,19 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
 
 
 @pytest.mark.slow
-def test_earlier_positions_are_those_that_were_told_and_thinned_where_they_are_old() -> None:
-    documents, told = TrackDocuments(0), []
+def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old() -> None:
+    documents, reported = TrackDocuments(0), []
     for second in range(1, 301):
         place = np.array([6.5e6, 1e3 * second, 0.0, 0.0, 0.0, 0.0])
         (track,) = documents.take(stub_estimates(1, tick_s=float(second), state=place))["tracks"]
-        told.append([track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")])
+        reported.append([track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")])
     assert "trail" not in documents.latest(1)[0]
     found = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
     validate({"tracks": found})
     trail = found[0]["trail"]
     assert len(trail) <= TRAIL
-    assert trail[-TRAIL // 4 :] == told[-TRAIL // 4 :]
-    assert [position for position in told if position in trail] == trail
+    assert trail[-TRAIL // 4 :] == reported[-TRAIL // 4 :]
+    assert [position for position in reported if position in trail] == trail
     assert TrackDocuments(0).latest(1, trail=True) == []
 
 

@@ -111,12 +111,12 @@ def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: st
 
 
 @pytest.mark.parametrize("model", TRACKERS)
-def test_more_scans_than_are_kept_are_told_with_their_place(model: str) -> None:
+def test_more_scans_than_are_kept_are_reported_with_their_place(model: str) -> None:
     with pytest.raises(opir.SceneError, match=r"tracker.*needed_scans"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": model, "needed_scans": 9}})
 
 
-def test_bad_settings_are_told_with_their_place() -> None:
+def test_bad_settings_are_reported_with_their_place() -> None:
     with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
     for gone, value in (("association", "joint"), ("boost_model", "jerk"), ("jerk_noise_m_s3", 0.3)):

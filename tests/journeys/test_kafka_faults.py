@@ -128,11 +128,13 @@ def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> 
     fill(sink, 10, 30, 0, 0.02)
     mock.tell("down")
     fill(sink, 10, 30, 300, 0.01)
-    told = closed(sink)
-    assert told.delivered + told.spooled == 600
-    assert told.spooled >= 300
+    reported = closed(sink)
+    assert reported.delivered + reported.spooled == 600
+    assert reported.spooled >= 300
     mock.tell("up")
-    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=told.spooled, recovered=told.spooled)
+    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(
+        delivered=reported.spooled, recovered=reported.spooled
+    )
     examine(mock, topic, 600)
 
 
@@ -191,12 +193,12 @@ def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool:
     mock.freeze()
     try:
         fill(sink, 5, 20, 100, 0.01)
-        told = closed(sink)
+        reported = closed(sink)
     finally:
         mock.thaw()
-    assert told.delivered + told.spooled == 200
-    assert told.spooled >= 100
-    assert closed(kafka_sink(mock.address, topic, spool)).delivered == told.spooled
+    assert reported.delivered + reported.spooled == 200
+    assert reported.spooled >= 100
+    assert closed(kafka_sink(mock.address, topic, spool)).delivered == reported.spooled
     examine(mock, topic, 200)
 
 
@@ -220,18 +222,18 @@ def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path,
     fill(sink, 1, 40, 0, 0.0)
     until(lambda: sink.parked is not None)
     fill(sink, 1, 40, 40, 0.0)
-    told = closed(sink)
-    assert (told.spooled, told.dropped) == (80, 0)
-    assert f"(code {code})" in (told.complaint or "")
+    reported = closed(sink)
+    assert (reported.spooled, reported.dropped) == (80, 0)
+    assert f"(code {code})" in (reported.complaint or "")
     mock.tell("clear", PRODUCE)
     assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=80, recovered=80)
     examine(mock, topic, 80)
 
 
-@pytest.mark.parametrize("is_told", [False, True])
-def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool: Path, is_told: bool) -> None:
+@pytest.mark.parametrize("is_reported", [False, True])
+def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool: Path, is_reported: bool) -> None:
     topic = mock.topic()
-    policy = evolve(brief(stall_s=8.0), retry_s=60.0 if is_told else 0.3)
+    policy = evolve(brief(stall_s=8.0), retry_s=60.0 if is_reported else 0.3)
     sink = kafka_sink(mock.address, topic, spool, policy)
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 100)
@@ -241,7 +243,7 @@ def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool
     assert "TopicAuthorizationFailedError (code 29); let this login write to the topic" in (sink.parked or "")
     fill(sink, 5, 20, 200, 0.01)
     mock.tell("clear", PRODUCE)
-    assert not is_told or sink.retry()
+    assert not is_reported or sink.retry()
     until(lambda: sink.delivery_so_far().delivered == 300)
     assert sink.parked is None
     assert closed(sink) == Delivery(delivered=300)
@@ -294,7 +296,7 @@ def test_the_topic_is_not_there_yet(mock: Any, spool: Path) -> None:
 
 
 def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
-    """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
+    """SQLite's own bound on pages stands for the disk's: both are reported as SQLITE_FULL."""
     topic = broker.topic()
     sink = kafka_sink(dead_address(), topic, spool, brief())
     database: Any = sink._store.backlog
@@ -314,9 +316,9 @@ def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPat
     topic = broker.topic()
     sink = kafka_sink(broker.address, topic, spool)
     fill(sink, 10, 20, 0, 0.01)
-    told = closed(sink)
+    reported = closed(sink)
     monkeypatch.undo()
-    assert told == Delivery(delivered=200)
+    assert reported == Delivery(delivered=200)
     examine(broker, topic, 200)
 
 
@@ -340,9 +342,9 @@ def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
 def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
     sink = kafka_sink(dead_address(), "nowhere", None, brief())
     fill(sink, 5, 20, 0, 0.0)
-    told = closed(sink)
-    assert (told.delivered, told.dropped) == (0, 100)
-    assert "no broker answers" in (told.complaint or "")
+    reported = closed(sink)
+    assert (reported.delivered, reported.dropped) == (0, 100)
+    assert "no broker answers" in (reported.complaint or "")
 
 
 @pytest.mark.slow
@@ -351,8 +353,8 @@ def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> Non
     first = killed_at_random("kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)
     rest = kafka_sink(broker.address, topic, tmp_path / "spool")
     rest.write(window(7, first))  # the window whose writing was not noted may have been taken
-    told_last = closed(rest)
-    assert (told_last.spooled, told_last.dropped) == (0, 0)
+    reported_last = closed(rest)
+    assert (reported_last.spooled, reported_last.dropped) == (0, 0)
     examine(broker, topic, first + 7)
 
 
@@ -387,13 +389,13 @@ def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock: Any, spool: Pat
     mock.tell("slow", 700)
     sink.write(window(events))
     sink.close_by(time.monotonic() + 2.0 + 2.5)
-    told = sink.close()
+    reported = sink.close()
     mock.tell("slow", 0)
-    assert 0 < told.delivered < events
-    assert told.delivered + told.spooled == events
+    assert 0 < reported.delivered < events
+    assert reported.delivered + reported.spooled == events
     time.sleep(1.0)
     again = closed(kafka_sink(mock.address, topic, spool))
-    assert again == Delivery(delivered=told.spooled, recovered=told.spooled)
+    assert again == Delivery(delivered=reported.spooled, recovered=reported.spooled)
     found = messages(mock.address, topic)
     assert len({json.loads(each.value())["detection_id"] for each in found}) == events
     # What was under way at the end may arrive twice: one batch of the broker's, not all.

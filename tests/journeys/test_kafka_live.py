@@ -41,13 +41,13 @@ def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_deliver
         first = run_of(dead_address(), topic, tmp_path / "spool", host)
         first.start()
         until(lambda: first.status().sinks[0].given == 750)
-        told = stopped(first)
-        assert (told.delivered, told.spooled, told.dropped) == (0, 750, 0)
+        reported = stopped(first)
+        assert (reported.delivered, reported.spooled, reported.dropped) == (0, 750, 0)
         second = run_of(broker.address, topic, tmp_path / "spool", host)
         second.start()
         until(lambda: second.status().sinks[0].delivered == 1500)
-        told = stopped(second)
-        assert (told.delivered, told.spooled, told.dropped, told.error) == (1500, 0, 0, None)
+        reported = stopped(second)
+        assert (reported.delivered, reported.spooled, reported.dropped, reported.error) == (1500, 0, 0, None)
         ids = [json.loads(message.value())["detection_id"] for message in messages(broker.address, topic)]
     assert len(ids) == 1500
     assert ids[:750] == ids[750:]

@@ -91,28 +91,28 @@ def out_order(names: list[str]) -> list[str]:
         (("tracker", "dsp"), "a plugin of that name is installed"),
     ],
 )
-def test_a_name_that_cannot_be_is_told_why(opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str) -> None:
-    code, _, told = opir("new-plugin", *words)
+def test_a_name_that_cannot_be_is_reported_why(opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str) -> None:
+    code, _, reported = opir("new-plugin", *words)
     assert code == 3
-    assert f"cannot be named {words[1]!r}" in told
-    assert reason in told
+    assert f"cannot be named {words[1]!r}" in reported
+    assert reason in reported
     assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_is_overwritten(opir: Opir, tmp_path: Path) -> None:
     (tmp_path / "my-part").mkdir()
     (tmp_path / "my-part" / "mine").touch()
-    code, _, told = opir("new-plugin", "sink", "my-part")
+    code, _, reported = opir("new-plugin", "sink", "my-part")
     assert code == 3
-    assert "my-part exists, and nothing is overwritten" in told
+    assert "my-part exists, and nothing is overwritten" in reported
     assert [path.name for path in (tmp_path / "my-part").iterdir()] == ["mine"]
 
 
-def test_a_place_that_cannot_be_written_is_told(opir: Opir, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported(opir: Opir, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    code, _, told = opir("new-plugin", "sink", "my-part", "--into", "file/below")
+    code, _, reported = opir("new-plugin", "sink", "my-part", "--into", "file/below")
     assert code == 3
-    assert "cannot be written: Not a directory" in told
+    assert "cannot be written: Not a directory" in reported
 
 
 @pytest.fixture(scope="session")
@@ -142,11 +142,11 @@ def test_each_kind_installs_and_passes_its_contract(outsider: Any, packages: Pat
 def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_path: Path) -> None:
     done = outsider.opir("run", str(packages / NAMES[kind] / "scene.yaml"), "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["counts"]["detections"] > 100
+    reported = json.loads(done.stdout)
+    assert reported["counts"]["detections"] > 100
     if kind == "sink":
         lines = (tmp_path / f"{NAMES[kind]}.csv").read_text(encoding="utf-8").splitlines()
-        assert len(lines) == 1 + told["counts"]["detections"]
+        assert len(lines) == 1 + reported["counts"]["detections"]
     elif kind not in OF_STUDIES:
         manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
         assert NAMES[kind] in {row["distribution"] for row in manifest["components"]}

@@ -64,12 +64,12 @@ def error_of(part: tuple[Any, ...], deed: Deed) -> str:
 @pytest.mark.parametrize("error", [ZeroDivisionError("x\x1b[31m"), SystemExit(0), GeneratorExit(), RecursionError()])
 @pytest.mark.parametrize("part", PARTS)
 def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(part: str, error: BaseException) -> None:
-    told = error_of(PARTS[part], raising(error))
-    assert "'rogue' of plugin rogue (registered by this program)" in told
-    assert f"raised {type(error).__name__}" in told
-    assert "rogue_components.py, line" in told
-    assert told.endswith("`opir check rogue` shows what is required")
-    assert "\x1b" not in told
+    reported = error_of(PARTS[part], raising(error))
+    assert "'rogue' of plugin rogue (registered by this program)" in reported
+    assert f"raised {type(error).__name__}" in reported
+    assert "rogue_components.py, line" in reported
+    assert reported.endswith("`opir check rogue` shows what is required")
+    assert "\x1b" not in reported
 
 
 WRONG = {
@@ -129,10 +129,10 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case: str) -> None:
     part, deed, words = WRONG[case]
-    told = error_of(part, deed)
-    assert "'rogue' of plugin rogue" in told
-    assert words in told, told
-    assert told.endswith("`opir check rogue` shows what is required")
+    reported = error_of(part, deed)
+    assert "'rogue' of plugin rogue" in reported
+    assert words in reported, reported
+    assert reported.endswith("`opir check rogue` shows what is required")
 
 
 @pytest.mark.parametrize("method", ["write", "close"])

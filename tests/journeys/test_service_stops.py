@@ -1,4 +1,4 @@
-"""`opir serve` as a process: told to stop it ends in time and loses nothing."""
+"""`opir serve` as a process: reported to stop it ends in time and loses nothing."""
 
 import http.client
 import json
@@ -60,8 +60,8 @@ class Running:
             connection.close()
 
     def sink(self) -> Mapping[str, Any]:
-        told: Mapping[str, Any] = self.ask("GET", "/status")[1]["sinks"][0]
-        return told
+        reported: Mapping[str, Any] = self.ask("GET", "/status")[1]["sinks"][0]
+        return reported
 
     def terminated(self) -> str:
         """Tell it to stop; return what it prints."""
@@ -104,12 +104,12 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
         with socket.create_connection(("127.0.0.1", running.port), timeout=60.0) as viewer:
             viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
             until(lambda: running.sink()["spooled"] > 50)
-            told = running.terminated()
+            reported = running.terminated()
             viewer.settimeout(60.0)
             assert b"event: end" in b"".join(iter(lambda: viewer.recv(65536), b""))
         assert running.process.returncode == 0
-    found = re.search(r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", told)
-    assert found, told
+    found = re.search(r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", reported)
+    assert found, reported
     assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
 
 
@@ -121,10 +121,10 @@ def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp
         viewer.connect(("127.0.0.1", running.port))
         viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
         until(lambda: running.ask("GET", "/status")[1]["viewers"]["dropped_frames"] > 0)
-        told = running.terminated().splitlines()
-    assert len(told) == 2, told
-    assert told[0].startswith("opir: stopped at ")
-    assert told[1].startswith("opir: outputs[0] (null): ")
+        reported = running.terminated().splitlines()
+    assert len(reported) == 2, reported
+    assert reported[0].startswith("opir: stopped at ")
+    assert reported[1].startswith("opir: outputs[0] (null): ")
 
 
 @pytest.mark.slow
@@ -141,13 +141,13 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
             asking = threading.Thread(target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH)))
             asking.start()
             time.sleep(0.3)
-            told = running.terminated()
+            reported = running.terminated()
             asking.join(30.0)
-            assert running.process.returncode == 5, told  # the window that waited for room is lost, and told
+            assert running.process.returncode == 5, reported  # the window that waited for room is lost, and reported
     finally:
         os.close(reading)
     assert answers[0][0] == 409
-    assert re.search(r"[1-9]\d* spooled, [1-9]\d* dropped.* is full", told), told
+    assert re.search(r"[1-9]\d* spooled, [1-9]\d* dropped.* is full", reported), reported
     assert waiting(spool) > 0
 
 

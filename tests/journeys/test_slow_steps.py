@@ -8,7 +8,7 @@ from opir_core.cli import terminal
 
 
 @pytest.mark.parametrize("is_shown", [True, False])
-def test_a_slow_step_is_told(
+def test_a_slow_step_is_reported(
     is_shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(terminal, "_SLOW_S", 0.01)

@@ -1,4 +1,4 @@
-"""A viewer that does not read: it loses the oldest and is told, and neither run, sink nor other viewers wait for it."""
+"""A viewer that does not read loses the oldest and is notified; neither run, sink nor other viewers wait for it."""
 
 import re
 import socket
@@ -24,12 +24,12 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
         assert after["clock"]["cycle"] > before["clock"]["cycle"]
         assert after["sinks"][0]["delivered"] > before["sinks"][0]["delivered"]
         assert after["sinks"][0]["dropped"] == 0
-        late, told = bytearray(), None
-        while told is None:
+        late, reported = bytearray(), None
+        while reported is None:
             assert time.monotonic() < give_up_at
             late += idle.recv(1 << 20)
-            told = re.search(rb'event: dropped\ndata: \{"frames":(\d+)\}', bytes(late))
-        assert int(told[1]) > 0
+            reported = re.search(rb'event: dropped\ndata: \{"frames":(\d+)\}', bytes(late))
+        assert int(reported[1]) > 0
         assert b"event: detections" in received
 
 
@@ -44,8 +44,8 @@ def viewer(running: Stand) -> socket.socket:
 
 
 def dropped(running: Stand) -> int:
-    told: Any = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
-    return int(told["dropped_frames"])
+    reported: Any = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
+    return int(reported["dropped_frames"])
 
 
 def busy_for(busy: socket.socket, received: bytearray, seconds: float) -> None:

@@ -77,12 +77,12 @@ MISTAKES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_told_with_its_place_and_the_way_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mistake_is_reported_with_its_place_and_the_way_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     changes, code, message = MISTAKES[name]
     assert main(["validate", SCENE, *(part for change in changes for part in ("--set", change))]) == code
-    told = capsys.readouterr().err
-    assert message in told
-    assert "Traceback" not in told
+    reported = capsys.readouterr().err
+    assert message in reported
+    assert "Traceback" not in reported
 
 
 @pytest.mark.parametrize(
@@ -94,14 +94,14 @@ def test_a_mistake_is_told_with_its_place_and_the_way_out(name: str, capsys: pyt
         ("lat_deg,lon_deg,area_m2\n40,-110,-3\n", "line 2: area_m2: -3.0 is outside"),
     ],
 )
-def test_a_bad_row_of_fires_is_told_with_file_and_line(
+def test_a_bad_row_of_fires_is_reported_with_file_and_line(
     text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "fires.csv").write_text(text, encoding="utf-8")
     block = f"sources[0]={{id: fires, model: fires, csv: {tmp_path / 'fires.csv'}}}"
     assert main(["run", SCENE, "--quiet", "--set", block]) == 2
-    told = capsys.readouterr().err
-    assert f"sources[0].csv: {tmp_path / 'fires.csv'}, {message}" in told
+    reported = capsys.readouterr().err
+    assert f"sources[0].csv: {tmp_path / 'fires.csv'}, {message}" in reported
 
 
 @pytest.mark.slow

@@ -70,8 +70,8 @@ def test_what_a_console_cannot_show_is_written_out(tmp_path: Path) -> None:
     ],
 )
 def test_names_do_not_act_on_the_terminal(tmp_path: Path, name: str, shown: str) -> None:
-    told = opir(tmp_path, "validate", name, PYTHONIOENCODING="utf-8").stderr.decode()
-    assert told == f"opir: {shown}: 1 problem\n  there is no such file\n"
+    reported = opir(tmp_path, "validate", name, PYTHONIOENCODING="utf-8").stderr.decode()
+    assert reported == f"opir: {shown}: 1 problem\n  there is no such file\n"
 
 
 def test_the_name_of_a_scene_does_not_act_on_the_terminal(tmp_path: Path) -> None:
@@ -79,12 +79,12 @@ def test_the_name_of_a_scene_does_not_act_on_the_terminal(tmp_path: Path) -> Non
     assert done.stdout.decode().startswith("abc\\u202edef: ")
 
 
-def test_links_to_nowhere_are_told_as_links(tmp_path: Path) -> None:
+def test_links_to_nowhere_are_reported_as_links(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").symlink_to("gone.yaml")
     (tmp_path / "events.jsonl").symlink_to("gone/events.jsonl")
     assert b"is a link to 'gone.yaml', which is not there" in opir(tmp_path, "validate", "scene.yaml").stderr
-    told = opir(tmp_path, "run", SCENE, "-o", "events.jsonl").stderr
-    assert b"it is a link to 'gone/events.jsonl', whose folder is not there; remove it or give another path" in told
+    reported = opir(tmp_path, "run", SCENE, "-o", "events.jsonl").stderr
+    assert b"it is a link to 'gone/events.jsonl', whose folder is not there; remove it or give another path" in reported
     (tmp_path / "events.jsonl").unlink()
     (tmp_path / "events.jsonl").symlink_to("real.jsonl")
     assert opir(tmp_path, "run", SCENE, "-o", "events.jsonl").returncode == 0

@@ -23,7 +23,7 @@ SETTINGS = {
 }
 
 
-def told(outsider: Any, command: str, folder: Path) -> str:
+def reported(outsider: Any, command: str, folder: Path) -> str:
     """Return what a command prints in somebody else's environment, both streams, without what never repeats."""
     done = subprocess.run(
         command,
@@ -44,6 +44,6 @@ def test_every_line_of_the_ten_minutes_is_real(outsider: Any, tmp_path: Path) ->
     for block in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
         parts = COMMAND.split(block)
         for command, shown in zip(parts[1::2], parts[2::2], strict=True):
-            assert told(outsider, command, tmp_path) == shown.strip(), command
+            assert reported(outsider, command, tmp_path) == shown.strip(), command
             commands += 1
     assert commands >= 10

@@ -281,7 +281,7 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(
 
 
 @pytest.mark.parametrize("file", ["part", "results.parquet", "runs.parquet", "results.csv"])
-def test_a_flipped_bit_in_a_study_is_told(tmp_path: Path, file: str) -> None:
+def test_a_flipped_bit_in_a_study_is_reported(tmp_path: Path, file: str) -> None:
     sweep(small_study(), tmp_path)
     path = next((tmp_path / "parts").glob("*.parquet")) if file == "part" else tmp_path / file
     content = path.read_bytes()

@@ -252,20 +252,20 @@ def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Re
     copy, start = copies.get(), time.monotonic()
     place = copy / work.mutant.file
     original = place.read_text(encoding="utf-8")
-    outcome, told = Outcome("survived", ""), list[str]()
+    outcome, reported = Outcome("survived", ""), list[str]()
     try:
         for stage in work.stages:
             _write(place, work.source)
             outcome = _outcome(copy, stage, limits)
             _write(place, original)
             outcome = _confirmed(copy, stage, outcome, limits)
-            told.append(outcome.by)
+            reported.append(outcome.by)
             if outcome.kind != "survived":
                 break
     finally:
         _write(place, original)
         copies.put(copy)
-    by = told[-1] if outcome.kind != "survived" else "; ".join(told) or "no test imports it"
+    by = reported[-1] if outcome.kind != "survived" else "; ".join(reported) or "no test imports it"
     return Result(work.mutant, outcome.kind, by, round(time.monotonic() - start, 1))
 
 

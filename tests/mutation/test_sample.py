@@ -38,7 +38,7 @@ def test_tokens_are_drawn_once_each_and_a_seed_repeats_the_draw() -> None:
     assert sample.draw(SOURCES, 99, 5) == drawn
 
 
-def test_a_mutant_is_told_with_its_line_before_and_after() -> None:
+def test_a_mutant_is_reported_with_its_line_before_and_after() -> None:
     (mutant,) = (mutant for mutant, _ in sample.draw(SOURCES, 4, 5) if mutant.token == "not")
     assert (mutant.line, mutant.before, mutant.after) == (2, "returned = not e < f", "returned =  e < f")
 
@@ -108,7 +108,7 @@ def write(folder: Path, files: dict[str, str]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("source", "limits_s", "outcome", "told"),
+    ("source", "limits_s", "outcome", "reported"),
     [
         ("def test_a(): pass", (60, 90), "survived", "all not slow passed"),
         ("def test_a(): assert False", (60, 90), "killed", "FAILED test_a.py::test_a"),
@@ -118,13 +118,13 @@ def write(folder: Path, files: dict[str, str]) -> None:
     ],
 )
 def test_what_tests_say_of_a_mutant(
-    tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, told: str
+    tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, reported: str
 ) -> None:
     said = sample._outcome(
         checkout(tmp_path, source), sample.Stage(["test_a.py"], "not slow"), sample.Limits(*limits_s)
     )
     assert said.kind == outcome
-    assert said.by.startswith(told)
+    assert said.by.startswith(reported)
 
 
 def checkout(folder: Path, source: str) -> Path:

@@ -317,8 +317,8 @@ def seen(truth, seeing, seed, sensors=2):
     return owner[order], every.take(order)
 
 
-def away_from(told, truth):
+def away_from(reported, truth):
     """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and north."""
     there = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
-    gap = geodetic_to_ecef(told[:, 0], told[:, 1], 0.0) - there
+    gap = geodetic_to_ecef(reported[:, 0], reported[:, 1], 0.0) - there
     return np.einsum("nij,nj->ni", local_axes(there)[:, :2], gap)

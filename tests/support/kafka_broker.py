@@ -116,7 +116,7 @@ class NamedBroker:
         self.address = address
 
     def topic(self, partitions: int = PARTITIONS) -> str:
-        """Return a topic that the broker makes because it is asked for, or else because it is told to."""
+        """Return a topic that the broker makes because it is asked for, or else because it is instructed to."""
         from confluent_kafka.admin import AdminClient, NewTopic
 
         name = next(_names)

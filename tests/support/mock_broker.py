@@ -54,8 +54,8 @@ class MockCluster:
 
     @property
     def address(self) -> str:
-        told: bytes = self._library.rd_kafka_mock_cluster_bootstraps(self._cluster)
-        return told.decode()
+        reported: bytes = self._library.rd_kafka_mock_cluster_bootstraps(self._cluster)
+        return reported.decode()
 
     def topic(self, name: str, partitions: str) -> None:
         self._library.rd_kafka_mock_topic_create(self._cluster, name.encode(), int(partitions), _ONE)

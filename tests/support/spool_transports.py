@@ -1,4 +1,4 @@
-"""A stand for spools: carriers that do as they are told, and a process that can be killed while it fills one."""
+"""A stand for spools: carriers that do as they are reported, and a process that can be killed while it fills one."""
 
 import json
 import os
@@ -39,7 +39,7 @@ def filled_spool(path: Path, batches: int, rows: int) -> Path:
 
 
 class Holding(Transport):
-    """A carrier that acknowledges when told to, or at once; `mood` is "take", "hold" or "fail"."""
+    """A carrier that acknowledges when reported to, or at once; `mood` is "take", "hold" or "fail"."""
 
     def __init__(self, mood: str = "take") -> None:
         self.mood = mood

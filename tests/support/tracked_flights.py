@@ -23,7 +23,7 @@ class Tick(NamedTuple):
     """A tick: the tracks, and how many detections tracks and flights share."""
 
     time_s: float
-    told: Tracks
+    reported: Tracks
     shared: np.ndarray
 
 
@@ -80,9 +80,9 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", region
         more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
         shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
         np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
-        told = tracker.step(float(tick), evolve(part, track=label))
+        reported = tracker.step(float(tick), evolve(part, track=label))
         cut = end
-        yield Tick(float(tick), told, shared)
+        yield Tick(float(tick), reported, shared)
 
 
 def rows_of(tracks, shared):
@@ -94,12 +94,12 @@ def rows_of(tracks, shared):
     return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
 
 
-def last_told(truth, seeing, seed, after_s, forces="kepler"):
-    """Return what is told of flights, one row each, so long after the last burn; of all of them there is a track."""
+def last_reported(truth, seeing, seed, after_s, forces="kepler"):
+    """Return the reports on flights, one row each, so long after the last burn; each of them has a track."""
     *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
-    rows = rows_of(last.told, last.shared)
+    rows = rows_of(last.reported, last.shared)
     assert (rows >= 0).all()
-    return last.told.take(rows)
+    return last.reported.take(rows)
 
 
 def usual(kind):

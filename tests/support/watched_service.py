@@ -93,14 +93,14 @@ class WatchedService:
         # A lap adds 1 to the seed: laps of two lives must not share ids.
         words += ["--set", f"seed={1000 * self.life}", "--set", f'epoch="2026-04-{self.life + 1:02d}T12:00:00Z"']
         self.number = self._nurse.born(self.log, str(self.disk), str(self.control), *words)
-        until(lambda: "http://" in self.told() or not is_alive(self.number or 0))
-        assert "http://" in self.told(), self.told()
-        found = re.search(r"http://[^:]+:(\d+)", self.told())
+        until(lambda: "http://" in self.reported() or not is_alive(self.number or 0))
+        assert "http://" in self.reported(), self.reported()
+        found = re.search(r"http://[^:]+:(\d+)", self.reported())
         assert found
         self.port = int(found[1])
         threading.Thread(target=self._view, args=(self.life, self.port), daemon=True).start()
 
-    def told(self) -> str:
+    def reported(self) -> str:
         return self.log.read_text(encoding="utf-8") if self.log.exists() else ""
 
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
@@ -115,8 +115,8 @@ class WatchedService:
             connection.close()
 
     def launch(self) -> None:
-        status, told = self.ask("POST", "/trigger", LAUNCH)
-        assert status == 202 or status in BUSY, told
+        status, reported = self.ask("POST", "/trigger", LAUNCH)
+        assert status == 202 or status in BUSY, reported
 
     def configure(self, period_ms: float, client: str) -> None:
         """Change the scan period of the first sensor, and the output to the broker, which is opened anew."""
@@ -124,8 +124,8 @@ class WatchedService:
         tag = self.etag
         settings["sensors"][0]["members"][0]["scan_period_ms"] = period_ms
         settings["outputs"][1]["kafka"]["client_id"] = client
-        status, told = self.ask("PUT", "/config", settings, **{"If-Match": tag})
-        assert status == 200 or status in BUSY, told
+        status, reported = self.ask("PUT", "/config", settings, **{"If-Match": tag})
+        assert status == 200 or status in BUSY, reported
 
     def freeze(self) -> None:
         self.broker.freeze()
@@ -151,10 +151,10 @@ class WatchedService:
         os.kill(self.number, signal.SIGTERM)
         until(lambda: not is_alive(self.number or 0))
         self.number, self.is_faulty = None, False
-        told = self.told()
-        assert "Traceback" not in told, told
-        dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", told)]
-        assert len(dropped) == 2, told
+        reported = self.reported()
+        assert "Traceback" not in reported, reported
+        dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", reported)]
+        assert len(dropped) == 2, reported
         self.lost = {name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)}
 
     def kill(self) -> None:
@@ -211,11 +211,11 @@ class WatchedService:
         self.heal_disk()
         give_up_s = time.monotonic() + RECOVERY_S
         while (health := self.ask("GET", "/health/ready"))[0] != 200:
-            assert time.monotonic() < give_up_s, (health, self._sinks(), self.told())
+            assert time.monotonic() < give_up_s, (health, self._sinks(), self.reported())
             self._retry()
         due = {sink["path"]: sink["given"] + sink["recovered"] for sink in self.ask("GET", "/status")[1]["sinks"]}
         while any(self._done(sink) < due[sink["path"]] for sink in self._sinks()):
-            assert time.monotonic() < give_up_s, (due, self._sinks(), self.told())
+            assert time.monotonic() < give_up_s, (due, self._sinks(), self.reported())
             time.sleep(0.1)
 
     def _sinks(self) -> Any:
@@ -238,9 +238,9 @@ class WatchedService:
                 self.recover()
                 self.observe()
                 self.stop()
-                if self.told().count(" 0 spooled") == 2:
+                if self.reported().count(" 0 spooled") == 2:
                     break
-            assert self.told().count(" 0 spooled") == 2, self.told()
+            assert self.reported().count(" 0 spooled") == 2, self.reported()
             self.examine()
         finally:
             self.end()

@@ -150,7 +150,7 @@ def test_heights_of_launch_and_aim_count():
     assert np.linalg.norm(start[0] - ecef_m(truth["launch"])) < 0.011
 
 
-def test_all_targets_out_of_reach_are_told_at_once_with_the_distance_and_the_ranges():
+def test_all_targets_out_of_reach_are_reported_at_once_with_the_distance_and_the_ranges():
     with pytest.raises(SceneError) as refusal:
         built(
             a_target("SRBM", CALIFORNIA, KWAJALEIN),

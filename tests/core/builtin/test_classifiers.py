@@ -117,7 +117,7 @@ def test_each_sensor_has_its_own_matrix_and_the_configuration_overrides_by_row()
     assert reported(classifier, [0, 1, 0, 1], [0, 0, 1, 1], [0.0] * 4) == ["ICBM", "IRBM", "SRBM", "ICBM"]
 
 
-def test_a_sensor_without_a_row_is_told_what_to_do():
+def test_a_sensor_without_a_row_is_reported_what_to_do():
     sensors = [a_sensor({"ICBM": {"ICBM": 1.0}}, name="X-7", type_name="SPY")]
     confusion_classifier(ConfusionConfig(), context_of(sensors, ["ICBM"]))
     with pytest.raises(ModelError, match=r"X-7 \(SPY\).*IRBM.*confusion.*matrices\.SPY.*classification: none"):

@@ -91,6 +91,6 @@ def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
         ({"staging": "SRBM"}, r"targets\[0\].aim: the aim point is 9000 km .* the nearest range in reach is about"),
     ],
 )
-def test_what_cannot_be_flown_is_told_with_the_way_out(settings, words):
+def test_what_cannot_be_flown_is_reported_with_the_way_out(settings, words):
     with pytest.raises(SceneError, match=words):
         truth_of("ICBM", 9000e3, **settings)

@@ -53,12 +53,12 @@ def test_a_reader_that_goes_away_is_an_error_with_a_count(monkeypatch: pytest.Mo
     with pytest.raises(SinkError, match="its reader stopped reading") as caught:
         out.write(stub_window(1000))
     listener.join()
-    told = out.close()
-    assert f"after {told.delivered} events" in str(caught.value)
-    assert told.delivered + told.dropped == 1000
+    reported = out.close()
+    assert f"after {reported.delivered} events" in str(caught.value)
+    assert reported.delivered + reported.dropped == 1000
     # What was written and not read when the reader left fits into the pipe.
     line_length = len(encoder().encode(stub_window(1)))
-    assert 0 <= told.delivered - heard.count(b"\n") <= 65_536 // line_length + 1
+    assert 0 <= reported.delivered - heard.count(b"\n") <= 65_536 // line_length + 1
 
 
 def test_a_pipe_that_does_not_block_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +108,7 @@ def test_a_disk_that_fills_leaves_whole_lines_and_an_exact_count(tmp_path: Path)
         "try:\n"
         "    for scan in range(50): sink.write(stub_window(3, first_scan=3 * scan))\n"
         "except SinkError as error: print(error)\n"
-        "told = sink.close(); print(scan, told.delivered, told.dropped)\n",
+        "reported = sink.close(); print(scan, reported.delivered, reported.dropped)\n",
         str(path),
     )
     assert done.returncode == 0, done.stderr

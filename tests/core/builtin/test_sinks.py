@@ -136,6 +136,6 @@ def test_memory_and_null_make_no_encoder() -> None:
 
 
 @pytest.mark.parametrize("component", SINKS, ids=lambda each: each.name)
-def test_defaults_of_every_field_are_told(component: Any) -> None:
+def test_defaults_of_every_field_are_reported(component: Any) -> None:
     assert all(info.help for info in field_infos(component.config).values())
     assert component.summary

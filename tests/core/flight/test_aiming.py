@@ -198,7 +198,7 @@ def test_a_target_is_aimed_as_if_alone():
         (4e6, "ICBM_solid", "the aim point is 4000 km from the launch point; ICBM_solid flies 5500 to 16000 km"),
     ],
 )
-def test_ranges_no_class_member_flies_are_told(range_m, name, words):
+def test_ranges_no_class_member_flies_are_reported(range_m, name, words):
     flight, _ = flights(np.array([0.3]), 0.2, 0.0, range_m, [boost_profile(name)])
     assert flight.complaints == (words,)
     assert not flight.converged.any()
@@ -220,7 +220,7 @@ def test_no_targets_are_no_trouble():
     assert flight.impact_ecef_m.shape == (0, 3)
 
 
-def test_a_flight_that_never_comes_down_there_is_told():
+def test_a_flight_that_never_comes_down_there_is_reported():
     """Aim points far above the apogee of a short flight."""
     flight, _ = flights(np.array([0.3]), 0.2, 1.0, 6e4, [boost_profile("SRBM")], heights=(0.0, 9e5))
     assert flight.complaints[0].startswith("the aim point is 60 km from the launch point; no flight of SRBM was found")
@@ -260,7 +260,7 @@ def test_any_launch_and_any_aim_within_range(latitude, longitude, bearing, share
 
 @examples(100)
 @given(places=st.tuples(*[st.floats(-POLE, POLE), st.floats(-math.pi, math.pi)] * 2), profile=st.sampled_from(PROFILES))
-def test_any_two_places_are_hit_or_told(places, profile):
+def test_any_two_places_are_hit_or_reported(places, profile):
     launch, there = Geodetic(*places[:2], 0.0), Geodetic(*places[2:], 0.0)
     flight = aim(launch, there, 0.0, [profile])
     within = profile.minimum_range_m <= flight.range_m[0] <= profile.maximum_range_m

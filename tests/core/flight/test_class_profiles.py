@@ -35,7 +35,7 @@ def test_reference_ranges_lie_within_the_limits():
         assert profile.minimum_range_m < profile.reference_range_m < profile.maximum_range_m
 
 
-def test_an_unknown_profile_is_told_with_the_known_ones():
+def test_an_unknown_profile_is_reported_with_the_known_ones():
     with pytest.raises(
         ValueError, match=r"no boost profile 'MIRV'; there are ICBM_liquid, ICBM_solid, IRBM, MRBM, SLBM, SRBM"
     ):

@@ -160,7 +160,7 @@ def test_tolerances_that_are_none_are_refused(tolerance_m):
         Ephemeris.build(circling, 0.0, 1.0, tolerance_m=tolerance_m)
 
 
-def test_a_motion_that_is_not_finite_is_told():
+def test_a_motion_that_is_not_finite_is_reported():
     def gap(target, time_s):
         position, velocity = circling(target, time_s)
         position[time_s > 70.0] = np.nan
@@ -170,7 +170,7 @@ def test_a_motion_that_is_not_finite_is_told():
         Ephemeris.build(gap, 0.0, 100.0)
 
 
-def test_a_motion_too_rough_for_the_tolerance_is_told():
+def test_a_motion_too_rough_for_the_tolerance_is_reported():
     def jump(target, time_s):
         position, velocity = circling(target, time_s)
         return position + (time_s > 40.0)[:, None], velocity
@@ -185,7 +185,7 @@ def test_targets_that_are_none_are_refused(target):
         three_circles().position_m(target, 5.0)
 
 
-def test_times_a_nanosecond_apart_are_told_apart():
+def test_times_a_nanosecond_apart_are_distinguished():
     ephemeris = three_circles()
     times = 1000.0 + 1e-9 * np.arange(1000)
     step = np.diff(ephemeris.position_m(0, times)[:, 1])

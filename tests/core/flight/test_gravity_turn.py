@@ -186,7 +186,7 @@ def test_an_early_shutdown_ends_the_burn_so_much_earlier_and_falls_short():
 
 
 @pytest.mark.slow
-def test_out_of_reach_is_told_with_the_ranges_that_are_in_reach():
+def test_out_of_reach_is_reported_with_the_ranges_that_are_in_reach():
     flights, _ = flown(["SRBM", "ICBM_solid", "IRBM"], 10.0, 0.0, 90.0, [900e3, 1500e3, 4000e3])
     assert flights.is_solved.tolist() == [False, False, True]
     for row, name in ((0, "SRBM"), (1, "ICBM_solid")):

@@ -38,7 +38,7 @@ def test_energy_and_angular_momentum_are_kept():
     end_position, end_velocity = propagate_kepler(position, velocity, duration)
     start_scale = np.sum(velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(position, axis=1)
     end_scale = np.sum(end_velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(end_position, axis=1)
-    # Energy is a difference: it can only be told to the rounding of its terms at either end, or of the way between.
+    # Energy is a difference: it is known only to the rounding of its terms at either end, or of the way between.
     bar = 1e-11 * np.maximum(start_scale, end_scale)
     assert np.all(np.abs(energy(end_position, end_velocity) - energy(position, velocity)) <= bar)
     before, after = np.cross(position, velocity), np.cross(end_position, end_velocity)

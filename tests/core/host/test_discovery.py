@@ -203,7 +203,7 @@ class TestAllowList:
             "  OPIR_PLUGINS names 'hoe', but no installed distribution has such a plugin; the nearest is 'heo'"
         )
 
-    def test_a_program_is_told_of_its_own_list(self):
+    def test_a_program_is_reported_of_its_own_list(self):
         with pytest.raises(PluginError, match="hidden, because the allow-list does not allow them: opir-dsp"):
             Host.discover(["kafka"]).component("opir_trackers", "arc")
 

@@ -35,9 +35,9 @@ def fault_of(shown: Any) -> str:
     (example,) = doctest.DocTestFinder(recurse=False).find(shown, shown.__name__, globs=names)
     if not example.examples:
         return "no example"
-    told: list[str] = []
-    failed = doctest.DocTestRunner(verbose=False).run(example, out=told.append).failed
-    return "".join(told) if failed else ""
+    reported: list[str] = []
+    failed = doctest.DocTestRunner(verbose=False).run(example, out=reported.append).failed
+    return "".join(reported) if failed else ""
 
 
 def test_all_hooks_and_base_classes_are_looked_at() -> None:

@@ -96,8 +96,8 @@ def test_a_missing_name_that_another_kind_has(shop, trackers):
         "  'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not a tracker\n"
         "  'DSP' is a sensor model of opir-dsp 1.0 (plugin dsp), not a tracker"
     )
-    told = complaint(Host.discover(), "opir_atmosphere_models", "DSP")
-    assert "'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not an atmosphere model" in told
+    reported = complaint(Host.discover(), "opir_atmosphere_models", "DSP")
+    assert "'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not an atmosphere model" in reported
 
 
 def test_a_missing_name_wakes_every_plugin_to_say_what_failed(shop, trackers):
@@ -125,7 +125,9 @@ def test_two_owners_of_one_name(shop, monkeypatch, first, second):
         f"sensors[0].model: two plugins offer the sensor model 'DSP': {BOTH}\n  {WAY_OUT}"
     )
     loaded = {"opir_dsp.plugin", "acme_dsp.plugin"} & set(sys.modules)
-    assert loaded == {name for name, told in (("opir_dsp.plugin", first), ("acme_dsp.plugin", second)) if not told}
+    assert loaded == {
+        name for name, reported in (("opir_dsp.plugin", first), ("acme_dsp.plugin", second)) if not reported
+    }
     monkeypatch.setenv("OPIR_PLUGINS", "acme")
     assert Host.discover().provenance("opir_sensor_models", "DSP").distribution == "acme-dsp"
 

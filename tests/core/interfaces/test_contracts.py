@@ -66,7 +66,7 @@ def test_a_part_of_another_class_has_the_defaults_of_what_it_lacks() -> None:
     assert Sink.adopt(sink) is sink
 
 
-def test_what_a_part_defines_itself_is_used_and_is_told_apart_from_defaults() -> None:
+def test_what_a_part_defines_itself_is_used_and_is_distinguished_from_defaults() -> None:
     class Waiting(Bare):
         waits = 7
 

@@ -59,14 +59,14 @@ def test_laps_overlap_and_lose_no_report() -> None:
     run.start()
     until(lambda: run.status().lap >= 6)
     run.stop()
-    told = Detections.concatenate(live.window.detections for live in kept)
-    assert np.all(np.diff(told.reported_ns) >= 0)
+    reported = Detections.concatenate(live.window.detections for live in kept)
+    assert np.all(np.diff(reported.reported_ns) >= 0)
     for lap in range(2):
         again = evolve(short, epoch_us=short.epoch_us + lap * 20_000_000, seed=short.seed + lap)
         alone = opir.simulate(again).detections
-        rows = np.isin(told.detection_id[:, 0], alone.detection_id[:, 0])
-        assert np.array_equal(told.detection_id[rows], alone.detection_id), lap
-        assert np.array_equal(told.reported_ns[rows], alone.reported_ns + lap * 20 * NS), lap
+        rows = np.isin(reported.detection_id[:, 0], alone.detection_id[:, 0])
+        assert np.array_equal(reported.detection_id[rows], alone.detection_id), lap
+        assert np.array_equal(reported.reported_ns[rows], alone.reported_ns + lap * 20 * NS), lap
         assert alone.reported_ns.max() > 20 * NS
 
 
@@ -89,10 +89,10 @@ def test_changed_latencies_lose_no_report() -> None:
     run.configure(settings)
     until(lambda: run.status().state == "ended")
     run.stop()
-    told = Detections.concatenate(live.window.detections for live in kept)
+    reported = Detections.concatenate(live.window.detections for live in kept)
     alone = opir.simulate(late_scene("none", "none")).detections
-    assert sorted(told.detection_id[:, 0].tolist()) == sorted(alone.detection_id[:, 0].tolist())
-    delay_s = np.unique(np.rint((told.reported_ns - told.time_ns) * 1e-9 * 1e6) * 1e-6)
+    assert sorted(reported.detection_id[:, 0].tolist()) == sorted(alone.detection_id[:, 0].tolist())
+    delay_s = np.unique(np.rint((reported.reported_ns - reported.time_ns) * 1e-9 * 1e6) * 1e-6)
     assert delay_s.tolist() == [0.0, 7.25]
 
 

@@ -21,7 +21,7 @@ TAKEN_S = [0.004, 0.3, 0.02, 0.0, 0.02]
 LATE_S = [0.004, 0.3, 0.02, 0.0, 0.02]
 
 
-def test_lateness_is_told_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host.discover()
     scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
     clock_ns, taken = [77 * NS], iter(TAKEN_S)

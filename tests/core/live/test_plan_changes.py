@@ -103,7 +103,7 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: str) -> None:
-    """Half a second between looks, then ten: what is not seen meanwhile burns on, and is tracked as surely as told."""
+    """Half a second between looks, then ten: what is not seen meanwhile burns on, and the track goes on."""
     scanner = {"model": "generic-scanner", "scan_period_ms": 500.0}
     slots = {"A": -135.0, "B": -90.0}
     sensors = [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()]
@@ -137,9 +137,9 @@ def test_settings_that_need_a_restart_are_refused_all_at_once(scene: Scene, host
     settings["sensors"][0]["members"][0]["orbital_slot_deg"] = 7.0
     with pytest.raises(RestartError) as refused:
         settings_change(compile_plan(scene, host), settings, 0, scene)
-    told = {problem.path: problem.message for problem in refused.value.problems}
-    assert set(told) == {"seed", "epoch", "outputs", "sensors[0].orbital_slot_deg"}
-    assert all(message.startswith("needs a restart") for message in told.values())
+    reported = {problem.path: problem.message for problem in refused.value.problems}
+    assert set(reported) == {"seed", "epoch", "outputs", "sensors[0].orbital_slot_deg"}
+    assert all(message.startswith("needs a restart") for message in reported.values())
 
 
 def test_settings_are_read_as_a_scene_is(scene: Scene, host: Host) -> None:

@@ -67,22 +67,22 @@ def test_a_sink_that_hangs_is_named_and_the_engine_goes_on_until_its_queue_is_fu
 @pytest.mark.slow
 @pytest.mark.parametrize("error", [SystemExit(0), GeneratorExit(), KeyboardInterrupt(), MemoryError("all")])
 @pytest.mark.parametrize("part", PARTS)
-def test_whatever_a_component_raises_is_told(part: str, error: BaseException) -> None:
+def test_whatever_a_component_raises_is_reported(part: str, error: BaseException) -> None:
     hook, sound, method, changes = PARTS[part]
     with running(rogue_host(hook, sound, method, raising(error)), **changes) as run:
         if part == "sink":
             until(lambda: run.status().sinks[0].state == "failed")
-            told, state = run.status().sinks[0].error or "", "running"
+            reported, state = run.status().sinks[0].error or "", "running"
             until(lambda: run.status().sinks[1].delivered > 0)
         elif part == "tracker":
             until(lambda: run.status().tracker_error is not None)
-            told, state = run.status().tracker_error or "", "running"
+            reported, state = run.status().tracker_error or "", "running"
         else:
             until(lambda: run.state == "failed")
-            told, state = run.status().error or "", "failed"
+            reported, state = run.status().error or "", "failed"
         assert run.state == state
-        assert type(error).__name__ in told
-        assert "rogue_components.py, line" in told
+        assert type(error).__name__ in reported
+        assert "rogue_components.py, line" in reported
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(hos
     plan = compile_plan(short, host)
     for lap in range(3):
         again = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
-        live = b"".join(lines(plan, told.window) for told in kept.windows if told.lap == lap)
+        live = b"".join(lines(plan, reported.window) for reported in kept.windows if reported.lap == lap)
         assert live == batch(again, host, 30 * NS), lap
 
 
@@ -75,13 +75,13 @@ def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
     run.start()
     until(lambda: run.status().lap >= 2)
     run.stop()
-    told = Tracks.concatenate([live.window.tracks for live in kept.windows if live.lap == 1])
+    reported = Tracks.concatenate([live.window.tracks for live in kept.windows if live.lap == 1])
     again = evolve(short, epoch_us=short.epoch_us + 20_000_000, seed=short.seed + 1)
     alone = Engine(compile_plan(again, host)).advance(20 * NS).tracks
     assert len(alone) > 10
     assert np.isfinite(alone.burnout[-1]).all()
-    times = [(told.tick_s, alone.tick_s)] + [
-        (getattr(told, name)[:, -1], getattr(alone, name)[:, -1]) for name in ("launch", "impact", "burnout")
+    times = [(reported.tick_s, alone.tick_s)] + [
+        (getattr(reported, name)[:, -1], getattr(alone, name)[:, -1]) for name in ("launch", "impact", "burnout")
     ]
     for ours, theirs in times:
         assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)

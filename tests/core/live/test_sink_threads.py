@@ -72,7 +72,7 @@ def some_window(scene: Scene, host: Host) -> Window:
     return Engine(compile_plan(scene, host)).advance(20 * NS)
 
 
-def test_a_slow_sink_loses_nothing_and_one_that_fails_is_told(scene: Scene, host: Host) -> None:
+def test_a_slow_sink_loses_nothing_and_one_that_fails_is_reported(scene: Scene, host: Host) -> None:
     window, gate = some_window(scene, host), threading.Event()
     slow, broken = (
         SinkThread("outputs[0]", "slow", Slow(gate)),
@@ -111,29 +111,29 @@ def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene:
     run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
     other = Slow(threading.Event())
     other.gate.set()
-    kept = Kept(lambda: max(run.status().detections, told(shown), other.taken))
+    kept = Kept(lambda: max(run.status().detections, reported(shown), other.taken))
     run._sinks = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_spooled=True))
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
     run.stop()
-    assert kept.taken == other.taken == told(shown) == run.status().detections > 0
+    assert kept.taken == other.taken == reported(shown) == run.status().detections > 0
     assert max(kept.ahead) == 0
 
 
-def told(shown: list[LiveWindow]) -> int:
+def reported(shown: list[LiveWindow]) -> int:
     return sum(len(live.window.detections) for live in shown)
 
 
-def test_a_kept_output_that_fails_is_told_and_the_run_goes_on(scene: Scene, host: Host) -> None:
+def test_a_kept_output_that_fails_is_reported_and_the_run_goes_on(scene: Scene, host: Host) -> None:
     window, gate = some_window(scene, host), threading.Event()
     gate.set()
     broken = SinkThread("outputs[0]", "broken", Slow(gate, "no room"), is_spooled=True)
     for _ in range(3):
         broken.write(window, threading.Event())
     broken.close(time.monotonic() + 60.0)
-    told = broken.status()
-    assert (told.state, told.error, told.dropped) == ("failed", "no room", 3 * len(window.detections))
+    reported = broken.status()
+    assert (reported.state, reported.error, reported.dropped) == ("failed", "no room", 3 * len(window.detections))
 
 
 def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Host) -> None:

@@ -18,7 +18,7 @@ EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))
 
 @pytest.mark.parametrize("config", [OrbitConfig(tle=LINES), OrbitConfig(omm=OMM)], ids=["tle", "omm"])
 @pytest.mark.parametrize(
-    ("days", "told"),
+    ("days", "reported"),
     [
         (0.0, None),
         (13.0, None),
@@ -35,10 +35,10 @@ EPOCH_US = int(np.datetime64("2008-09-20T12:25:40", "us").astype(np.int64))
         ),
     ],
 )
-def test_the_age_of_elements_is_told_beyond_two_weeks(config, days, told):
+def test_the_age_of_elements_is_reported_beyond_two_weeks(config, days, reported):
     warnings = orbit_of(config, EPOCH_US + round(days * DAY_US)).warnings
-    assert len(warnings) == (told is not None)
-    assert told is None or told in warnings[0]
+    assert len(warnings) == (reported is not None)
+    assert reported is None or reported in warnings[0]
 
 
 @pytest.mark.parametrize("is_meant", [False, True])
@@ -50,6 +50,6 @@ def test_a_scene_tells_it_with_the_sensor_unless_it_is_meant(is_meant):
         "sensors": [{"model": "generic-scanner", "id": "S", "orbit": {"tle": list(LINES)}, **WIDE}],
         "allow_implausible": is_meant,
     }
-    told = plan_warnings(compile_plan(scene_from_mapping(scene)))
-    assert [line for line in told if "elements of object 25544 are 17.5 years older" in line] == told
-    assert [line.partition(":")[0] for line in told] == ([] if is_meant else ["sensors[0].orbit"])
+    reported = plan_warnings(compile_plan(scene_from_mapping(scene)))
+    assert [line for line in reported if "elements of object 25544 are 17.5 years older" in line] == reported
+    assert [line.partition(":")[0] for line in reported] == ([] if is_meant else ["sensors[0].orbit"])

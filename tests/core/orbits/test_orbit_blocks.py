@@ -158,7 +158,7 @@ def with_checksum(line):
 
 
 @pytest.mark.parametrize(
-    ("field", "told"),
+    ("field", "reported"),
     [
         ("1.16e-05", "' 11600-4'"),
         (" 1.16e-5", "' 11600-4'"),
@@ -172,11 +172,11 @@ def with_checksum(line):
         ("    nan ", "a sign or a blank, five digits"),
     ],
 )
-def test_a_drag_term_that_is_written_otherwise_is_told_with_its_columns(field, told):
+def test_a_drag_term_that_is_written_otherwise_is_reported_with_its_columns(field, reported):
     ((path, message),) = complaints({"tle": [with_checksum(f"{LINE_1[:53]}{field}{LINE_1[61:68]}"), LINE_2]})
     assert path == "orbit.tle"
     head = f"line 1 has no number for the drag term B* in columns 54 to 61: {field!r}; write "
-    assert message.startswith(f"{head}{told}")
+    assert message.startswith(f"{head}{reported}")
 
 
 @pytest.mark.parametrize("field", [" 11606-4", "-11606-4", "+11606-4", " 00000-0", " 00000+0", " 00000 0", " 13519-0"])
@@ -185,7 +185,7 @@ def test_drag_terms_as_they_are_published_are_read(field):
 
 
 @pytest.mark.parametrize(
-    ("line", "first", "text", "told"),
+    ("line", "first", "text", "reported"),
     [
         (1, 53, " 11606+4", "line 1 has the drag term B* 1160.6, more than any satellite's (10); is a sign lost?"),
         (1, 44, " 1.2e-05", "line 1 has no number for the mean motion's second derivative in columns 45 to 52"),
@@ -196,15 +196,15 @@ def test_drag_terms_as_they_are_published_are_read(field):
         (2, 43, "        ", "line 2 has no number for the mean anomaly in columns 44 to 51: '        '"),
     ],
 )
-def test_every_field_of_a_tle_is_named(line, first, text, told):
+def test_every_field_of_a_tle_is_named(line, first, text, reported):
     lines = [LINE_1, LINE_2]
     was = lines[line - 1]
     lines[line - 1] = with_checksum(f"{was[:first]}{text}{was[first + len(text) : 68]}")
     ((_, message),) = complaints({"tle": lines})
-    assert message.startswith(told)
+    assert message.startswith(reported)
 
 
-def test_all_that_is_wrong_with_a_tle_and_an_omm_is_told_at_once():
+def test_all_that_is_wrong_with_a_tle_and_an_omm_is_reported_at_once():
     lines = [f"{LINE_1[:53]}1.16e-05{LINE_1[61:68]}9", LINE_2.replace("0006703", " .00067")]
     ((_, message),) = complaints({"tle": lines})
     heads = [part.partition(" has ")[0] for part in message.split("; ") if " has " in part]

@@ -53,8 +53,10 @@ def test_every_key_is_named_and_its_default_with_it(name, kind):
         if default is NOTHING or default is None or isinstance(default, Factory):
             continue
         line = next(line for line in text.splitlines() if re.search(rf"\b{key}:", line) and "#" in line)
-        told = f"default {shown(default)}"
-        assert re.search(rf"{re.escape(told)}\b", line) or f"{name} {default}" in line or "the default" in line, line
+        reported = f"default {shown(default)}"
+        assert re.search(rf"{re.escape(reported)}\b", line) or f"{name} {default}" in line or "the default" in line, (
+            line
+        )
 
 
 def shown(default: Any) -> str:

@@ -19,15 +19,15 @@ FIGURES = st.integers(-20, 40)
 COUNTS = dict.fromkeys(("delivered", "spooled", "dropped", "withheld", "recovered"), FIGURES)
 
 
-def total(told: Any) -> int:
-    return int(told.delivered + told.spooled + told.dropped + told.withheld)
+def total(reported: Any) -> int:
+    return int(reported.delivered + reported.spooled + reported.dropped + reported.withheld)
 
 
 class Liar(Sink):
     """A sink that gives the figures that the test sets."""
 
-    def __init__(self, told: Any, *, fails_at: int = 0) -> None:
-        self.told, self.windows, self.fails_at = told, 0, fails_at
+    def __init__(self, reported: Any, *, fails_at: int = 0) -> None:
+        self.reported, self.windows, self.fails_at = reported, 0, fails_at
 
     def write(self, window: Window) -> None:
         self.windows += 1
@@ -35,23 +35,28 @@ class Liar(Sink):
             raise SinkError("full")
 
     def delivery_so_far(self) -> Any:
-        return self.told
+        return self.reported
 
     def close(self) -> Any:
-        return self.told
+        return self.reported
 
 
 @given(st.builds(Delivery, **COUNTS), st.integers(0, 40), st.booleans())
-def test_counts_add_up_whatever_is_told(told: Delivery, handed: int, is_final: bool) -> None:
-    counts, off = balanced(told, handed, is_final=is_final)
+def test_counts_add_up_whatever_is_reported(reported: Delivery, handed: int, is_final: bool) -> None:
+    counts, off = balanced(reported, handed, is_final=is_final)
     due = handed + counts.recovered
     assert min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered) >= 0
     assert total(counts) == due if is_final else total(counts) <= due
-    assert counts.delivered <= max(0, told.delivered)
-    is_right = total(told) == handed + told.recovered if is_final else total(told) <= handed + told.recovered
-    is_right = is_right and min(told.delivered, told.spooled, told.dropped, told.withheld, told.recovered) >= 0
+    assert counts.delivered <= max(0, reported.delivered)
+    is_right = (
+        total(reported) == handed + reported.recovered if is_final else total(reported) <= handed + reported.recovered
+    )
+    is_right = (
+        is_right
+        and min(reported.delivered, reported.spooled, reported.dropped, reported.withheld, reported.recovered) >= 0
+    )
     assert (off == 0) == is_right
-    assert counts == told if is_right else counts != told
+    assert counts == reported if is_right else counts != reported
 
 
 @pytest.mark.parametrize("figure", [float("nan"), None, 2.5, True, "5"])
@@ -62,12 +67,12 @@ def test_a_figure_that_is_no_number_of_events_counts_for_nothing(figure: Any) ->
 
 
 @given(st.builds(Delivery, **COUNTS), st.lists(st.integers(0, 9), max_size=4), st.integers(0, 3))
-def test_the_report_of_a_run_adds_up(told: Delivery, windows: list[int], fails_at: int) -> None:
-    report = pump([stub_window(count) for count in windows], {"a": Liar(told, fails_at=fails_at)})
+def test_the_report_of_a_run_adds_up(reported: Delivery, windows: list[int], fails_at: int) -> None:
+    report = pump([stub_window(count) for count in windows], {"a": Liar(reported, fails_at=fails_at)})
     (sink,) = report.sinks
     handed = sum(windows[:fails_at]) if 0 < fails_at <= len(windows) else sum(windows)
     assert total(sink) == handed + sink.recovered
-    if total(told) != sum(windows) + told.recovered:
+    if total(reported) != sum(windows) + reported.recovered:
         assert sink.error is not None
     if 0 < fails_at <= len(windows):
         assert sink.error == "full"
@@ -79,9 +84,9 @@ def test_a_live_sink_tells_by_how_much_its_figures_are_off() -> None:
     until(lambda: sink.status().queued_windows == 0 and sink.status().delivered == 5)
     assert sink.status().unbalanced >= 2
     sink.close(time.monotonic() + 60.0)
-    told = sink.status()
-    assert (told.given, told.delivered, told.dropped) == (5, 5, 0)
-    assert "do not add up, by 2 events" in (told.error or "")
+    reported = sink.status()
+    assert (reported.given, reported.delivered, reported.dropped) == (5, 5, 0)
+    assert "do not add up, by 2 events" in (reported.error or "")
 
 
 def test_what_a_sink_has_taken_that_does_not_close_is_not_delivered() -> None:
@@ -99,7 +104,7 @@ def test_what_a_sink_has_taken_that_does_not_close_is_not_delivered() -> None:
     sink.write(stub_window(5), threading.Event())
     until(lambda: sink.status().queued_windows == 0 and sink.status().delivered == 5)
     sink.close(time.monotonic() + 0.2)
-    told = sink.status()
+    reported = sink.status()
     ending.set()
-    assert (told.delivered, told.dropped, told.state) == (0, 5, "failed")
-    assert told.error == "it did not close before the deadline"
+    assert (reported.delivered, reported.dropped, reported.state) == (0, 5, "failed")
+    assert reported.error == "it did not close before the deadline"

@@ -35,7 +35,7 @@ def unlisted(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("year", ["1900", "2025", "2027", "9999", "0001"])
-def test_a_detection_outside_of_its_scene_is_told(copied: Path, year: str) -> None:
+def test_a_detection_outside_of_its_scene_is_reported(copied: Path, year: str) -> None:
     events = unlisted(copied)
     first, rest = events.read_text(encoding="utf-8").split("\n", 1)
     key = '"timestamp":"'
@@ -47,7 +47,7 @@ def test_a_detection_outside_of_its_scene_is_told(copied: Path, year: str) -> No
 
 
 @pytest.mark.parametrize("ending", [".manifest.json", ".jsonl", ".truth.jsonl"])
-def test_a_file_that_is_nested_without_end_is_told(copied: Path, ending: str) -> None:
+def test_a_file_that_is_nested_without_end_is_reported(copied: Path, ending: str) -> None:
     events = unlisted(copied)
     (copied / f"{events.stem}{ending}").write_text("[" * 200_000 + "]" * 200_000, encoding="utf-8")
     with pytest.raises(SceneError, match=r"is not an? |not what opir writes"):

@@ -109,14 +109,14 @@ def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path,
         for number in chosen(calls):
             fresh()
             disk.fail_at(number, error, lasts=lasts)
-            told = message_of(lambda: run_into(place, plans[2]))
+            reported = message_of(lambda: run_into(place, plans[2]))
             failed = disk.failed
             disk.heal()
             seed = read_manifest(place / "e.manifest.json")["seed"]
-            assert (told is None) == (seed == 2) or IS_THERE.search(told or ""), (number, told)
-            assert told is None or (place / "e.jsonl").name in told or str(place) in told, told
+            assert (reported is None) == (seed == 2) or IS_THERE.search(reported or ""), (number, reported)
+            assert reported is None or (place / "e.jsonl").name in reported or str(place) in reported, reported
             seed = load_run(place, host).manifest["seed"]  # finishes the run that is whole
-            assert seed == 2 if told is None else seed in (1, 2)
+            assert seed == 2 if reported is None else seed in (1, 2)
             run_into(place, plans[3])
             assert load_run(place, host).manifest["seed"] == 3
             assert sorted(path.name for path in place.iterdir()) == NAMES
@@ -150,13 +150,13 @@ def sink_into(
 
 def life(path: Path, when_full: str, carrier: Holding, first: int, **more: bool) -> tuple[Any, int, str | None]:
     """Return the counts of a sink that is given windows until it fails, how many events these had, and its error."""
-    sink, given, told = sink_into(path, carrier, when_full, **more), 0, None
+    sink, given, reported = sink_into(path, carrier, when_full, **more), 0, None
     for number in range(WINDOWS):
         given += ROWS
-        told = message_of(lambda: sink.write(window(ROWS, first + number * ROWS)))  # noqa: B023
-        if told is not None:
+        reported = message_of(lambda: sink.write(window(ROWS, first + number * ROWS)))  # noqa: B023
+        if reported is not None:
             break
-    return sink.close(), given, told
+    return sink.close(), given, reported
 
 
 @FAULT
@@ -175,14 +175,14 @@ def test_a_spool_loses_nothing_uncounted_whatever_call_fails(
             lives = []
             for place, carrier in enumerate(carriers[:2]):
                 try:
-                    told, given, failure = life(path, when_full, carrier, place * ROWS * WINDOWS)
+                    reported, given, failure = life(path, when_full, carrier, place * ROWS * WINDOWS)
                 except SinkError as refused:  # the spool cannot be opened: the run does not start
                     assert str(path) in str(refused)  # noqa: PT017
                     continue
-                total = told.delivered + told.spooled + told.dropped + told.withheld
-                assert total == given + told.recovered, (number, told, given)
-                assert (failure is None) or told.dropped > 0, (number, failure)
-                lives.append((told, place, given))
+                total = reported.delivered + reported.spooled + reported.dropped + reported.withheld
+                assert total == given + reported.recovered, (number, reported, given)
+                assert (failure is None) or reported.dropped > 0, (number, failure)
+                lives.append((reported, place, given))
             disk.heal()
             rest, _, _ = life(path, when_full, carriers[2], 2 * ROWS * WINDOWS)
             assert (rest.spooled, rest.dropped) == (0, 0), (number, rest)
@@ -197,7 +197,7 @@ def examine(lives: Sequence[tuple[Any, int, int]], rest: Any, carriers: Sequence
     given += whole[2 * ROWS * WINDOWS :]
     missing = set(given) - set(arrived)
     assert set(arrived) <= set(given)
-    assert len(missing) <= sum(told.dropped for told, _, _ in lives)
+    assert len(missing) <= sum(reported.dropped for reported, _, _ in lives)
     in_order = [name for name in given if name in arrived]
     for sensor in range(len(SENSORS)):
         place = {name: number for number, name in enumerate(whole) if number % len(SENSORS) == sensor}
@@ -216,9 +216,9 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
             patient = Policy(when_full="wait", wait_s=20.0, stall_s=5.0)
             sink = sink_into(path, carrier, "wait", patient, **more)
             disk.fail_at(number - opened - 4, errno.EIO, lasts=lasts, kinds=[*WRITING, READ], of=path_is(path))
-            told = []
+            reported = []
             writing = threading.Thread(
-                target=lambda: told.extend(  # noqa: B023
+                target=lambda: reported.extend(  # noqa: B023
                     message_of(lambda: sink.write(window(ROWS, place * ROWS)))  # noqa: B023
                     for place in range(WINDOWS)
                 )
@@ -227,7 +227,7 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
             writing.join(0.1)
             disk.heal()
             writing.join(20.0)
-            assert told == [None] * WINDOWS
+            assert reported == [None] * WINDOWS
             counts = sink.close()
             assert (counts.delivered, counts.dropped, counts.complaint) == (ROWS * WINDOWS, 0, None), number
             assert list(dict.fromkeys(carrier.ids)) == ids_of(window(ROWS * WINDOWS))
@@ -249,10 +249,10 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: in
             folder.mkdir()
             plan = plan_in(folder)
             disk.fail_at(number, error, lasts=lasts)
-            told = message_of(lambda: run_into(folder, plan))  # noqa: B023
+            reported = message_of(lambda: run_into(folder, plan))  # noqa: B023
             disk.heal()
             lines = (folder / "e.jsonl").read_bytes().splitlines() if (folder / "e.jsonl").exists() else []
-            assert told is not None or list(dict.fromkeys(lines)) == whole, number
+            assert reported is not None or list(dict.fromkeys(lines)) == whole, number
             run_into(folder, plan)
             lines = (folder / "e.jsonl").read_bytes().splitlines()
             assert list(dict.fromkeys(lines)) == whole, number

@@ -59,9 +59,9 @@ def test_an_event_says_what_each_band_of_its_sensor_measured(window: Window) -> 
     ):
         event = json.loads(line)
         VALIDATOR.validate(event)
-        told = event.pop("band_irradiance_w_m2")
-        assert list(told) == [band.name for band in SENSORS[sensor].bands]
-        assert list(told.values()) == pytest.approx(measured[: len(told)].tolist(), rel=5.000001e-6, abs=1e-290)
+        reported = event.pop("band_irradiance_w_m2")
+        assert list(reported) == [band.name for band in SENSORS[sensor].bands]
+        assert list(reported.values()) == pytest.approx(measured[: len(reported)].tolist(), rel=5.000001e-6, abs=1e-290)
         assert event == json.loads(plain)
 
 
@@ -115,11 +115,11 @@ def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     events, found = events_of(plan, "forge-bands"), opir.simulate(plan.scene).detections
     assert len(events) == len(found) > 100
     for event, measured, sensor in zip(events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True):
-        told = event["band_irradiance_w_m2"]
+        reported = event["band_irradiance_w_m2"]
         assert set(event) == {*detection_schema()["required"], "band_irradiance_w_m2"}
-        assert list(told) == [band.name for band in plan.sensors[sensor].bands]
-        assert list(told.values()) == pytest.approx(measured[: len(told)], rel=5.1e-6)
-        assert set(event["bands"]) <= set(told)
+        assert list(reported) == [band.name for band in plan.sensors[sensor].bands]
+        assert list(reported.values()) == pytest.approx(measured[: len(reported)], rel=5.1e-6)
+        assert set(event["bands"]) <= set(reported)
     assert {len(event["band_irradiance_w_m2"]) for event in events} == {1, 2, 3}
 
 

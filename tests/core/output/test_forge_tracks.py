@@ -58,8 +58,8 @@ def windows(draw: st.DrawFn) -> Window:
     return stub_window(count, estimates=stub_estimates(rows, **columns), estimate=estimate, track=estimate)
 
 
-def told(state: FloatArray, time_s: float, covariance: FloatArray, document: Any) -> None:
-    """Check a state against the columns it is told from."""
+def reported(state: FloatArray, time_s: float, covariance: FloatArray, document: Any) -> None:
+    """Check a state against the columns it is reported from."""
     if not np.isfinite(state).all():
         assert document is None
         return
@@ -85,12 +85,12 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
             assert (state, burnout, types, available, weighed) == (None, None, None, None, [None] * 6)
             continue
         assert available == time_texts(estimates.available_s[row : row + 1], EPOCH_US)[0]
-        told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
+        reported(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
         radii = estimates.state_sigmas[row]
         if state is not None:
             assert state["ellipsoid_sigmas"] == (radii.tolist() if np.isfinite(radii).all() else None)
         assert burnout is None or burnout["ellipsoid_sigmas"] is None
-        told(estimates.burnout[row, :6], estimates.burnout[row, 6], estimates.burnout_covariance[row], burnout)
+        reported(estimates.burnout[row, :6], estimates.burnout[row, 6], estimates.burnout_covariance[row], burnout)
         shares = estimates.type_probability[row]
         if np.isfinite(shares).all():
             assert list(types) == list(REPORTED_TYPES)
@@ -144,9 +144,9 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
             assert [event[name] for name in ADDED] == [None] * len(ADDED)
             continue
         tracked += 1
-        told(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])
+        reported(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])
         burnout, covariance = run.estimates.burnout[row], run.estimates.burnout_covariance[row]
-        told(burnout[:6], burnout[6], covariance, event["burnout"])
+        reported(burnout[:6], burnout[6], covariance, event["burnout"])
     assert (tracked > 100) == (tracker != "none")
 
 

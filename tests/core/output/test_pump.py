@@ -14,7 +14,7 @@ from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
 
 
 class Recorder(Sink):
-    """A sink that counts, and fails when told to."""
+    """A sink that counts, and fails on request."""
 
     def __init__(self, *, fails_at: int | None = None, fails_to_close: BaseException | None = None) -> None:
         self.windows: list[Window] = []
@@ -123,11 +123,11 @@ def test_a_defect_in_a_sink_is_passed_on_with_every_sink_closed() -> None:
     assert (broken.closed, good.closed) == (1, 1)
 
 
-def test_progress_is_told_once_a_window_is_taken() -> None:
+def test_progress_is_reported_once_a_window_is_taken() -> None:
     sink = Recorder()
-    told: list[tuple[int, int]] = []
-    pump(stream(2, 3), {"a": sink}, on_window=lambda window: told.append((len(window.detections), sink.delivered)))
-    assert told == [(2, 2), (3, 5)]
+    reported: list[tuple[int, int]] = []
+    pump(stream(2, 3), {"a": sink}, on_window=lambda window: reported.append((len(window.detections), sink.delivered)))
+    assert reported == [(2, 2), (3, 5)]
 
 
 def test_a_sink_that_fails_to_close_is_reported() -> None:

@@ -73,9 +73,9 @@ def good(kept: Path, tmp_path: Path) -> Path:
 def test_the_manifest_has_the_sum_of_every_file(good: Path) -> None:
     files = contents(good)
     assert tuple(files) == NAMES
-    told = read_manifest(good / "e.manifest.json")["written_files"]
-    assert [(each["kind"], each["name"]) for each in told] == [("events", "e.jsonl"), ("truth", "e.truth.jsonl")]
-    for each in told:
+    reported = read_manifest(good / "e.manifest.json")["written_files"]
+    assert [(each["kind"], each["name"]) for each in reported] == [("events", "e.jsonl"), ("truth", "e.truth.jsonl")]
+    for each in reported:
         assert each["sha256"] == sha256(files[each["name"]]).hexdigest()
         assert each["bytes"] == len(files[each["name"]]) > 0
 
@@ -263,9 +263,9 @@ def test_a_device_gets_the_events_and_has_nothing_beside_it(
     (tmp_path / "null").symlink_to(os.devnull)
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(scene), "--out", "null", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["files"] == {}
-    assert next(iter(told["outputs"].values()))["delivered"] > 0
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["files"] == {}
+    assert next(iter(reported["outputs"].values()))["delivered"] > 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["null", "scene.yaml"]
 
 
@@ -317,6 +317,6 @@ def test_files_without_a_manifest_are_put_in_place_too(tmp_path: Path) -> None:
     part = files.stage(tmp_path / "e.jsonl")
     part.write_text("after", encoding="utf-8")
     assert (tmp_path / "e.jsonl").read_text(encoding="utf-8") == "before"
-    told = files.commit({})["written_files"]
-    assert told[0]["sha256"] == sha256(b"after").hexdigest()
+    reported = files.commit({})["written_files"]
+    assert reported[0]["sha256"] == sha256(b"after").hexdigest()
     assert contents(tmp_path) == {"e.jsonl": b"after"}

@@ -158,11 +158,11 @@ def test_a_carrier_that_refuses_for_good_ends_a_sink_without_a_spool() -> None:
     until(lambda: sink.delivery_so_far().complaint is not None)
     with pytest.raises(SinkError, match="stub: the broker refuses it"):
         sink.write(window(5, 5))
-    told = sink.close()
-    assert (told.delivered, told.spooled, told.dropped) == (0, 0, 5)
+    reported = sink.close()
+    assert (reported.delivered, reported.spooled, reported.dropped) == (0, 0, 5)
 
 
-def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> None:
+def test_a_carrier_that_fails_at_the_end_is_reported_by_closing(tmp_path: Path) -> None:
     carrier = Holding("hold")
     sinks = {"a": spooled(tmp_path / "spool", carrier), "b": unspooled(Holding("hold"))}
     report = pump([window(5)], sinks)
@@ -206,9 +206,9 @@ def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
     began = time.monotonic()
     sink.close_by(began + 2.5)
     filling.join()
-    told = sink.close()
+    reported = sink.close()
     assert time.monotonic() - began < 30.0  # of 60 s for which the sink may wait, on a machine that does other work
-    assert told.spooled > 10_000
+    assert reported.spooled > 10_000
     assert "is full" in str(refused[0])
 
 
@@ -297,9 +297,9 @@ def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_p
     origin = Origin(0, SENSORS[:2])
     transport = WindowTransport(MemorySink(lambda: ENCODER), origin)
     second = TransportSink("stub", transport, Journal(spool, MIB), WindowBatcher(ENCODER, origin), QUICK)
-    told = second.close()
-    assert (told.delivered, told.spooled, told.recovered) == (0, 5, 5)
-    assert "holds events of S-2, which the scene does not have" in str(told)
+    reported = second.close()
+    assert (reported.delivered, reported.spooled, reported.recovered) == (0, 5, 5)
+    assert "holds events of S-2, which the scene does not have" in str(reported)
 
 
 def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
@@ -402,8 +402,8 @@ def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time
     assert sink.delivery_so_far().spooled > 0
     began = time.monotonic()
     sink.close_by(began + 2.2)
-    told = sink.close()
+    reported = sink.close()
     assert time.monotonic() - began < 30.0  # of 60 s for all
-    assert told.delivered + told.spooled == 300
-    assert told.delivered == (tmp_path / "lines").read_bytes().count(b"\n")
-    assert told.spooled > 0
+    assert reported.delivered + reported.spooled == 300
+    assert reported.delivered == (tmp_path / "lines").read_bytes().count(b"\n")
+    assert reported.spooled > 0

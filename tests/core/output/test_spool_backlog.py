@@ -30,9 +30,9 @@ def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
     sink = small(tmp_path, Holding("hold"), "refuse", is_spooled=is_spooled)
     with pytest.raises(SinkError, match=r"stub: its (spool .*|queue) is full, with \d+ events that wait"):
         overfill(sink)
-    told = sink.close()
-    assert (told.spooled > 1000) is is_spooled
-    assert told.spooled + told.dropped > 1000
+    reported = sink.close()
+    assert (reported.spooled > 1000) is is_spooled
+    assert reported.spooled + reported.dropped > 1000
 
 
 @pytest.mark.slow
@@ -42,10 +42,10 @@ def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: 
     sink = small(tmp_path, carrier, "drop-newest", is_spooled=is_spooled)
     events = overfill(sink)
     carrier.release()
-    told = sink.close()
-    assert told.dropped > 1000
-    assert told.delivered + told.dropped == events
-    assert carrier.ids == ids_of(window(events))[: told.delivered]
+    reported = sink.close()
+    assert reported.dropped > 1000
+    assert reported.delivered + reported.dropped == events
+    assert carrier.ids == ids_of(window(events))[: reported.delivered]
 
 
 @pytest.mark.slow
@@ -55,9 +55,9 @@ def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_p
     sink = small(tmp_path, carrier, "drop-oldest", is_spooled=is_spooled)
     events = overfill(sink)
     carrier.release()
-    told = sink.close()
-    assert told.dropped > 1000
-    assert told.delivered + told.dropped == events
+    reported = sink.close()
+    assert reported.dropped > 1000
+    assert reported.delivered + reported.dropped == events
     everything = ids_of(window(events))
     assert carrier.ids[-1] == everything[-1]
     place = {each: number for number, each in enumerate(everything)}
@@ -100,7 +100,7 @@ def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
 
 
 def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
-    """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
+    """SQLite's own bound on pages stands for the disk's: both are reported as SQLITE_FULL."""
     journal = Journal(str(tmp_path / "spool"), 1 << 40)
     pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
     journal._database.execute(f"PRAGMA max_page_count = {pages + 400}")
@@ -109,9 +109,9 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="is full"):
         overfill(sink)
     carrier.release()
-    told = sink.close()
-    assert told.delivered > 1000
-    assert carrier.ids == ids_of(window(told.delivered))
+    reported = sink.close()
+    assert reported.delivered > 1000
+    assert carrier.ids == ids_of(window(reported.delivered))
 
 
 def put_for_ever(journal: Journal, parcel: Batch) -> None:

@@ -59,11 +59,11 @@ def test_a_spool_that_is_whole_is_left_alone(spool: Path) -> None:
 def test_one_flipped_byte_costs_one_batch_and_no_more(spool: Path, caplog: pytest.LogCaptureFixture) -> None:
     flip_body(spool, 350)
     damaged = spool.read_bytes()
-    told, ids = sent_from(spool)
+    reported, ids = sent_from(spool)
     whole = ids_of(window(BATCHES * ROWS))
     assert ids == whole[:300] + whole[400:]
-    assert (told.delivered, told.recovered, told.dropped, told.spooled) == (1900, 2000, 100, 0)
-    assert "1900 events are salvaged, 1 batches with at least 100 events are lost" in (told.complaint or "")
+    assert (reported.delivered, reported.recovered, reported.dropped, reported.spooled) == (1900, 2000, 100, 0)
+    assert "1900 events are salvaged, 1 batches with at least 100 events are lost" in (reported.complaint or "")
     assert "spool.damaged-1" in caplog.text
     assert (spool.parent / "spool.damaged-1").read_bytes() == damaged
     again, ids = sent_from(spool)
@@ -102,11 +102,11 @@ def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: in
     for _ in range(64):
         content[4096 * dice.choice(pages or [1]) + dice.randrange(4096)] ^= 1 << dice.randrange(8)
     spool.write_bytes(content)
-    told, ids = sent_from(spool)
+    reported, ids = sent_from(spool)
     whole = ids_of(window(BATCHES * ROWS))
     assert ids == [each for each in whole if each in set(ids)]
-    assert told.delivered == len(ids) == told.recovered - told.dropped
-    assert told.delivered == len(whole) or told.complaint is not None
+    assert reported.delivered == len(ids) == reported.recovered - reported.dropped
+    assert reported.delivered == len(whole) or reported.complaint is not None
     assert sent_from(spool)[0].complaint is None
 
 
@@ -158,10 +158,10 @@ def test_a_killed_salvage_is_begun_again_or_finished(
         patch.setattr(Path, "rename", stop)
         with nullcontext() if is_merged else disk_of(killed), pytest.raises(KeyboardInterrupt):
             salvage(killed)
-    told, ids = sent_from(killed)
+    reported, ids = sent_from(killed)
     whole = ids_of(window((BATCHES + 5) * ROWS))
     assert ids == whole[100:]
-    assert told.delivered == 2400
+    assert reported.delivered == 2400
 
 
 def test_a_spool_in_use_is_not_salvaged(spool: Path) -> None:
@@ -206,10 +206,10 @@ def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_pat
         assert counts.spooled + counts.dropped == given
         sink.write(window(ROWS, given))  # the limit is lifted
         carrier.release()
-        told = sink.close()
-        assert told.delivered + told.dropped == given + ROWS
+        reported = sink.close()
+        assert reported.delivered + reported.dropped == given + ROWS
         assert set(carrier.ids) >= set(ids_of(window(given + ROWS))[given:])
-        assert told.delivered == len(set(carrier.ids))
+        assert reported.delivered == len(set(carrier.ids))
     assert failed > 2 or when_full.startswith("drop")
 
 
@@ -246,12 +246,12 @@ def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name:
         sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), patient)
         for place in range(3):
             sink.write(window(ROWS, ROWS * place))
-        told = sink.close()
+        reported = sink.close()
         rest = TransportSink(
             "stub", carrier, Journal(journal.path, 64 * MIB), EncodedBatcher(ENCODER, SENSORS), patient
         ).close()
-        assert told.dropped == rest.dropped == 0
-        assert told.complaint is None
+        assert reported.dropped == rest.dropped == 0
+        assert reported.complaint is None
         assert list(dict.fromkeys(carrier.ids)) == ids_of(window(3 * ROWS))
         if failing.calls < number:
             break
@@ -279,8 +279,8 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
             if disk.failed == 0:
                 break
     assert number > 1
-    told, ids = sent_from(killed)
-    assert (told.complaint, ids) == (None, ids_of(window((BATCHES + 5) * ROWS)))
+    reported, ids = sent_from(killed)
+    assert (reported.complaint, ids) == (None, ids_of(window((BATCHES + 5) * ROWS)))
 
 
 def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(tmp_path: Path) -> None:
@@ -290,17 +290,17 @@ def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_s
     journal._database.execute("UPDATE parcel SET body = zeroblob(10) WHERE number = 2")
     sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
     sink.write(window(ROWS, 3 * ROWS))
-    told, whole = sink.close(), ids_of(window(4 * ROWS))
+    reported, whole = sink.close(), ids_of(window(4 * ROWS))
     assert carrier.ids == whole[:ROWS] + whole[2 * ROWS :]
-    assert (told.delivered, told.spooled, told.dropped, told.recovered) == (3 * ROWS, ROWS, 0, 3 * ROWS)
-    assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (told.complaint or "")
+    assert (reported.delivered, reported.spooled, reported.dropped, reported.recovered) == (3 * ROWS, ROWS, 0, 3 * ROWS)
+    assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (reported.complaint or "")
     again, ids = sent_from(tmp_path / "spool")
     assert (again.delivered, again.dropped, ids) == (0, ROWS, [])
     assert (tmp_path / "spool.damaged-1").exists()
 
 
 @pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls")
-def test_a_disk_that_cannot_be_read_is_told_and_read_again(tmp_path: Path) -> None:
+def test_a_disk_that_cannot_be_read_is_reported_and_read_again(tmp_path: Path) -> None:
     with FailingDisk(tmp_path) as disk:
         carrier = Holding()
         journal = Journal(str(tmp_path / "spool"), 64 * MIB)

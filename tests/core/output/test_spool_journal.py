@@ -1,4 +1,4 @@
-"""A spool's file: what is none is refused and left alone, damage is told, and whose it is is known."""
+"""A spool's file: what is none is refused and left alone, damage is reported, and whose it is is known."""
 
 import errno
 import random
@@ -76,14 +76,14 @@ def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         Journal(str(path), MIB)
 
 
-def test_an_error_that_more_room_does_not_mend_is_told_as_such(tmp_path: Path) -> None:
+def test_an_error_that_more_room_does_not_mend_is_reported_as_such(tmp_path: Path) -> None:
     journal = Journal(str(tmp_path / "spool"), MIB)
     journal.close()
     with pytest.raises(SinkError, match=r"the spool .*closed"):
         journal.after(0)
 
 
-def test_a_missing_folder_is_told(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="there is no folder"):
         Journal(str(tmp_path / "missing" / "spool"), MIB)
     with pytest.raises(SinkError, match="cannot be opened"):
@@ -92,7 +92,7 @@ def test_a_missing_folder_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
+def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(4):
@@ -110,12 +110,12 @@ def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path
     except SinkError as error:
         assert str(error).startswith(("the spool ", str(path)))  # noqa: PT017
     else:
-        told = sink.close()
+        reported = sink.close()
         assert set(carrier.ids) <= whole
-        assert told.complaint is not None or told.delivered == 800
+        assert reported.complaint is not None or reported.delivered == 800
 
 
-def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
+def test_a_spool_of_another_output_is_reported(tmp_path: Path) -> None:
     first = spooled(tmp_path / "spool", Holding("hold"))
     first.write(window(5))
     first.close()
@@ -127,10 +127,10 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
     )
-    told = second.close()
-    assert told.spooled == 5
-    assert told.complaint is not None
-    assert "give each output a spool of its own" in told.complaint
+    reported = second.close()
+    assert reported.spooled == 5
+    assert reported.complaint is not None
+    assert "give each output a spool of its own" in reported.complaint
 
 
 def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:

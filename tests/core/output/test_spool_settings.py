@@ -51,8 +51,8 @@ def test_with_a_spool_the_same_lines_arrive(tmp_path: Path) -> None:
 def test_a_scene_with_a_spool_is_written_out_and_read_back(tmp_path: Path) -> None:
     setting = f'outputs=[{{"null": {{"spool": {spool_setting(tmp_path, max_bytes=5_000_000)}}}}}]'
     scene = load_scene(SCENE, overrides=[setting])
-    told = scene_mapping(scene)["outputs"][0]["null"]["spool"]
-    assert (told["max_bytes"], told["when_full"]) == (5_000_000, "refuse")
+    reported = scene_mapping(scene)["outputs"][0]["null"]["spool"]
+    assert (reported["max_bytes"], reported["when_full"]) == (5_000_000, "refuse")
     assert scene_from_mapping(scene_mapping(scene)) == scene
     assert scene_hash(scene) != scene_hash(load_scene(SCENE, overrides=['outputs=["null"]']))
 
@@ -68,13 +68,13 @@ def test_a_scene_with_a_spool_is_written_out_and_read_back(tmp_path: Path) -> No
         ("{path: a, sise: 5}", "unknown key"),
     ],
 )
-def test_what_is_wrong_with_a_spool_is_told_with_its_place(spool: str, message: str) -> None:
+def test_what_is_wrong_with_a_spool_is_reported_with_its_place(spool: str, message: str) -> None:
     with pytest.raises(SceneError) as caught:
         load_scene(SCENE, overrides=["outputs=[{'null': {}}]", f"outputs[0].null.spool={spool}"])
     assert message in str(caught.value)
 
 
-def test_a_misspelt_spool_is_told() -> None:
+def test_a_misspelt_spool_is_reported() -> None:
     with pytest.raises(SceneError, match="did you mean spool"):
         load_scene(SCENE, overrides=["outputs=[{'null': {spol: {path: a}}}]"])
 

@@ -74,7 +74,7 @@ def test_no_times_make_no_text() -> None:
 
 
 @given(st.floats(), st.sampled_from([EPOCH_US, FIRST_UNIX_US, END_UNIX_US - 1]))
-def test_seconds_that_a_timestamp_cannot_say_are_told_apart(time_s: float, epoch_us: int) -> None:
+def test_seconds_that_a_timestamp_cannot_say_are_distinguished(time_s: float, epoch_us: int) -> None:
     unix_us, writable = writable_unix_microseconds(np.array([time_s]), epoch_us)
     if writable[0]:
         assert abs(int(unix_us[0]) - epoch_us - time_s * 1e6) <= 1 + abs(time_s) * 1e-9

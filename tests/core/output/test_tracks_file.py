@@ -143,8 +143,8 @@ def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: 
     none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
     whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
     without = tracks_of(1, impact_regions=[()])
-    told = [written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)]
-    assert told == [None, 0.5, None]
+    reported = [written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)]
+    assert reported == [None, 0.5, None]
 
 
 def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path: Path) -> None:

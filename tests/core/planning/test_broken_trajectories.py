@@ -56,7 +56,7 @@ def test_the_trajectories_as_they_should_be_run():
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "reported"),
     [
         (lambda position: position[:-1], "positions as float64 of shape (5, 3) for 6 times; floats of shape (6, 3)"),
         (lambda position: position.T, "positions as float64 of shape (3, 6) for 6 times"),
@@ -74,16 +74,16 @@ def test_the_trajectories_as_they_should_be_run():
         (lambda position: position[99], "position_ecef_m raised IndexError"),
     ],
 )
-def test_wrong_positions_are_told_with_their_owner(spoil, told):
+def test_wrong_positions_are_reported_with_their_owner(spoil, reported):
     with pytest.raises(ModelError) as caught:
         run_with(Drawn(spoil))
     assert str(caught.value).startswith("targets[0]: the target model 'drawn' of plugin Plugin")
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     assert "`opir check drawn` shows what is required" in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({"burnout_s": np.full(2, np.inf)}, "A burning from 5 to inf s; a burn ends after it begins"),
         ({"burnout_s": np.array([65.0, 1e12])}, "B burning from 5 to 1e+12 s"),
@@ -96,12 +96,12 @@ def test_wrong_positions_are_told_with_their_owner(spoil, told):
         ({"warnings": None}, "warnings as None; a list of problems is required"),
     ],
 )
-def test_wrong_columns_are_told_with_their_owner(changes, told):
+def test_wrong_columns_are_reported_with_their_owner(changes, reported):
     with pytest.raises(ModelError) as caught:
         run_with(Drawn(**changes))
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
-def test_a_row_that_is_missing_from_long_answers_alone_is_told():
+def test_a_row_that_is_missing_from_long_answers_alone_is_reported():
     with pytest.raises(ModelError, match=r"returned positions as \(\d+, 3\) for \d+ times; \(\d+, 3\) is required"):
         run_with(Drawn(lambda position: position[:-1] if len(position) > 50 else position))

@@ -32,7 +32,7 @@ TABLES = """targets:
 
 
 @pytest.fixture
-def told(tmp_path, monkeypatch, capsys):
+def reported(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.json").write_text("[]")
     (tmp_path / "empty.csv").write_text("")
@@ -45,16 +45,16 @@ def told(tmp_path, monkeypatch, capsys):
     return validated
 
 
-def test_two_files_that_are_none_are_two_problems(told):
-    assert told(HEAD + FILES) == [
+def test_two_files_that_are_none_are_two_problems(reported):
+    assert reported(HEAD + FILES) == [
         "opir: scene.yaml: 2 problems",
         "  sensors[0].orbit.omm_file.path: a.json: holds no OMM; exactly one is needed (line 5, column 62)",
         "  sensors[1].orbit.omm_file.path: b.json: cannot be read: No such file or directory (line 9, column 24)",
     ]
 
 
-def test_sensors_and_targets_are_told_together(told):
-    head, *lines = told(HEAD + FILES + DECAYED + TABLES)
+def test_sensors_and_targets_are_reported_together(reported):
+    head, *lines = reported(HEAD + FILES + DECAYED + TABLES)
     assert head == "opir: scene.yaml: 5 problems"
     assert "sensors[2].orbit.tle: SGP4 has no position for object 28872 at 0.0 s" in lines[2]
     assert "targets[0].file: none.csv: cannot be read" in lines[3]
@@ -66,13 +66,13 @@ def test_sensors_and_targets_are_told_together(told):
     ]
 
 
-def test_a_setting_of_the_command_line_has_its_option_for_a_place(told):
-    lines = told(HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json")
+def test_a_setting_of_the_command_line_has_its_option_for_a_place(reported):
+    lines = reported(HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json")
     assert lines[1].endswith("(override 'sensors[0].orbit.omm_file.path=c.json')")
 
 
-def test_a_constellation_says_its_problem_once(told):
-    lines = told(HEAD + "  - {constellation: DSP, orbit: {omm_file: {path: a.json}}, orbital_slot_deg: null}\n")
+def test_a_constellation_says_its_problem_once(reported):
+    lines = reported(HEAD + "  - {constellation: DSP, orbit: {omm_file: {path: a.json}}, orbital_slot_deg: null}\n")
     assert len(lines) == 2
 
 

@@ -218,10 +218,10 @@ def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
 def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     sensors = [{"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0}]
     made = snr_scene(sensors, names="S", epoch="2026-03-20T11:00:00Z", duration_s=9000, detection="constant")
-    told = explained(compile_plan(made))
-    west, east = told["outages"]
+    reported = explained(compile_plan(made))
+    west, east = reported["outages"]
     assert (west["azimuth_at_stop_deg"], east["azimuth_at_start_deg"]) == pytest.approx((270.0, 90.0), abs=3.0)
-    assert west["stop_s"] == pytest.approx(told["eclipses"][0]["umbra_start_s"], abs=0.01)
+    assert west["stop_s"] == pytest.approx(reported["eclipses"][0]["umbra_start_s"], abs=0.01)
     assert 0.1 < west["share_of_field"] < 0.25
     # The field's own edge reaches the exclusion when the Sun is 15 degrees from nadir.
     assert west["start_s"] == pytest.approx(446.0, abs=1.0)

@@ -86,7 +86,7 @@ def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.Monkey
     assert len(calls) == 50
 
 
-def test_names_are_told_apart() -> None:
+def test_names_are_distinguished() -> None:
     keys = {stream_key(1, "ab", "c"), stream_key(1, "a", "bc"), stream_key(1, "abc"), stream_key(11, "ab", "c")}
     assert len(keys) == 4
 

@@ -1,4 +1,4 @@
-"""What can be told in two ways is told in one: both in one block is an error, and the nearer block wins."""
+"""What can be reported in two ways is reported in one: both in one block is an error, and the nearer block wins."""
 
 import itertools
 import sys
@@ -25,7 +25,7 @@ class Eye:
 
 @with_defaults(noise_w_cm2=5e-16)
 class CentimetreEye(Eye):
-    """By default told in the other way."""
+    """By default reported in the other way."""
 
 
 @hookimpl
@@ -49,7 +49,7 @@ def scene_of(*sensors: dict[str, Any], host: Any = HOST) -> Any:
     return scene_from_mapping({**good_mapping(), "sensors": list(sensors)}, host=host)
 
 
-def told(**block: Any) -> tuple[float, float | None]:
+def reported(**block: Any) -> tuple[float, float | None]:
     """Return what a sensor's configuration has: W/m² of its own, and W/cm² where that is what counts."""
     named = {} if "constellation" in block else {"id": "A"}
     config = scene_of({**named, **block}).sensors[0].model.config
@@ -57,7 +57,7 @@ def told(**block: Any) -> tuple[float, float | None]:
 
 
 def effective_w_m2(**block: Any) -> float:
-    plain, other = told(**block)
+    plain, other = reported(**block)
     return plain if other is None else other * 1e4
 
 
@@ -88,7 +88,7 @@ def test_both_in_one_block_is_one_error_with_its_place() -> None:
     assert any(line.startswith("sensors[0].slot_deg") for line in lines)
 
 
-def test_one_of_them_set_to_none_is_not_told() -> None:
+def test_one_of_them_set_to_none_is_not_reported() -> None:
     assert effective_w_m2(model="CM-EYE", **M, noise_w_cm2=None) == 7e-12
     assert effective_w_m2(model="CM-EYE", noise_w_cm2=None) == 1e-12
 

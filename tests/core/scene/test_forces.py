@@ -1,4 +1,4 @@
-"""The scene's forces: read, written, told, and handed to targets and trackers."""
+"""The scene's forces: read, written, reported, and handed to targets and trackers."""
 
 from typing import Any
 
@@ -86,7 +86,7 @@ def watched(forces: str) -> Any:
     return watcher.seen[0].forces
 
 
-def test_trackers_are_told():
+def test_trackers_are_reported():
     assert watched("kepler") == "kepler"
     assert watched("[j3, j2]") == Forces(zonal=("j2", "j3"))
     assert watched("[drag: {ballistic_coefficient_kg_m2: 700}]") == Forces(zonal=(), drag=Drag(700.0))
@@ -96,9 +96,9 @@ def test_trackers_are_told():
 
 def test_explain_and_the_manifest_tell_them():
     scene = load_scene(ONE_TARGET, overrides=["forces=[j2, drag]", "outputs=[]"])
-    told = explained(compile_plan(scene))
-    assert told["forces"] == ["j2", "drag"]
-    assert not any("numerical" in line for line in told["not_computed"])
+    reported = explained(compile_plan(scene))
+    assert reported["forces"] == ["j2", "drag"]
+    assert not any("numerical" in line for line in reported["not_computed"])
     plain = explained(compile_plan(load_scene(ONE_TARGET)))
     assert plain["forces"] == ["kepler"]
     assert any("numerical" in line for line in plain["not_computed"])

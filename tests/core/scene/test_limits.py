@@ -48,6 +48,6 @@ def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_problems_beyond_a_number_are_counted() -> None:
-    told = problems(targets=[3] * (nodes.MAXIMUM_PROBLEMS + 5))
-    assert len(told) == nodes.MAXIMUM_PROBLEMS + 1
-    assert told[-1] == "and 5 more problems"
+    reported = problems(targets=[3] * (nodes.MAXIMUM_PROBLEMS + 5))
+    assert len(reported) == nodes.MAXIMUM_PROBLEMS + 1
+    assert reported[-1] == "and 5 more problems"

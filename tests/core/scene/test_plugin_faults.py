@@ -12,7 +12,7 @@ from opir_core.errors import PluginError
 from opir_core.plugin import Constellation
 
 
-def test_all_missing_components_are_told_at_once() -> None:
+def test_all_missing_components_are_reported_at_once() -> None:
     with pytest.raises(PluginError) as caught:
         read(sensors=[{"constellation": "FLET"}, {"model": "SCANER", "id": "A"}], tracker="arcs", detection="snr")
     lines = [line for line in str(caught.value).splitlines() if not line.startswith(" ")]
@@ -25,7 +25,7 @@ def test_all_missing_components_are_told_at_once() -> None:
     assert caught.value.exit_code == 3
 
 
-def test_one_missing_component_is_told_once() -> None:
+def test_one_missing_component_is_reported_once() -> None:
     targets = [{**target, "model": "glider"} for target in good_mapping()["targets"]]
     with pytest.raises(PluginError) as caught:
         read(targets=targets)
@@ -101,7 +101,7 @@ def test_a_configuration_class_that_cannot_be_read(config: type, words: str) -> 
     assert str(caught.value) == f"tracker: tracker 'other' of plugin other (registered by this program): {words}"
 
 
-def test_an_encoder_that_is_missing_is_told() -> None:
+def test_an_encoder_that_is_missing_is_reported() -> None:
     with pytest.raises(PluginError, match=r"outputs\[0\]\.encoder: no event encoder is named 'round'"):
         read("outputs[0].jsonl.encoder=round")
 

@@ -218,7 +218,7 @@ def test_sources_are_read() -> None:
 
 def test_sources_need_ids_of_their_own() -> None:
     target = good_mapping()["targets"][0]
-    told = problems(
+    reported = problems(
         targets=[{**target, "id": "steppe-7"}, {**target, "id": "T1"}],
         sources=[
             {"id": "steppe", "model": "fires"},
@@ -228,7 +228,7 @@ def test_sources_need_ids_of_their_own() -> None:
             {"model": "fires"},
         ],
     )
-    assert told == [
+    assert reported == [
         "sources[0].id: the target steppe-7 has an id of this source's emitters",
         "sources[1].id: the target T1 has an id of this source's emitters",
         "sources[3].id: a is the id of sources[2] already",

@@ -23,8 +23,8 @@ def test_reports_are_at_once_by_default() -> None:
 
 def test_stages_are_in_order_and_those_left_out_have_none() -> None:
     stages = stages_of({"processing": {"mean_s": 2.0, "sigma_s": 0.5}, "on_board": {"mean_s": 1}})
-    told = [(stage.name, stage.mean_s, stage.sigma_s) for stage in stages]
-    assert told == [("on_board", 1.0, 0.0), ("downlink", 0.0, 0.0), ("processing", 2.0, 0.5)]
+    reported = [(stage.name, stage.mean_s, stage.sigma_s) for stage in stages]
+    assert reported == [("on_board", 1.0, 0.0), ("downlink", 0.0, 0.0), ("processing", 2.0, 0.5)]
 
 
 def test_the_paper_s_ground_chain_has_the_moments_of_its_range() -> None:

@@ -84,7 +84,7 @@ class Story(NamedTuple):
     found: list[np.ndarray]
 
 
-def told(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tuple[str, str], Story]:
+def reported(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tuple[str, str], Story]:
     """Return what becomes of each class before each sensor."""
     one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
@@ -104,7 +104,7 @@ def told(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tu
 @pytest.fixture(scope="module")
 def stories() -> dict[tuple[str, str], Story]:
     """Return what becomes of each class before each sensor, through humid air, before the sunlit Earth."""
-    return told(TARGETS, fleet(), atmosphere={"model": "lowtran", "climate": "tropical"}, background="earth")
+    return reported(TARGETS, fleet(), atmosphere={"model": "lowtran", "climate": "tropical"}, background="earth")
 
 
 @pytest.mark.parametrize("model", SENSORS)
@@ -154,7 +154,7 @@ def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
     for climate, cloud in itertools.product(CLIMATES, CLOUDS):
         sky = {"model": "lowtran", "climate": climate, **cloud}
         seldom = fleet(scan_period_ms=500.0)
-        for cell, story in told(FEW, seldom, atmosphere=sky, background="earth", duration_s=60.0).items():
+        for cell, story in reported(FEW, seldom, atmosphere=sky, background="earth", duration_s=60.0).items():
             law = np.concatenate([[0.0], 1.0 - np.cumprod(1.0 - story.chance), [1.0]])
             for scans in story.found:
                 step = np.searchsorted(story.scan, scans[0]) if len(scans) else len(story.scan)

@@ -149,14 +149,14 @@ def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypa
     assert np.abs(plan.detection.environment.paths(exposed).height_m - true_m).max() < 3e-8
 
 
-def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
+def test_pitch_over_is_reported_beside_what_plumes_and_air_tell() -> None:
     plan = planned("none", {})
-    told_s = plan.detection.breakpoints_s()
+    reported_s = plan.detection.breakpoints_s()
     pitched_s = plan.targets.trajectories[0].course_breakpoints_s
     assert np.all((plan.targets.ignition_s < pitched_s[:, 0]) & (pitched_s[:, 0] < plan.targets.burnout_s))
     # The direction of flight is that over 0.1 s about a look, so it bends from 0.05 s before to 0.05 s after.
     for off_s in (-0.05, 0.05):
-        assert np.all((told_s[:, :, None] == pitched_s[:, None, :] + off_s).any(axis=(1, 2)))
+        assert np.all((reported_s[:, :, None] == pitched_s[:, None, :] + off_s).any(axis=(1, 2)))
     # Before it flight is vertical: the direction bends there, not sooner.
     everyone = np.arange(len(pitched_s), dtype=np.int32)
     up = plan.targets.position_ecef_m(everyone, plan.targets.ignition_s + 0.5)

@@ -146,8 +146,8 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     plan = evolve(plan, sensors=tuple(sensors), bias=PointingBias.drawn(plan.scene.seed, sensors))
     with TruthFile(tmp_path / "truth.jsonl", plan):
         pass
-    told = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
-    east = {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in told if row["record"] == "sensor"}
+    reported = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
+    east = {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in reported if row["record"] == "sensor"}
     assert list(east.values()) == plan.bias.east_rad.tolist()
     from opir_core.simulation.manifest import run_manifest
 
@@ -164,10 +164,10 @@ def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> No
     noisy = evolve(window, truth=evolve(window.truth, target=target))
     tally = Tally(plan)
     tally.count(noisy)
-    told = tally.summary()
-    assert told["counts"]["detections"] == len(window.detections)
-    assert told["counts"]["noise_detections"] == int((target < 0).sum())
-    assert sum(row["detections"] for row in told["targets"]) == int((target >= 0).sum())
+    reported = tally.summary()
+    assert reported["counts"]["detections"] == len(window.detections)
+    assert reported["counts"]["noise_detections"] == int((target < 0).sum())
+    assert sum(row["detections"] for row in reported["targets"]) == int((target >= 0).sum())
     with TruthFile(tmp_path / "truth.jsonl", plan) as truth:
         truth.write(noisy)
     rows = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]

@@ -146,8 +146,10 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float
         part = [row for row in rows if before_ns <= row[0] < tick_ns]
         due = [row for row in part if row[2] < tick_ns + lag_ns]
         late += len(part) - len(due)
-        told = zip(given.time_ns.tolist(), given.sensor.tolist(), map(tuple, given.detection_id.tolist()), strict=True)
-        assert sorted(told) == sorted((row[0], row[1], row[3]) for row in due)
+        reported = zip(
+            given.time_ns.tolist(), given.sensor.tolist(), map(tuple, given.detection_id.tolist()), strict=True
+        )
+        assert sorted(reported) == sorted((row[0], row[1], row[3]) for row in due)
         assert np.all(np.diff(given.time_ns) >= 0)
         before_ns = tick_ns
     assert (late > 0) == (lag_s is not None)

@@ -154,8 +154,8 @@ def test_a_scene_without_latency_imports_nothing_for_it() -> None:
         "import json, sys; from late_scene import late_scene; import opir_core as opir;"
         "opir.simulate(late_scene('none')); print(json.dumps(sorted(sys.modules)))"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_paths())
-    assert "opir_core.simulation.reporting" not in json.loads(told.stdout)
+    reported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_paths())
+    assert "opir_core.simulation.reporting" not in json.loads(reported.stdout)
 
 
 def _paths() -> dict[str, str]:

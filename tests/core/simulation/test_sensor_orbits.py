@@ -55,11 +55,11 @@ def test_fields_that_suit_their_orbits_raise_no_warning(model, half_angle_deg, o
     ],
 )
 def test_fields_of_another_orbit_are_reported(model, half_angle_deg, orbit):
-    (told,) = warnings_of(half_angle_deg, model=model, orbit=orbit)
-    assert told.startswith("sensors[0]: its field of regard, ")
+    (reported,) = warnings_of(half_angle_deg, model=model, orbit=orbit)
+    assert reported.startswith("sensors[0]: its field of regard, ")
 
 
 def test_the_share_is_that_of_spherical_caps():
     """At 500 km the horizon is 68 deg from nadir; 10 deg meet the ground 0.79 deg from the point below, 0.13 %."""
-    (told,) = warnings_of(10.0, model="generic-scanner", orbit=LEO)
-    assert "10 deg about nadir, holds 0.13% of the ground that it could see; the horizon is at 68 deg" in told
+    (reported,) = warnings_of(10.0, model="generic-scanner", orbit=LEO)
+    assert "10 deg about nadir, holds 0.13% of the ground that it could see; the horizon is at 68 deg" in reported

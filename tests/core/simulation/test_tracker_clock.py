@@ -75,7 +75,7 @@ def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
 
 
 class Watched:
-    """A tracker that counts its steps; told `never_idle`, it is stepped at every tick."""
+    """A tracker that counts its steps; reported `never_idle`, it is stepped at every tick."""
 
     def __init__(self, tracker, never_idle):
         self._tracker, self._never_idle, self.steps = tracker, never_idle, []

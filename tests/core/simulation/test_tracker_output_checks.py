@@ -1,4 +1,4 @@
-"""A tracker that breaks a promise is told in one message: whose it is, what it did where, and the way out."""
+"""A tracker that breaks a promise is reported in one message: whose it is, what it did where, and the way out."""
 
 import re
 
@@ -38,7 +38,7 @@ def fail(*_):
     raise KeyError("no such thing")
 
 
-def told(tick_s, **changes):
+def reported(tick_s, **changes):
     unknown = np.full((2, 7, 7), np.nan)
     tracks = Tracks(
         tick_s=np.full(2, tick_s),
@@ -58,7 +58,7 @@ def told(tick_s, **changes):
 HYPOTHESES = len(core_hypotheses())
 WEIGHED = np.full((2, HYPOTHESES), 1.0 / HYPOTHESES)
 
-#: What a method answers instead, and the words that it is told in.
+#: What a method answers instead, and the words that it is reported in.
 FAULTS = {
     "associate": [
         (fail, "associate raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
@@ -71,53 +71,56 @@ FAULTS = {
         (fail, "step at 1 s raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
         (lambda *_: None, "step at 1 s returned None, no opir_core.interfaces.records.Tracks"),
         (lambda *_: [], "step at 1 s returned a list, no opir_core.interfaces.records.Tracks"),
-        (lambda tick_s, _: told(tick_s, track=np.array([1, 0])), "step at 1 s returned tracks numbered [1, 0]"),
-        (lambda tick_s, _: told(tick_s, track=np.array([1, 1])), "step at 1 s returned tracks numbered [1, 1]"),
-        (lambda tick_s, _: told(tick_s, track=np.array([-1, 1])), "step at 1 s returned tracks numbered [-1, 1]"),
+        (lambda tick_s, _: reported(tick_s, track=np.array([1, 0])), "step at 1 s returned tracks numbered [1, 0]"),
+        (lambda tick_s, _: reported(tick_s, track=np.array([1, 1])), "step at 1 s returned tracks numbered [1, 1]"),
+        (lambda tick_s, _: reported(tick_s, track=np.array([-1, 1])), "step at 1 s returned tracks numbered [-1, 1]"),
         (
-            lambda tick_s, _: told(tick_s, state=np.zeros((2, 3))),
+            lambda tick_s, _: reported(tick_s, state=np.zeros((2, 3))),
             "step at 1 s returned state as float64 (2, 3), not 2 rows",
         ),
         (
-            lambda tick_s, _: told(tick_s, impact=np.zeros((3, 3))),
+            lambda tick_s, _: reported(tick_s, impact=np.zeros((3, 3))),
             "step at 1 s returned impact as float64 (3, 3), not 2",
         ),
-        (lambda tick_s, _: told(tick_s, launch=None), "step at 1 s returned launch as None, not 2 rows of shape (3,)"),
-        (lambda tick_s, _: told(tick_s + 5.0), "step at 1 s returned tick_s 6, not that of the step"),
         (
-            lambda tick_s, _: told(tick_s, impact_regions=np.zeros(2)),
+            lambda tick_s, _: reported(tick_s, launch=None),
+            "step at 1 s returned launch as None, not 2 rows of shape (3,)",
+        ),
+        (lambda tick_s, _: reported(tick_s + 5.0), "step at 1 s returned tick_s 6, not that of the step"),
+        (
+            lambda tick_s, _: reported(tick_s, impact_regions=np.zeros(2)),
             "step at 1 s returned impact_regions as float64 (2,), not 2 tuples of opir_core.ImpactRegion",
         ),
         (
-            lambda tick_s, _: told(tick_s, impact_regions=np.array([None, ()], dtype=object)),
+            lambda tick_s, _: reported(tick_s, impact_regions=np.array([None, ()], dtype=object)),
             "step at 1 s returned impact_regions that are not tuples of opir_core.ImpactRegion",
         ),
         (
-            lambda tick_s, _: told(tick_s, impact_regions=np.array([(), (3,)], dtype=object)),
+            lambda tick_s, _: reported(tick_s, impact_regions=np.array([(), (3,)], dtype=object)),
             "step at 1 s returned impact_regions that are not tuples of opir_core.ImpactRegion",
         ),
         (
-            lambda tick_s, _: told(tick_s, impact_method=np.array([0, 2], dtype=np.uint8)),
+            lambda tick_s, _: reported(tick_s, impact_method=np.array([0, 2], dtype=np.uint8)),
             "step at 1 s returned impact_method [0, 2], not codes into ('posterior', 'paper')",
         ),
         (
-            lambda tick_s, _: told(tick_s, end=np.array([0, 4], dtype=np.uint8)),
+            lambda tick_s, _: reported(tick_s, end=np.array([0, 4], dtype=np.uint8)),
             "step at 1 s returned end [0, 4], not codes into ('', 'impact', 'orbit', 'lost')",
         ),
         (
-            lambda tick_s, _: told(tick_s, hypothesis_probability=np.ones((2, 2))),
+            lambda tick_s, _: reported(tick_s, hypothesis_probability=np.ones((2, 2))),
             "step at 1 s returned hypothesis_probability as float64 (2, 2), not 2 rows of shape",
         ),
         (
-            lambda tick_s, _: told(tick_s, hypothesis_probability=np.full((2, HYPOTHESES), 0.5 / HYPOTHESES)),
+            lambda tick_s, _: reported(tick_s, hypothesis_probability=np.full((2, HYPOTHESES), 0.5 / HYPOTHESES)),
             "step at 1 s returned hypothesis_probability that sums to [0.5, 0.5], not to 1",
         ),
         (
-            lambda tick_s, _: told(tick_s, probability_launch=np.array([0.5, 1.5])),
+            lambda tick_s, _: reported(tick_s, probability_launch=np.array([0.5, 1.5])),
             "step at 1 s returned probability_launch outside [0, 1]",
         ),
         (
-            lambda tick_s, _: told(tick_s, **({"hypothesis_probability": WEIGHED} if tick_s > 1.0 else {})),
+            lambda tick_s, _: reported(tick_s, **({"hypothesis_probability": WEIGHED} if tick_s > 1.0 else {})),
             f"step at 2 s returned {HYPOTHESES} hypotheses, after 0 at earlier ticks",
         ),
     ],
@@ -138,7 +141,7 @@ class Sound:
         return np.full(len(detections), -1, dtype=np.int64)
 
     def step(self, tick_s, detections):
-        return told(tick_s)
+        return reported(tick_s)
 
 
 def host_of(build):
@@ -171,7 +174,7 @@ def broken(method, answer):
 @pytest.mark.parametrize(
     ("method", "answer", "words"), [(method, *fault) for method, faults in FAULTS.items() for fault in faults]
 )
-def test_a_broken_promise_is_told_with_whose_it_is_and_the_way_out(method, answer, words):
+def test_a_broken_promise_is_reported_with_whose_it_is_and_the_way_out(method, answer, words):
     complaint = complaint_of(lambda *_: broken(method, answer))
     assert complaint.startswith(f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}")
     assert complaint.endswith("; `opir check frail` shows what is required")
@@ -186,11 +189,11 @@ def test_a_broken_promise_is_told_with_whose_it_is_and_the_way_out(method, answe
         (lambda *_: object(), r"build made an object without associate\(detections\) and step"),
     ],
 )
-def test_what_cannot_be_built_is_told_with_whose_it_is(build, words):
+def test_what_cannot_be_built_is_reported_with_whose_it_is(build, words):
     assert re.search(words, complaint_of(build))
 
 
-def test_the_line_told_is_the_trackers_and_no_librarys():
+def test_the_line_reported_is_the_trackers_and_no_librarys():
     def unsolvable(*_):
         return np.linalg.solve(np.zeros((2, 2)), np.zeros(2))
 
@@ -208,7 +211,7 @@ def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
 
 @pytest.mark.parametrize("weighed", [np.empty((2, 0)), WEIGHED, np.nan * WEIGHED])
 def test_a_sound_tracker_runs(weighed):
-    host = host_of(lambda *_: broken("step", lambda tick_s, _: told(tick_s, hypothesis_probability=weighed)))
+    host = host_of(lambda *_: broken("step", lambda tick_s, _: reported(tick_s, hypothesis_probability=weighed)))
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)
     assert len(run.tracks) == 2 * 15
 

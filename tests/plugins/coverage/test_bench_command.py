@@ -47,7 +47,7 @@ def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         (["budget"], "give a scene, or a sensor model"),
         (["budget", SCENE, "--sensor", "S9"], "'S9' is not one of DSP-1"),
@@ -58,9 +58,9 @@ def test_a_frame_is_written_as_picture_and_arrays(tmp_path):
         (["bands", "--sensor", "DSP", "--edges", "2,3"], "has none of these bands"),
     ],
 )
-def test_what_is_missing_is_told(words, told, tmp_path, capsys):
+def test_what_is_missing_is_reported(words, reported, tmp_path, capsys):
     assert main(["physics", *words]) != 0
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err
 
 
 def test_the_formula_of_the_paper_is_still_there(capsys):

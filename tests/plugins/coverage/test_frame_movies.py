@@ -68,7 +68,7 @@ def test_without_astropy_clips_are_arrays(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         (["--every", "0"], "give a time above 0"),
         (["--clips", "0"], "give at least 1"),
@@ -76,7 +76,7 @@ def test_without_astropy_clips_are_arrays(tmp_path, monkeypatch):
         (["--band", "LWIR"], "'LWIR' is not one of SWIR, MWIR"),
     ],
 )
-def test_impossible_movies_are_refused(words, told, tmp_path, capsys):
+def test_impossible_movies_are_refused(words, reported, tmp_path, capsys):
     assert main(["physics", "frame", *WORDS, *words, "-o", str(tmp_path / "SET")]) != 0
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err
     assert not (tmp_path / "SET").exists()

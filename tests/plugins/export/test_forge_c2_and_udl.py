@@ -282,6 +282,6 @@ def test_a_missile_track_as_bytes() -> None:
 @pytest.mark.parametrize("name", sorted(SCHEMAS))
 def test_the_command_prints_the_schema(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", name]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == SCHEMAS[name]
-    jsonschema.Draft202012Validator.check_schema(told)
+    reported = json.loads(capsys.readouterr().out)
+    assert reported == SCHEMAS[name]
+    jsonschema.Draft202012Validator.check_schema(reported)

@@ -161,8 +161,8 @@ def test_geojson_has_what_the_run_has(run: opir_core.Run, features: list[Any]) -
     kinds = Counter(each["properties"]["kind"] for each in features)
     assert kinds["sensor"] == kinds["footprint"] == len(run.sensors)
     assert kinds["ground track"] == kinds["launch"] == kinds["impact"] == len(run.target_ids)
-    told = run.tracks.take(np.flatnonzero(run.tracks.tick_s == run.tracks.tick_s[-1]))
-    assert kinds["predicted impact"] == np.isfinite(told.impact).all(axis=1).sum() > 0
+    reported = run.tracks.take(np.flatnonzero(run.tracks.tick_s == run.tracks.tick_s[-1]))
+    assert kinds["predicted impact"] == np.isfinite(reported.impact).all(axis=1).sum() > 0
     for each in features:
         found = shape(each["geometry"])
         assert found.is_valid, each["properties"]

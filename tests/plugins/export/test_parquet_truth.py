@@ -93,10 +93,10 @@ def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys
         path.write_bytes(content)
         capsys.readouterr()
         assert main(["score", str(tmp_path / "events.parquet")]) == 2
-        told = capsys.readouterr().err
-        assert "events.truth.parquet" in told
-        assert "cannot be read" in told
-        assert "Traceback" not in told
+        reported = capsys.readouterr().err
+        assert "events.truth.parquet" in reported
+        assert "cannot be read" in reported
+        assert "Traceback" not in reported
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_without_opir_export_the_message_says_what_to_install(
     monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
     path = tmp_path / "truth.parquet"
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), "--out", str(tmp_path / "events.jsonl")]) == 3
-    told = capsys.readouterr().err
-    assert "a truth file with the ending .parquet: no sink is named 'parquet'" in told
-    assert "opir-export provides it: python -m pip install opir-export" in told
+    reported = capsys.readouterr().err
+    assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported
+    assert "opir-export provides it: python -m pip install opir-export" in reported
     assert not list(tmp_path.iterdir())

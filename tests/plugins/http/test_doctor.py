@@ -87,7 +87,7 @@ def test_a_plugin_that_is_missing_is_reported(
     assert any(state == "warn" and "no-such-plugin" in text for state, text in found["plugins"])
 
 
-def test_an_output_without_a_spool_is_told_what_it_can_lose(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_without_a_spool_is_reported_what_it_can_lose(capsys: pytest.CaptureFixture[str]) -> None:
     _, found = findings(capsys, str(EXAMPLES / "first_light.yaml"))
     ((state, text),) = found["outputs[0] (jsonl) spool"]
     assert state == "ok"

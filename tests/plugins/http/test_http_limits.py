@@ -24,7 +24,7 @@ def test_a_full_queue_loses_the_oldest_and_counts_them() -> None:
     assert queue.is_over
 
 
-def test_a_slow_viewer_loses_the_oldest_and_is_told() -> None:
+def test_a_slow_viewer_loses_the_oldest_and_is_reported() -> None:
     import asyncio
 
     async def view() -> list[bytes]:
@@ -52,7 +52,7 @@ def test_viewers_are_bounded(tmp_path: Path) -> None:
         until(lambda: running.service.feed.viewers == 0)
 
 
-def test_too_many_writes_are_told_to_wait(tmp_path: Path) -> None:
+def test_too_many_writes_are_reported_to_wait(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
         config = running.ask("GET", "/config").json
         slower = config | {"http": config["http"] | {"writes_per_s": 0.5}}

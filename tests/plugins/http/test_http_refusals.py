@@ -112,7 +112,7 @@ def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
         assert not list(tmp_path.glob("evil*"))
 
 
-def test_a_launch_that_is_past_is_told_the_clock(stand: Stand) -> None:
+def test_a_launch_that_is_past_is_reported_the_clock(stand: Stand) -> None:
     answer = stand.ask("POST", "/trigger", LAUNCH | {"launch": LAUNCH["launch"] | {"time_s": 0.0}})
     assert (answer.status, "scene time is" in answer.json["detail"]) == (409, True)
 

@@ -38,8 +38,8 @@ def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
     ours = {(path, method) for path, methods in paths for method in methods}
     page = {("/", "GET"), ("/page/{name:str}", "GET"), ("/page/vendor/{name:str}", "GET")}
     page |= {("/openapi.json", "GET")}
-    told = {(path, method.upper()) for path, item in document()["paths"].items() for method in item}
-    assert ours - page == told
+    reported = {(path, method.upper()) for path, item in document()["paths"].items() for method in item}
+    assert ours - page == reported
     assert stand.ask("GET", "/openapi.json").json == json.loads(json.dumps(document()))
 
 
@@ -257,15 +257,15 @@ def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_an_output_that_is_refused_is_told_by_health_and_tries_again_when_told_to(tmp_path: Path) -> None:
+def test_an_output_that_is_refused_is_reported_by_health_and_tries_again_when_reported_to(tmp_path: Path) -> None:
     spool = {"path": str(tmp_path / "spool")}
     words = f"outputs={json.dumps([{'jsonl': {'path': '/dev/full', 'spool': spool}}])}"
     with serving(tmp_path, "--speed", "20", "--set", words) as running:
         until(lambda: running.ask("GET", "/status").json["sinks"][0]["state"] == "parked")
-        told = running.ask("GET", "/status").json
-        conforms(told, "Status")
-        assert (told["sinks"][0]["dropped"], told["sinks"][0]["delivered"]) == (0, 0)
-        assert "no space left on device" in told["sinks"][0]["error"]
+        reported = running.ask("GET", "/status").json
+        conforms(reported, "Status")
+        assert (reported["sinks"][0]["dropped"], reported["sinks"][0]["delivered"]) == (0, 0)
+        assert "no space left on device" in reported["sinks"][0]["error"]
         ready = running.ask("GET", "/health/ready")
         assert ready.status == 503
         assert any("is refused and keeps its events" in reason for reason in ready.json["reasons"])
@@ -288,9 +288,9 @@ def test_what_an_output_without_a_spool_can_lose_is_said_at_the_start(
     kept = {"path": str(tmp_path / "spool")}
     outputs = [{"kafka": kafka}, {"kafka": {**kafka, "spool": kept}}, {"jsonl": {"path": str(tmp_path / "lines")}}]
     with serving(tmp_path, "--speed", "20", "--set", f"outputs={json.dumps(outputs)}") as running:
-        told = running.ask("GET", "/status").json
-    assert [sink["has_spool"] for sink in told["sinks"]] == [False, True, False]
-    conforms(told, "Status")
+        reported = running.ask("GET", "/status").json
+    assert [sink["has_spool"] for sink in reported["sinks"]] == [False, True, False]
+    conforms(reported, "Status")
     (said,) = [record.getMessage() for record in caplog.records if "no spool" in record.getMessage()]
     assert said.startswith("outputs[0] (kafka): no spool: what waits")
     assert "at most 64 MiB" in said

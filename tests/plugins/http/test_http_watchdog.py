@@ -60,7 +60,7 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatc
         until(lambda: stand.ask("GET", "/health/ready").status == 200)
 
 
-def test_a_tracker_that_raises_ends_alone_and_is_told(tmp_path: Path) -> None:
+def test_a_tracker_that_raises_ends_alone_and_is_reported(tmp_path: Path) -> None:
     host = rogue_host("opir_trackers", "kepler-arc", "step", raising(MemoryError()))
     with serving(tmp_path, *WORDS, scene=TRACKED, host=host) as stand:
         until(lambda: stand.ask("GET", "/health/ready").status == 503)
@@ -79,7 +79,7 @@ def test_a_tracker_that_raises_ends_alone_and_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("part", "deed", "told"),
+    ("part", "deed", "reported"),
     [
         (("opir_trackers", "kepler-arc", "step"), "hang", "no cycle has ended for "),
         (("opir_confidence_models", "weighted", "confidence"), "SystemExit", "the run has failed"),
@@ -87,7 +87,7 @@ def test_a_tracker_that_raises_ends_alone_and_is_told(tmp_path: Path) -> None:
     ],
 )
 def test_the_supervisor_ends_the_process_with_its_own_code(
-    tmp_path: Path, part: tuple[str, ...], deed: str, told: str
+    tmp_path: Path, part: tuple[str, ...], deed: str, reported: str
 ) -> None:
     key = "tracker" if part[0] == "opir_trackers" else "confidence"
     (tmp_path / "scene.yaml").write_text(f"{SCENE}{key}: rogue\n", encoding="utf-8")
@@ -110,7 +110,7 @@ def test_the_supervisor_ends_the_process_with_its_own_code(
         while not notes[-1].startswith(b"STATUS="):
             notes.append(manager.recv(999))
     assert process.returncode == 6
-    assert f"opir: {told}" in error
+    assert f"opir: {reported}" in error
     assert "Traceback" not in error
     assert "(null): " in out
     assert notes[0] == b"READY=1"

@@ -59,18 +59,18 @@ def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "told"),
+    ("state", "reported"),
     [
         ("open", "the sink outputs[0] delivers nothing: no broker (failed attempts: 3)"),
         ("parked", "the sink outputs[0] is refused and keeps its events: no broker (failed attempts: 3)"),
         ("failed", "the sink outputs[0] has failed: no broker"),
     ],
 )
-def test_the_reason_and_the_attempts_of_a_sink_are_told_in_each_state(state: str, told: str) -> None:
+def test_the_reason_and_the_attempts_of_a_sink_are_reported_in_each_state(state: str, reported: str) -> None:
     run: Any = RunWithBacklog()
     run.state, run.error, run.attempts = state, "no broker", 0 if state == "failed" else 3
     found = service.Service(run, HttpSettings()).health()
-    assert (found.ready, found.alive, found.reasons) == (False, True, (told,))
+    assert (found.ready, found.alive, found.reasons) == (False, True, (reported,))
 
 
 def test_the_log_says_once_why_a_service_is_not_ready_and_when_it_is_again(

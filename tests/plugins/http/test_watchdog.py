@@ -38,10 +38,10 @@ def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) ->
         assert {listening.recv(99) for _ in range(3)} == {b"WATCHDOG=1"}
         run.now = Progress(9.0, ("slow",), ("stuck here",))
         until(lambda: reasons)
-        told = [listening.recv(99)]
-        while told[-1] == b"WATCHDOG=1":
-            told.append(listening.recv(99))
-        assert told[-1] == b"STATUS=stuck here"
+        reported = [listening.recv(99)]
+        while reported[-1] == b"WATCHDOG=1":
+            reported.append(listening.recv(99))
+        assert reported[-1] == b"STATUS=stuck here"
         watchdog.stop()
         assert listening.recv(99) == b"STOPPING=1"
         assert reasons == ["stuck here"]

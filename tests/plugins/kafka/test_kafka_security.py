@@ -1,4 +1,4 @@
-"""Secrets, logins and certificates of the Kafka sink: what is refused, how it is told, and what is never repeated."""
+"""Secrets, logins and certificates of the Kafka sink: what is refused, in which words, and what is never repeated."""
 
 import json
 import logging
@@ -55,7 +55,7 @@ def test_a_secret_in_a_scene_is_refused_and_not_repeated(key: str, tmp_path: Pat
         assert "hunter2" not in str(caught.value)
 
 
-def test_a_secret_that_is_not_in_the_environment_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_secret_that_is_not_in_the_environment_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     for value in (None, ""):
         monkeypatch.delenv("OPIR_TEST_PASSWORD", raising=False)
         if value is not None:
@@ -73,10 +73,10 @@ def test_a_secret_is_in_no_manifest_message_or_log(
         setting = f"outputs[0].kafka={{bootstrap_servers: '{address}', security: {json.dumps(LOGIN)}}}"
         code = main(["run", SCENE, "--sink", "kafka", "--set", setting, "--manifest", str(manifest)])
     assert code == 5
-    told = capsys.readouterr()
+    reported = capsys.readouterr()
     assert "OPIR_TEST_PASSWORD" in manifest.read_text()
     assert "aiokafka" in caplog.text
-    for text in (manifest.read_text(), told.out, told.err, caplog.text):
+    for text in (manifest.read_text(), reported.out, reported.err, caplog.text):
         assert secret not in text
 
 
@@ -84,15 +84,15 @@ def test_a_refused_login_fails_at_once_and_says_what_to_see_to(secret: str) -> N
     with door(58) as address:
         sink = kafka_sink(address, "topic", None, security=SecurityConfig(**LOGIN))
         sink.write(window(5))
-        told = sink.close()
-    assert told.dropped == 5
+        reported = sink.close()
+    assert reported.dropped == 5
     assert f"kafka: {address} answers SaslAuthenticationFailed (code 58); see security.username" in (
-        told.complaint or ""
+        reported.complaint or ""
     )
 
 
 @pytest.mark.parametrize("code", sorted(FATAL_CODES))
-def test_a_fatal_code_is_told_with_its_number(code: int) -> None:
+def test_a_fatal_code_is_reported_with_its_number(code: int) -> None:
     error = errors.for_code(code)()
     assert is_fatal(error)
     assert f"code {code}" in words(error, "broker:9092")
@@ -138,9 +138,9 @@ def test_an_unknown_certificate_is_refused_at_once(certificate: Path) -> None:
             address.replace("127.0.0.1", "localhost"), "topic", None, security=SecurityConfig(protocol="SSL")
         )
         sink.write(window(5))
-        told = sink.close()
-    assert "no encrypted connection to localhost" in (told.complaint or "")
-    assert "see security.ca_file" in (told.complaint or "")
+        reported = sink.close()
+    assert "no encrypted connection to localhost" in (reported.complaint or "")
+    assert "see security.ca_file" in (reported.complaint or "")
 
 
 def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret: str) -> None:
@@ -160,7 +160,9 @@ def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret:
 
 
 @pytest.mark.parametrize("password", ["", "wrong"])
-def test_a_key_that_cannot_be_read_is_told(certificate: Path, monkeypatch: pytest.MonkeyPatch, password: str) -> None:
+def test_a_key_that_cannot_be_read_is_reported(
+    certificate: Path, monkeypatch: pytest.MonkeyPatch, password: str
+) -> None:
     monkeypatch.setenv("OPIR_TEST_PASSWORD", password or "x")
     security = SecurityConfig(
         protocol="SSL",
@@ -172,12 +174,12 @@ def test_a_key_that_cannot_be_read_is_told(certificate: Path, monkeypatch: pytes
         connector(KafkaConfig(security=security))
 
 
-def test_missing_certificates_are_told() -> None:
+def test_missing_certificates_are_reported() -> None:
     with pytest.raises(SinkError, match="no such file or directory"):
         connector(KafkaConfig(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")))
 
 
-def test_a_missing_codec_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     from aiokafka import codec
 
     monkeypatch.setattr(codec, "has_zstd", lambda: False)
@@ -204,9 +206,9 @@ def test_what_is_wrong_with_a_certificate_is_in_the_message(
 def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(certificate: Path) -> None:
     security = SecurityConfig(protocol="SSL", ca_file=str(certificate / "cert"))
     with door(0, certificate, is_mutual=True) as address:
-        told = refusal(address.replace("127.0.0.1", "localhost"), security)
-    assert "refuses the client's certificate, or that there is none" in told
-    assert "see security.certificate_file and security.key_file" in told
+        reported = refusal(address.replace("127.0.0.1", "localhost"), security)
+    assert "refuses the client's certificate, or that there is none" in reported
+    assert "see security.certificate_file and security.key_file" in reported
 
 
 def refusal(address: str, security: SecurityConfig) -> str:

@@ -136,7 +136,7 @@ def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any)
         ("{security: {ca_file: c}}", "PLAINTEXT uses no certificates"),
     ],
 )
-def test_what_is_wrong_with_the_settings_is_told(settings: str, message: str) -> None:
+def test_what_is_wrong_with_the_settings_is_reported(settings: str, message: str) -> None:
     with pytest.raises(SceneError) as caught:
         scene_with(settings)
     assert message in str(caught.value)
@@ -146,7 +146,7 @@ def test_what_is_wrong_with_the_settings_is_told(settings: str, message: str) ->
 def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: str) -> None:
     document = asyncapi_document()
     assert document["channels"]["detections"]["address"] == KafkaConfig().topic
-    told = document["components"]["messages"][encoder]
+    reported = document["components"]["messages"][encoder]
     topic = broker.topic()
     settings = f"bootstrap_servers: '{broker.address}', topic: {topic}, encoder: {encoder}"
     outcome = deliver(compile_plan(scene_with(f"{{{settings}}}")))
@@ -154,9 +154,9 @@ def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: 
     assert outcome.report.sinks[0].delivered == len(found) == 750
     for message in found:
         headers = {name: value.decode() for name, value in message.headers()}
-        jsonschema.Draft202012Validator(told["headers"]).validate(headers)
-        jsonschema.Draft202012Validator(told["bindings"]["kafka"]["key"]).validate(message.key().decode())
-    jsonschema.Draft202012Validator(told["payload"]["schema"]).validate(json.loads(found[0].value()))
+        jsonschema.Draft202012Validator(reported["headers"]).validate(headers)
+        jsonschema.Draft202012Validator(reported["bindings"]["kafka"]["key"]).validate(message.key().decode())
+    jsonschema.Draft202012Validator(reported["payload"]["schema"]).validate(json.loads(found[0].value()))
 
 
 def test_every_reference_of_the_document_leads_somewhere() -> None:

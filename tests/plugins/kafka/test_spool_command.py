@@ -29,8 +29,13 @@ def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixt
     assert "2000 events in 20 batches are whole" in capsys.readouterr().out
     flip_body(spool, 350, 1500)
     assert main(["spool", "check", str(spool), "--json"]) == 5
-    told = json.loads(capsys.readouterr().out)
-    assert (told["whole"], told["damaged"], told["events"], told["lost_events"]) == (False, [4, 16], 1800, 200)
+    reported = json.loads(capsys.readouterr().out)
+    assert (reported["whole"], reported["damaged"], reported["events"], reported["lost_events"]) == (
+        False,
+        [4, 16],
+        1800,
+        200,
+    )
     assert main(["spool", "salvage", str(spool)]) == 0
     assert "1800 events are salvaged" in capsys.readouterr().out
     assert main(["spool", "salvage", str(spool)]) == 0

@@ -92,9 +92,9 @@ def test_a_scene_with_one_is_seen_while_it_burns_and_dark_between():
     assert len(seen_s) > 100
     assert not gap.any()
     assert seen_s.max() > 400.0
-    (told,) = plan.targets.truth()
-    assert told["burnout_s"] == pytest.approx(5.0 + 160.0 + 11.0 + 360.0)
-    assert len(told["gaps_s"]) == 1
+    (reported,) = plan.targets.truth()
+    assert reported["burnout_s"] == pytest.approx(5.0 + 160.0 + 11.0 + 360.0)
+    assert len(reported["gaps_s"]) == 1
 
 
 def test_what_has_no_solution_is_refused(monkeypatch):

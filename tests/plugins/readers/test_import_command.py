@@ -28,7 +28,7 @@ MAP = "time_s=Time (s),lat=Latitude (°),lon=Longitude (°),height_km=Altitude (
 
 
 @pytest.fixture
-def told(tmp_path, monkeypatch, capsys):
+def reported(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
 
     def imported(*words, code=0):
@@ -39,9 +39,9 @@ def told(tmp_path, monkeypatch, capsys):
     return imported
 
 
-def test_what_it_understood_is_shown(told):
+def test_what_it_understood_is_shown(reported):
     Path("g.csv").write_text(GEODETIC, encoding="utf-8-sig")
-    lines = told("g.csv", "--columns", MAP).splitlines()
+    lines = reported("g.csv", "--columns", MAP).splitlines()
     assert lines[0].startswith("g.csv: csv, lines of numbers")
     assert lines[1] == "  4 states, 0 s to 15 s, in steps of 5 to 5 s"
     assert lines[2].startswith("  frame latitude, longitude, height above WGS 84, no velocities; times are seconds")
@@ -51,13 +51,13 @@ def test_what_it_understood_is_shown(told):
     assert lines[5].startswith("  highest speed 162.8")
 
 
-def test_without_a_map_one_is_proposed(told):
+def test_without_a_map_one_is_proposed(reported):
     Path("g.csv").write_text(GEODETIC, encoding="utf-8")
-    assert 'height_km: "Altitude (km)"}' in told("g.csv", code=2)
+    assert 'height_km: "Altitude (km)"}' in reported("g.csv", code=2)
 
 
-def test_what_it_writes_flies_as_the_file_does(told):
-    shown = told(FLIGHT, "--out", "out.csv", "--type", "IRBM")
+def test_what_it_writes_flies_as_the_file_does(reported):
+    shown = reported(FLIGHT, "--out", "out.csv", "--type", "IRBM")
     assert '{id: T1, model: table, type: IRBM, file: "out.csv", start_s: 0}' in shown
     tables = [csv_table(Path(path).read_text(encoding="utf-8"), 0.0) for path in (FLIGHT, "out.csv")]
     assert np.array_equal(tables[0].position_m, tables[1].position_m)
@@ -72,15 +72,15 @@ def test_what_it_writes_flies_as_the_file_does(told):
     assert len(compile_plan(scene_from_mapping(scene)).targets.ids) == 1
 
 
-def test_a_format_is_known_by_content_and_by_name(told):
+def test_a_format_is_known_by_content_and_by_name(reported):
     (example,) = (reader.example for reader in READERS if reader.name == "oem")
     Path("o.csv").write_text(example)
     Path("o.gz").write_bytes(gzip.compress(example.encode()))
     for words in (("o.csv",), ("o.gz",), ("o.csv", "--as", "oem")):
-        assert ": oem, CCSDS" in told(*words)
-    assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in told("o.csv")
-    assert "there is no reader 'eom'; there are csv, events, gpx, kml, " in told("o.csv", "--as", "eom", code=2)
-    assert "is read as oem, which has no columns; omit columns" in told("o.csv", "--columns", "lat=a", code=2)
+        assert ": oem, CCSDS" in reported(*words)
+    assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in reported("o.csv")
+    assert "there is no reader 'eom'; there are csv, events, gpx, kml, " in reported("o.csv", "--as", "eom", code=2)
+    assert "is read as oem, which has no columns; omit columns" in reported("o.csv", "--columns", "lat=a", code=2)
 
 
 @pytest.mark.parametrize(
@@ -102,22 +102,22 @@ def test_a_format_that_is_not_read_is_named(text, looks):
     assert "oem (CCSDS Orbit Ephemeris Message, keyword form)" in str(refused.value)
 
 
-def test_two_readers_of_one_text_are_told():
+def test_two_readers_of_one_text_are_reported():
     twin = FileReader(name="twin", summary="", recognises=lambda text: True, example="", build=lambda *_: None)
     with pytest.raises(BadFileError, match="may be for several readers, csv and twin; say which"):
         reader_of("time_s", [*READERS, twin])
 
 
-def test_a_contradiction_is_told_and_nothing_is_written(told):
+def test_a_contradiction_is_reported_and_nothing_is_written(reported):
     rows = [f"{t},{6.4e6 + 100.0 * t * t},0,0,{0.2 * t},0,0" for t in range(20)]
     names = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s"
     Path("w.csv").write_text("\n".join([names, *rows]))
-    assert "all look in km/s" in told("w.csv", "--out", "out.csv", code=2)
+    assert "all look in km/s" in reported("w.csv", "--out", "out.csv", code=2)
     assert not Path("out.csv").exists()
 
 
 @pytest.mark.parametrize("content", [b"\x1f\x8b\x08nonsense", gzip.compress(b"time_s,x" * 99, mtime=0)[:-12]])
-def test_a_gzip_file_that_is_not_whole_is_told(tmp_path, content):
+def test_a_gzip_file_that_is_not_whole_is_reported(tmp_path, content):
     (tmp_path / "x.gz").write_bytes(content)
     with pytest.raises(BadFileError, match="is no whole gzip file"):
         file_text(str(tmp_path / "x.gz"))

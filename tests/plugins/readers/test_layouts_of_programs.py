@@ -184,7 +184,7 @@ def test_exponents_of_fortran_are_read():
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"\x1f\x9d\x90abc", "compress (.Z)"),
         (b"BZh91AY", "bzip2"),
@@ -193,16 +193,16 @@ def test_exponents_of_fortran_are_read():
         (gzip.compress(b"PAR1\x15\x04", mtime=0), "is no whole Parquet file"),
     ],
 )
-def test_what_is_no_text_is_named(tmp_path, content, told):
+def test_what_is_no_text_is_named(tmp_path, content, reported):
     path = tmp_path / "file"
     path.write_bytes(content)
     with pytest.raises(BadFileError) as caught:
         file_text(str(path))
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
         ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
@@ -210,11 +210,11 @@ def test_what_is_no_text_is_named(tmp_path, content, told):
         ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
     ],
 )
-def test_what_is_not_read_is_named(text, told):
-    if told:
+def test_what_is_not_read_is_named(text, reported):
+    if reported:
         with pytest.raises(BadFileError) as caught:
             reader_of(text, READERS)
-        assert told in str(caught.value)
+        assert reported in str(caught.value)
     else:
         with pytest.raises(BadFileError, match="latitude and longitude, and no height"):
             csv_table(text, 0.0)

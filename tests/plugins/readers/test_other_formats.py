@@ -94,7 +94,7 @@ def test_geodetic_places_of_stk_are_those_of_proj():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         (stk(frame="MeanOfDate"), "CoordinateSystem is MeanOfDate; read are fixed, j2000"),
         (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
@@ -105,10 +105,10 @@ def test_geodetic_places_of_stk_are_those_of_proj():
         (stk().replace("-5600.0", "x"), "line 11: '0.0 x"),
     ],
 )
-def test_what_is_wrong_with_an_stk_ephemeris_is_told(text, told):
+def test_what_is_wrong_with_an_stk_ephemeris_is_reported(text, reported):
     with pytest.raises(BadFileError) as refused:
         stk_table(text, EPOCH_US)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 @pytest.mark.parametrize(("system", "ahead_s"), [("TAI", 37.0), ("GPS", 18.0), ("TT", 69.184), ("UT1", 0.0)])

@@ -68,14 +68,14 @@ def test_dates_in_a_column_time_of_a_text_are_dates(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"PAR1", "is no whole Parquet file"),
         (b"PAR1" + bytes(40) + b"PAR1", "is no whole Parquet file"),
     ],
 )
-def test_what_is_no_parquet_is_refused(content, told):
-    with pytest.raises(BadFileError, match=told):
+def test_what_is_no_parquet_is_refused(content, reported):
+    with pytest.raises(BadFileError, match=reported):
         text_of_parquet(content)
 
 

@@ -111,7 +111,7 @@ def test_burns_are_those_of_the_acceleration_where_nothing_else_tells():
 
 
 @pytest.mark.parametrize(
-    ("text", "program", "site", "told"),
+    ("text", "program", "site", "reported"),
     [
         (openrocket(places="none"), "OpenRocket", SITE, "has no places: export latitude and longitude"),
         (openrocket(), "OpenRocket", None, "its places count from the launch point: set site: {lat_deg: …"),
@@ -119,7 +119,7 @@ def test_burns_are_those_of_the_acceleration_where_nothing_else_tells():
         (openrocket(unit="furlong"), "OpenRocket", SITE, "'Altitude (furlong)' has the unit 'furlong'; known are"),
     ],
 )
-def test_what_lacks_is_told(text, program, site, told):
+def test_what_lacks_is_reported(text, program, site, reported):
     with pytest.raises(BadFileError, match=" ") as refused:
         rocket_table(text, program, site, 0.0)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)

@@ -50,7 +50,7 @@ def test_two_line_elements_are_the_orbit_of_their_lines(tmp_path):
         orbit_of_file(str(tmp_path / "f.tle"), "ISS", EPOCH_US, READERS)
 
 
-def test_lines_of_68_columns_and_with_a_tail_are_told_not_refused():
+def test_lines_of_68_columns_and_with_a_tail_are_reported_not_refused():
     text = f"{LINES[0][:68]}\n{LINES[1]} EXTRA\n"
     (row,) = tle_elements(text)
     assert (row["TLE_LINE1"], row["TLE_LINE2"]) == LINES
@@ -92,7 +92,7 @@ def fleet(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "names", "told"),
+    ("words", "names", "reported"),
     [
         ([], ["ISS-ZARYA", "TWO"], "2 sets of elements\n"),
         (["--name", "iss*"], ["ISS-ZARYA"], "left out 1 by name"),
@@ -101,9 +101,9 @@ def fleet(tmp_path, monkeypatch, capsys):
         (["--max-age-days", "14", "--epoch", "2026-04-01T12:00:00Z"], ["ISS-ZARYA"], "left out 1 by age"),
     ],
 )
-def test_a_fleet_is_filtered_and_flies(fleet, words, names, told):
+def test_a_fleet_is_filtered_and_flies(fleet, words, names, reported):
     out = fleet("--sensors", "LEO-WIDE", "--out", "fleet.yaml", *words)
-    assert told in out
+    assert reported in out
     scene = "scene: fleet\nepoch: '2026-04-01T12:00:00Z'\nduration_s: 10\n" + Path("fleet.yaml").read_text()
     Path("scene.yaml").write_text(scene)
     assert main(["validate", "scene.yaml"]) == 0
@@ -111,15 +111,15 @@ def test_a_fleet_is_filtered_and_flies(fleet, words, names, told):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         (["--inclination", "x"], "--inclination"),
         (["--max-age-days", "3"], "needs the scene's epoch"),
         (["--epoch", "x"], "--epoch"),
     ],
 )
-def test_what_is_no_filter_is_told(fleet, words, told):
-    assert told in fleet(*words, code=2)
+def test_what_is_no_filter_is_reported(fleet, words, reported):
+    assert reported in fleet(*words, code=2)
 
 
 def test_ranges_and_ages():
@@ -169,7 +169,7 @@ def test_an_export_of_sensors_flies_as_sensors(tmp_path):
     np.testing.assert_allclose(ours.line_of_sight_ecef, theirs.line_of_sight_ecef, rtol=0.0, atol=1e-7)
 
 
-def test_an_ephemeris_that_does_not_cover_the_scene_is_told(tmp_path):
+def test_an_ephemeris_that_does_not_cover_the_scene_is_reported(tmp_path):
     oem = reader_of(next(r.example for r in READERS if r.name == "oem"), READERS)
     (tmp_path / "o.oem").write_text(oem.example)
     sensor = {"model": "LEO-WIDE", "id": "L1", "orbit": {"file": {"path": str(tmp_path / "o.oem")}}}
@@ -184,7 +184,7 @@ def test_an_ephemeris_that_does_not_cover_the_scene_is_told(tmp_path):
         compile_plan(scene_from_mapping({**SCENE, "sensors": [missing]}))
 
 
-def test_without_a_reader_of_orbits_the_remedy_is_told(tmp_path):
+def test_without_a_reader_of_orbits_the_remedy_is_reported(tmp_path):
     with pytest.raises(PluginError, match="install opir-readers"):
         orbit_of(OrbitConfig(file=OmmFileConfig(path="x")), EPOCH_US)
     assert Host(Selection(core_sources())).readers() == []

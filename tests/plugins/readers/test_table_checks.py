@@ -1,4 +1,4 @@
-"""A table that contradicts itself, or its scene, is refused or told: the line, the figure, the cause, the way out."""
+"""A table that contradicts itself, or its scene, is refused or reported: line, figure, cause, way out."""
 
 from functools import cache
 
@@ -97,7 +97,7 @@ SLIPS = {
 
 @pytest.mark.parametrize("step_s", [0.1, 1.0, 3.0, 10.0])
 @pytest.mark.parametrize("slip", SLIPS)
-def test_a_slip_of_velocities_is_told_with_its_cause(slip, step_s):
+def test_a_slip_of_velocities_is_reported_with_its_cause(slip, step_s):
     table = boost(step_s)
     wrong, cause, remedy = SLIPS[slip]
     found = velocity_slip(evolve(table, velocity_m_s=wrong(table)))
@@ -109,7 +109,7 @@ def test_a_slip_of_velocities_is_told_with_its_cause(slip, step_s):
 
 
 @pytest.mark.parametrize("slip", [name for name in SLIPS if "line" not in name])
-def test_slips_at_steps_of_half_a_minute_are_told(slip):
+def test_slips_at_steps_of_half_a_minute_are_reported(slip):
     table = boost(30.0, stages=((150.0, 20.0), (200.0, 25.0)))
     found = velocity_slip(evolve(table, velocity_m_s=SLIPS[slip][0](table)))
     assert found is not None
@@ -118,7 +118,7 @@ def test_slips_at_steps_of_half_a_minute_are_told(slip):
 
 
 @pytest.mark.parametrize("lag_s", [1.0, -2.0])
-def test_velocities_of_another_time_are_told_with_the_lag(lag_s):
+def test_velocities_of_another_time_are_reported_with_the_lag(lag_s):
     table = boost(0.5)
     late = np.stack([np.interp(table.time_s - lag_s, table.time_s, axis) for axis in table.velocity_m_s.T], axis=1)
     found = velocity_slip(evolve(table, velocity_m_s=late))
@@ -148,7 +148,7 @@ def test_flights_of_others_raise_no_alarm(file):
     assert doubts_about(csv_table(file.read_text(encoding="utf-8"), 0.0), SceneTimes(EPOCH_US, 4000.0), 0.0) == []
 
 
-def test_one_wrong_velocity_is_told_with_its_line():
+def test_one_wrong_velocity_is_reported_with_its_line():
     table = boost(1.0)
     velocity = table.velocity_m_s.copy()
     velocity[40] += [0.0, 900.0, 0.0]
@@ -180,7 +180,7 @@ FIRST = "they look like Unix seconds: the first is 2026-04-01T12:00:00Z, 0 s aft
 
 
 @pytest.mark.parametrize(
-    ("offset", "told"),
+    ("offset", "reported"),
     [
         (1_775_044_800.0, f"{FIRST} 1775044800 from them, or set start_s: -1775044800"),
         (1_775_044_860.0, "subtract 1775044860 from them, or set start_s: -1775044800"),
@@ -194,14 +194,14 @@ FIRST = "they look like Unix seconds: the first is 2026-04-01T12:00:00Z, 0 s aft
         (-9_000.0, "times count from start_s of the scene"),
     ],
 )
-def test_times_of_another_scale_are_told(offset, told):
+def test_times_of_another_scale_are_reported(offset, reported):
     table = boost(1.0)
     with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + offset), SCENE, 0.0)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
-def test_all_reasons_are_told_at_once():
+def test_all_reasons_are_reported_at_once():
     table = boost(1.0)
     wrong = evolve(table, time_s=table.time_s + 1_775_044_800.0, velocity_m_s=-table.velocity_m_s)
     times, velocities = findings_of(wrong, SCENE, 0.0).refused
@@ -209,7 +209,7 @@ def test_all_reasons_are_told_at_once():
     assert "all look of the wrong sign" in velocities
 
 
-def test_an_ephemeris_of_another_day_is_told():
+def test_an_ephemeris_of_another_day_is_reported():
     table = boost(1.0)
     with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + 86400.0), SCENE, None)
@@ -220,7 +220,7 @@ def test_an_ephemeris_of_another_day_is_told():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         (lambda t: evolve(t, time_s=t.time_s * 1e-1, velocity_m_s=None), "m/s, faster than what leaves the Earth"),
         (lambda t: evolve(t, time_s=t.time_s * 1e-3, velocity_m_s=None), "are times or lengths in other units?"),
@@ -236,11 +236,11 @@ def test_an_ephemeris_of_another_day_is_told():
         ),
     ],
 )
-def test_motion_that_no_launch_has_is_told(change, told):
-    assert any(told in doubt for doubt in doubts_about(change(boost(1.0)), SCENE, 0.0))
+def test_motion_that_no_launch_has_is_reported(change, reported):
+    assert any(reported in doubt for doubt in doubts_about(change(boost(1.0)), SCENE, 0.0))
 
 
-def test_a_state_out_of_line_is_told_where_it_is():
+def test_a_state_out_of_line_is_reported_where_it_is():
     table = boost(1.0)
     place = table.position_m.copy()
     place[50] += [0.0, 0.0, 2000.0]

@@ -187,7 +187,7 @@ def test_a_scene_of_sensors_alone_begins_before_the_first_detection(track, folde
 
 
 @pytest.mark.parametrize(
-    ("text", "words", "told"),
+    ("text", "words", "reported"),
     [
         ("time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,-86\n", ["--set", "duration_s=-1"], "duration_s"),
         (
@@ -216,9 +216,9 @@ def test_a_scene_of_sensors_alone_begins_before_the_first_detection(track, folde
         ("time_s,azimuth_deg,elevation_deg\n1,1,-86\n", [], "line 2: has no sensor_id, and --sensors has several"),
     ],
 )
-def test_what_cannot_be_tracked_is_told_with_its_place(track, folder, tmp_path, text, words, told):
+def test_what_cannot_be_tracked_is_reported_with_its_place(track, folder, tmp_path, text, words, reported):
     (tmp_path / "own.csv").write_text(text)
-    assert told in track(tmp_path / "own.csv", folder / "sensors.yaml", *words, code=2)
+    assert reported in track(tmp_path / "own.csv", folder / "sensors.yaml", *words, code=2)
 
 
 def test_angles_from_another_axis_give_a_warning(folder, tmp_path, capsys):

@@ -178,10 +178,10 @@ def test_nees_is_the_error_over_the_covariance() -> None:
 @pytest.mark.slow
 def test_scores_are_those_of_the_command() -> None:
     run = scored_run()
-    told = scorecard_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
+    reported = scorecard_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
     rows = dict(score_rows(RunFacts(run)))
     for label in ("launches tracked", "tracks per launch", "purity", "completeness", "GOSPA per target, m"):
-        line = next(line for line in told.splitlines() if line.startswith(label))
+        line = next(line for line in reported.splitlines() if line.startswith(label))
         assert line.endswith(rows[label])
     assert rows["false tracks"] == "0"
     assert score_rows(RunFacts(empty_run())) == []

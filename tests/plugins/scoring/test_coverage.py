@@ -1,4 +1,4 @@
-"""What tracks cover: ticks at which nothing is told count too, and so does what is told after a track was lost."""
+"""What tracks cover: ticks at which nothing is reported count, and so does what is reported after a track was lost."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ FIRST_S, LAST_S = 30.0, 80.0
 
 
 @pytest.fixture(scope="module")
-def told():
-    """Return a run of 90 s whose one launch, at 10 s, is told of from 30 to 80 s, 100 m off."""
+def reported():
+    """Return a run of 90 s whose one launch, at 10 s, is tracked from 30 to 80 s, 100 m off."""
     plan = compile_plan(scene_from_mapping(SCENE))
     run = run_of_plan(plan)
     rows = np.flatnonzero((run.tracks.tick_s >= FIRST_S) & (run.tracks.tick_s <= LAST_S))
@@ -29,40 +29,42 @@ def told():
     return evolve(evidence, tracks=evolve(tracks, state=true + np.eye(6)[0] * 100.0))
 
 
-def lost_and_found(told, at_s=50.0):
-    """Return the same run, with another number from `at_s` on, and nothing told for the five seconds before."""
-    tracks = told.tracks.take(np.flatnonzero((told.tracks.tick_s < at_s - 5.0) | (told.tracks.tick_s >= at_s)))
+def lost_and_found(reported, at_s=50.0):
+    """Return the same run, with another number from `at_s` on, and nothing reported for the five seconds before."""
+    tracks = reported.tracks.take(
+        np.flatnonzero((reported.tracks.tick_s < at_s - 5.0) | (reported.tracks.tick_s >= at_s))
+    )
     later = tracks.tick_s >= at_s
     state = tracks.state + np.where(later, 900.0, 0.0)[:, None] * np.eye(6)[0]
     return evolve(
-        told,
+        reported,
         tracks=evolve(tracks, track=np.where(later, 7, tracks.track), state=state),
-        track=np.where((told.track >= 0) & (told.time_s >= at_s), 7, told.track),
+        track=np.where((reported.track >= 0) & (reported.time_s >= at_s), 7, reported.track),
     )
 
 
 @pytest.mark.slow
-def test_ticks_are_those_at_which_the_tracker_is_asked(told):
-    assert ticks_s(told).tolist() == list(range(1, 91))
-    elsewhere = evolve(told, tracks=evolve(told.tracks, tick_s=told.tracks.tick_s + 0.3))
-    assert np.array_equal(ticks_s(elsewhere), np.unique(told.tracks.tick_s + 0.3))
+def test_ticks_are_those_at_which_the_tracker_is_asked(reported):
+    assert ticks_s(reported).tolist() == list(range(1, 91))
+    elsewhere = evolve(reported, tracks=evolve(reported.tracks, tick_s=reported.tracks.tick_s + 0.3))
+    assert np.array_equal(ticks_s(elsewhere), np.unique(reported.tracks.tick_s + 0.3))
 
 
-def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(told):
-    seen_s = told.time_s[told.target == 0][0]
+def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(reported):
+    seen_s = reported.time_s[reported.target == 0][0]
     due = np.arange(np.ceil(seen_s), 91.0)
-    found = coverage(told, ownership(told))
+    found = coverage(reported, ownership(reported))
     assert found.share == pytest.approx([51.0 / len(due)])
     assert found.first_track_s == pytest.approx([FIRST_S - seen_s])
-    parts = gospa_parts(told, ownership(told), GospaSettings())
+    parts = gospa_parts(reported, ownership(reported), GospaSettings())
     # Truth is known from ignition, at 10 s, on.
     assert len(parts) == 81
     assert np.count_nonzero(parts[:, 2]) == 81 - 51
     assert parts[parts[:, 2] == 0.0, 0] == pytest.approx(100.0)
 
 
-def test_a_run_without_tracks_misses_everything(told):
-    silent = evolve(told, tracks=told.tracks.take(slice(0, 0)), track=np.full_like(told.track, -1))
+def test_a_run_without_tracks_misses_everything(reported):
+    silent = evolve(reported, tracks=reported.tracks.take(slice(0, 0)), track=np.full_like(reported.track, -1))
     figures = scorecard([silent]).figures
     assert figures["launches_tracked"]["value"] == 0.0
     assert figures["completeness"]["value"] == 0.0
@@ -77,13 +79,13 @@ def test_the_distance_a_target_does_not_depend_on_how_many_there_are():
     assert np.isnan(mean_gospa(np.empty((0, 5)), 2.0)).all()
 
 
-def test_what_is_told_after_a_track_was_lost_is_judged_too(told):
-    evidence = lost_and_found(told)
+def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
+    evidence = lost_and_found(reported)
     owners = ownership(evidence)
     assert owners.target.tolist() == [0, 0]
     found = coverage(evidence, owners)
     assert found.tracks.tolist() == [2]
-    assert found.share[0] == pytest.approx(coverage(told, ownership(told)).share[0] * 46.0 / 51.0)
+    assert found.share[0] == pytest.approx(coverage(reported, ownership(reported)).share[0] * 46.0 / 51.0)
     errors = state_errors(evidence, owners)
     assert len(errors) == 46
     assert np.round(np.unique(errors.position_m)).tolist() == [100.0, 1000.0]
@@ -94,17 +96,17 @@ def test_what_is_told_after_a_track_was_lost_is_judged_too(told):
     )
 
 
-def test_of_tracks_told_at_once_the_one_of_most_detections_is_in_force(told):
-    both = evolve(told.tracks, track=told.tracks.track + 5)
-    tracks = told.tracks.concatenate([told.tracks, both])
+def test_of_tracks_reported_at_once_the_one_of_most_detections_is_in_force(reported):
+    both = evolve(reported.tracks, track=reported.tracks.track + 5)
+    tracks = reported.tracks.concatenate([reported.tracks, both])
     tracks = tracks.take(np.lexsort((tracks.track, tracks.tick_s)))
-    few = np.flatnonzero(told.track >= 0)[:3]
-    track = told.track.copy()
+    few = np.flatnonzero(reported.track >= 0)[:3]
+    track = reported.track.copy()
     track[few] = both.track[0]
-    evidence = evolve(told, tracks=tracks, track=track)
+    evidence = evolve(reported, tracks=tracks, track=track)
     rows = rows_in_force(evidence, ownership(evidence))
-    assert set(evidence.tracks.track[rows].tolist()) == set(told.tracks.track.tolist())
-    assert len(rows) == len(told.tracks)
+    assert set(evidence.tracks.track[rows].tolist()) == set(reported.tracks.track.tolist())
+    assert len(rows) == len(reported.tracks)
 
 
 @pytest.mark.slow

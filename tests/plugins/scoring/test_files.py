@@ -66,20 +66,20 @@ def test_a_file_that_ends_early_is_refused(copied, part):
         evidence_of_files(copied)
 
 
-def test_events_that_are_told_twice_are_refused(copied):
+def test_events_that_are_reported_twice_are_refused(copied):
     copied.write_text("".join(lines_of(copied) + lines_of(copied)[:3]))
     with pytest.raises(SceneError, match="3 detections appear twice"):
         evidence_of_files(copied)
 
 
 def test_a_truth_of_another_launch_is_refused(runs, copied):
-    told = lines_of(copied.with_suffix(".truth.jsonl"))
-    told[0] = lines_of(runs / "away.truth.jsonl")[0]
-    copied.with_suffix(".truth.jsonl").write_text("".join(told))
+    reported = lines_of(copied.with_suffix(".truth.jsonl"))
+    reported[0] = lines_of(runs / "away.truth.jsonl")[0]
+    copied.with_suffix(".truth.jsonl").write_text("".join(reported))
     with pytest.raises(SceneError, match="T1 has another trajectory in the manifest's scene"):
         evidence_of_files(copied)
-    told[0] = told[0].replace('"target_id":"T1"', '"target_id":"T9"')
-    copied.with_suffix(".truth.jsonl").write_text("".join(told))
+    reported[0] = reported[0].replace('"target_id":"T1"', '"target_id":"T9"')
+    copied.with_suffix(".truth.jsonl").write_text("".join(reported))
     with pytest.raises(SceneError, match="the manifest's scene has no target T9"):
         evidence_of_files(copied)
 
@@ -92,7 +92,7 @@ def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied,
     assert np.array_equal(found.state, evidence_of_files(runs / "one.jsonl").tracks.state)
 
 
-def test_a_track_told_twice_at_a_tick_is_refused(runs, copied, tmp_path):
+def test_a_track_reported_twice_at_a_tick_is_refused(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join([*rows, rows[3]]))
     tick_s = json.loads(rows[3])["time_s"]
@@ -100,7 +100,7 @@ def test_a_track_told_twice_at_a_tick_is_refused(runs, copied, tmp_path):
         evidence_of_files(copied, tracks=tmp_path / "mine.jsonl")
 
 
-def test_tracks_from_elsewhere_are_told_by_their_file(runs, copied, tmp_path, capsys):
+def test_tracks_from_elsewhere_are_reported_by_their_file(runs, copied, tmp_path, capsys):
     (tmp_path / "mine.jsonl").write_text("".join(lines_of(runs / "one.tracks.jsonl")))
     assert main(["score", str(copied), "--tracks", str(tmp_path / "mine.jsonl")]) == 0
     text = capsys.readouterr().out
@@ -124,10 +124,10 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
     """Launch and aim are the scene's; what lies between is the target model's, which may have changed since."""
     path = copied.with_suffix(".truth.jsonl")
     first, *rest = lines_of(path)
-    told = json.loads(first)
-    changed = ({"burnout_s": told["burnout_s"] + 1.0}, {"burnout": {**told["burnout"], "lat_deg": 35.0}})
+    reported = json.loads(first)
+    changed = ({"burnout_s": reported["burnout_s"] + 1.0}, {"burnout": {**reported["burnout"], "lat_deg": 35.0}})
     for change in changed:
-        path.write_text("".join([json.dumps({**told, **change}) + "\n", *rest]))
+        path.write_text("".join([json.dumps({**reported, **change}) + "\n", *rest]))
         with pytest.raises(SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"):
             evidence_of_files(copied)
 
@@ -140,7 +140,7 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
         ("counts", 3, "counts: not what opir writes: counts must be a block"),
     ],
 )
-def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
+def test_a_manifest_of_another_shape_is_reported(copied, key, value, message):
     path = copied.with_suffix(".manifest.json")
     path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
     with pytest.raises(SceneError, match=message):
@@ -171,7 +171,7 @@ def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
         ("impact_regions", [REGION], "line 3: impact_regions: .* a ring is a list of at least four"),
     ],
 )
-def test_a_spoilt_track_is_told_with_its_line(copied, name, value, message):
+def test_a_spoilt_track_is_reported_with_its_line(copied, name, value, message):
     path = copied.with_suffix(".tracks.jsonl")
     rows = [json.loads(line) for line in lines_of(path)]
     rows[2][name] = value
@@ -180,7 +180,7 @@ def test_a_spoilt_track_is_told_with_its_line(copied, name, value, message):
         evidence_of_files(copied, tracks=path)
 
 
-def test_lines_of_other_shapes_are_told_with_what_is_due(copied):
+def test_lines_of_other_shapes_are_reported_with_what_is_due(copied):
     events = copied.read_text()
     copied.write_text('{"id": 3}\n')
     with pytest.raises(SceneError, match="line 1: is not an event of the encoder forge"):

@@ -39,7 +39,7 @@ def test_the_parts_of_gospa_by_hand() -> None:
 
 
 @pytest.mark.parametrize("bad", [{"cutoff": 0.0}, {"cutoff": np.inf}, {"cutoff": 1.0, "order": 0.5}])
-def test_bad_parameters_are_told(bad: dict[str, float]) -> None:
+def test_bad_parameters_are_reported(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must be"):
         gospa(points(0, 2), points(1, 2), **bad)
     with pytest.raises(ValueError, match="alpha"):

@@ -105,8 +105,8 @@ def regions_at(tick_s, offset_m=20e3, radii_m=(10e3, 30e3, 40e3)):
 
 def test_each_region_contains_the_true_impact_or_not_at_each_tick():
     ticks = np.array([20.0, 21.0, 22.0, 20.0, 21.0])
-    told = [regions_at(20.0), regions_at(21.0, 35e3), (), regions_at(20.0), ()]
-    evidence = evidence_of(ticks, [0, 0, 0, 1, 1], impact_regions=told)
+    reported = [regions_at(20.0), regions_at(21.0, 35e3), (), regions_at(20.0), ()]
+    evidence = evidence_of(ticks, [0, 0, 0, 1, 1], impact_regions=reported)
     scores = impact_scores(evidence, ownership(evidence))
     assert scores.target.tolist() == [0, 0, 0, 1, 1]
     assert scores.tick_s.tolist() == ticks.tolist()
@@ -204,7 +204,8 @@ def test_predictions_for_a_target_in_orbit_count_as_such():
     ignition_s, burnout_s = (float(getattr(plan().targets, name)[1]) for name in ("ignition_s", "burnout_s"))
     quarter = ignition_s + 0.25 * (burnout_s - ignition_s)
     runs = [
-        evidence_of(np.array([quarter]), [1], impact_regions=[told]) for told in (regions_at(20.0), (), regions_at(9.0))
+        evidence_of(np.array([quarter]), [1], impact_regions=[reported])
+        for reported in (regions_at(20.0), (), regions_at(9.0))
     ]
     phase = scorecard(runs).figures["stereo"]["impact_by_phase"][0]
     assert (phase["targets"], phase["targets_without_impact"], phase["predicted_without_impact"]) == (0, 3, 2)
@@ -224,8 +225,8 @@ def test_regions_are_scored_under_the_condition_that_is_true():
     over = with_condition(regions_at(20.0, 100e3), "burn over", 0.7)
     on = with_condition(regions_at(20.0), "relights", 0.3, 40.0)
     before, after = burn_s()[1] - 10.0, burn_s()[1] + 10.0
-    told = [(*over, *on), (*over, *on), regions_at(20.0)]
-    evidence = evidence_of(np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=told)
+    reported = [(*over, *on), (*over, *on), regions_at(20.0)]
+    evidence = evidence_of(np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=reported)
     scores = impact_scores(evidence, ownership(evidence))
     assert scores.contained.tolist() == [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
     assert scores.contained_given.tolist() == [[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
@@ -288,8 +289,8 @@ def test_a_target_of_unknown_impact_is_not_scored(tmp_path):
     rows = [f"{t},{-5.6e6 - 2e3 * t},-2.6e6,{2.9e6 + 1e3 * t}" for t in range(60)]
     path.write_text("\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]), encoding="utf-8")
     scene = {**SCENE, "targets": [{"id": "T", "model": "table", "type": "IRBM", "file": str(path)}, ORBITS]}
-    told = evidence_of(np.array([20.0, 20.0]), [0, 1], impact_regions=[regions_at(20.0)] * 2)
-    evidence = evolve(told, plan=compile_plan(scene_from_mapping(scene)))
+    reported = evidence_of(np.array([20.0, 20.0]), [0, 1], impact_regions=[regions_at(20.0)] * 2)
+    evidence = evolve(reported, plan=compile_plan(scene_from_mapping(scene)))
     assert impact_scores(evidence, ownership(evidence)).target.tolist() == [1]
 
 

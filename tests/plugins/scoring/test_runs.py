@@ -66,9 +66,9 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     assert ours[1]["nis"]["mean"] == pytest.approx(theirs[1]["nis"]["mean"], rel=1e-3)
     capsys.readouterr()
     assert main(["score", str(tmp_path / "events.jsonl")]) == 0
-    told = capsys.readouterr().out
-    assert "launches tracked" in told
-    assert "stereo" in told
+    reported = capsys.readouterr().out
+    assert "launches tracked" in reported
+    assert "stereo" in reported
 
 
 def test_the_text_has_no_interval_that_says_nothing():
@@ -76,9 +76,9 @@ def test_the_text_has_no_interval_that_says_nothing():
     card = scorecard([evidence_of_run(run_of_plan(plan), plan)])
     card.figures["first_track_after_s"] = {"value": 1.0, "interval_95": [0.01, 100.0]}
     card.figures["tracks_a_launch"] = {"value": 1.0, "interval_95": [0.5, 2.0]}
-    told = scorecard_text({"imm": card})
-    assert "1.00 [0.50, 2.00]" in told
-    assert "[0.01" not in told
+    reported = scorecard_text({"imm": card})
+    assert "1.00 [0.50, 2.00]" in reported
+    assert "[0.01" not in reported
 
 
 @pytest.mark.slow
@@ -120,7 +120,7 @@ def test_an_error_crosses_processes_whole():
         (["score", "nothing.jsonl", "--bin-s", "0.01", "--order", "1", "--alpha", "2"], "there is no manifest file"),
     ],
 )
-def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, message):
+def test_what_cannot_be_judged_is_reported(tmp_path, capsys, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "SCENE").write_text(json.dumps(SCENE))
     assert main(words) == 2
@@ -128,12 +128,12 @@ def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, mes
 
 
 def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
-    told = stub_estimates(
+    reported = stub_estimates(
         2, impact=0.5, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3], state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]]
     )
     with TracksFile(tmp_path / "tracks.jsonl") as file:
-        file.write(told)
-    assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, told.impact_sigmas, equal_nan=True)
+        file.write(reported)
+    assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, reported.impact_sigmas, equal_nan=True)
     rows = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     for row in rows:
         del row["impact"]["ellipse_sigmas"]

@@ -73,10 +73,10 @@ def test_a_proportions_interval_is_wilsons():
     assert np.isnan(proportion(0, 0)).all()
 
 
-def test_radii_that_are_told_are_judged_as_they_are_told():
-    told = np.array([0.8, 1.9, 2.6])
-    edges = np.square(np.concatenate([told * (1.0 - 1e-9), told * (1.0 + 1e-9)]))
-    scaled = on_normal_scale(edges, np.tile(told, (6, 1)))
+def test_radii_that_are_reported_are_judged_as_they_are_reported():
+    reported = np.array([0.8, 1.9, 2.6])
+    edges = np.square(np.concatenate([reported * (1.0 - 1e-9), reported * (1.0 + 1e-9)]))
+    scaled = on_normal_scale(edges, np.tile(reported, (6, 1)))
     for nominal, inside in ((0.5, 1), (0.9, 2), (0.95, 3)):
         assert np.count_nonzero(scaled <= chi2.ppf(nominal, 2)) == inside + (inside - 1)
 
@@ -111,14 +111,14 @@ def judged_innovations(scale):
     """Return the innovations of a tracker that errs `scale` times as much as it says."""
     plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 130.0}))
     evidence = evidence_of_run(run_of_plan(plan), plan)
-    told = evidence.tracks.take(evidence.tracks.track == evidence.tracks.track[0])
-    told = told.take((told.tick_s > 30.0) & (told.tick_s < 129.0))
+    reported = evidence.tracks.take(evidence.tracks.track == evidence.tracks.track[0])
+    reported = reported.take((reported.tick_s > 30.0) & (reported.tick_s < 129.0))
     rng = np.random.default_rng(2)
     sigma = np.array([400.0] * 3 + [5.0] * 3)
-    state = true_states_ecef(plan, np.zeros(len(told), dtype=np.int32), told.tick_s)
+    state = true_states_ecef(plan, np.zeros(len(reported), dtype=np.int32), reported.tick_s)
     state = state + scale * sigma * rng.normal(size=state.shape)
-    told = evolve(told, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(told), 1, 1)))
-    evidence = evolve(evidence, tracks=told)
+    reported = evolve(reported, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(reported), 1, 1)))
+    evidence = evolve(evidence, tracks=reported)
     return innovations(evidence, ownership(evidence))
 
 
@@ -137,8 +137,8 @@ def test_the_true_velocity_at_burnout_is_that_of_the_burnout() -> None:
     plan = opir.compile_plan(opir.load_scene("examples/pacific_test_range.yaml", overrides=["outputs=[]"]))
     everyone = np.arange(3, dtype=np.int32)
     states = true_states_ecef(plan, everyone, plan.targets.burnout_s[everyone])
-    told = [each["burnout"]["velocity_ecef_m_s"] for each in plan.targets.truth()]
-    assert states[:, 3:] == pytest.approx(np.array(told), abs=0.1)
+    reported = [each["burnout"]["velocity_ecef_m_s"] for each in plan.targets.truth()]
+    assert states[:, 3:] == pytest.approx(np.array(reported), abs=0.1)
     at_rest = true_states_ecef(plan, everyone, plan.targets.ignition_s[everyone])
     assert at_rest[:, 3:] == pytest.approx(0.0, abs=0.1)
 

@@ -72,7 +72,7 @@ def test_true_states_are_seen_where_the_engine_sees_them():
             seen = np.array(model.function(State(StateVector(mean))), float)[:, 0]
             worst[light_time] = max(worst[light_time], float(np.abs(seen - expected).max()))
     assert worst[True] < 1e-8
-    assert worst[False] > 1e-6, "without light time it would be told"
+    assert worst[False] > 1e-6, "without light time it would be reported"
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
                 np.testing.assert_allclose(one.measurement_model.covar(), two.measurement_model.covar(), rtol=1e-6)
 
 
-def test_what_is_no_event_is_told_with_its_line(tmp_path):
+def test_what_is_no_event_is_reported_with_its_line(tmp_path):
     path = tmp_path / "events.jsonl"
     path.write_text("{}\n")
     with pytest.raises(SceneError, match="line 1: is no event of the encoder forge"):
@@ -120,7 +120,7 @@ def test_what_is_no_event_is_told_with_its_line(tmp_path):
         ("timestamp", "2026-04-01T12:00:10+01:00", "timestamp '2026-04-01T12:00:10+01:00' is not UTC with a Z"),
     ],
 )
-def test_an_event_that_gives_no_line_of_sight_is_told_with_its_line(tmp_path, key, value, words):
+def test_an_event_that_gives_no_line_of_sight_is_reported_with_its_line(tmp_path, key, value, words):
     path = tmp_path / "events.jsonl"
     assert main(["run", SCENE, "--quiet", "--out", str(path), "--set", "duration_s=30"]) == 0
     first, second = path.read_text().splitlines()[:2]
@@ -130,7 +130,7 @@ def test_an_event_that_gives_no_line_of_sight_is_told_with_its_line(tmp_path, ke
     assert f"line 2: is no event of the encoder forge: {words}" in str(raised.value)
 
 
-def test_of_a_particle_filter_the_mean_is_told():
+def test_of_a_particle_filter_the_mean_is_reported():
     """The state vector of particles has them all; the first one is kilometres from their mean."""
     plan = plan_of()
     rng = np.random.default_rng(0)
@@ -145,9 +145,9 @@ def test_of_a_particle_filter_the_mean_is_told():
     inner._tracks.add(Track([seen]))
     context = TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=60.0)
     predictor = ParticlePredictor(EarthFixedTransition(noise=0.0))
-    told = StoneSoupTracker(inner, predictor, context).step(0.0, Detections.empty())
-    assert told.state[0] == pytest.approx(np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9)
-    assert told.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
+    reported = StoneSoupTracker(inner, predictor, context).step(0.0, Detections.empty())
+    assert reported.state[0] == pytest.approx(np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9)
+    assert reported.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
 
 
 @pytest.mark.slow
@@ -201,9 +201,9 @@ def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
         assert distance.min() < 16.27, "the 99.9 % point of chi-squared with 3 degrees of freedom"
         assert np.linalg.eigvalsh(tracks.state_covariance[row]).min() > 0.0
     assert sorted(owners) == [0, 1]
-    told = run.detections.track >= 0
-    assert told.mean() > 0.8
-    assert np.array_equal(np.array(owners)[run.detections.track[told]], run.truth.target[told])
+    reported = run.detections.track >= 0
+    assert reported.mean() > 0.8
+    assert np.array_equal(np.array(owners)[run.detections.track[reported]], run.truth.target[reported])
 
 
 def test_a_target_that_goes_on_being_seen_keeps_its_track_however_far_away_it_may_be():

@@ -18,15 +18,15 @@ def test_compare_tells_every_tracker(tmp_path, capsys):
     scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
     words = ["compare", str(scene), "--runs", "2", "--json", "--tracker", "imm"]
     assert main([*words, "--tracker", "{model: imm, motion: boost}"]) == 0
-    told = json.loads(capsys.readouterr().out)["trackers"]
-    assert list(told) == ["imm", "{model: imm, motion: boost}"]
-    assert told["imm"]["seeds"] == [7, 8]
-    assert told["imm"]["tracking_us_a_detection"]["value"] > 0.0
-    assert told["imm"]["tracking_us_a_track_update"]["value"] > 0.0
+    reported = json.loads(capsys.readouterr().out)["trackers"]
+    assert list(reported) == ["imm", "{model: imm, motion: boost}"]
+    assert reported["imm"]["seeds"] == [7, 8]
+    assert reported["imm"]["tracking_us_a_detection"]["value"] > 0.0
+    assert reported["imm"]["tracking_us_a_track_update"]["value"] > 0.0
 
 
 @pytest.mark.slow
-def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_path):
+def test_what_is_wrong_with_the_last_tracker_is_reported_before_the_first_runs(tmp_path):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
     done = []
@@ -49,13 +49,15 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
     words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "imm"]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    assert told.startswith("2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]\n")
-    assert "energy score of position: " in told.splitlines()[2]
-    assert len(told.splitlines()) <= 40
+    reported = capsys.readouterr().out
+    assert reported.startswith(
+        "2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]\n"
+    )
+    assert "energy score of position: " in reported.splitlines()[2]
+    assert len(reported.splitlines()) <= 40
     for figure in ("E launch point, m", "NEES/6", "coverage, %", "hypotheses: log score", "hypotheses: Brier score"):
-        assert figure in told
-    assert told.rstrip().splitlines()[-1] == "kepler-arc: impacts by the paper's law, without containment"
+        assert figure in reported
+    assert reported.rstrip().splitlines()[-1] == "kepler-arc: impacts by the paper's law, without containment"
 
 
 @pytest.mark.slow
@@ -64,16 +66,16 @@ def test_details_are_the_scores_of_each_tracker(tmp_path, capsys):
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
     words = ["compare", str(scene), "--runs", "1", "--tracker", "kepler-arc", "--tracker", "imm", "--details"]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20 ")]
+    reported = capsys.readouterr().out
+    bins = [line.split()[:2] for line in reported.splitlines() if line.startswith("0-20 ")]
     assert bins[-6:] == [["0-20", "kepler-arc"], ["0-20", "imm"]] * 3
     for figure in ("/known", "/unknown", "NIS/2", "reported SRBM", "localisation, missed, false", "tracks per launch"):
-        assert figure in told
+        assert figure in reported
 
 
 @pytest.mark.slow
 def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys):
-    path, told = tmp_path / "scene.yaml", []
+    path, reported = tmp_path / "scene.yaml", []
     path.write_text(json.dumps({**SCENE, "duration_s": 35.0}))
     for workers in ("1", "2"):
         words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]
@@ -83,22 +85,22 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
         for card in cards.values():
             assert card.pop("tracking_us_a_detection")["value"] > 0.0
             assert card.pop("tracking_us_a_track_update")["value"] > 0.0
-        told.append(found)
-    assert told[0] == told[1]
-    cards = told[0]["trackers"]
+        reported.append(found)
+    assert reported[0] == reported[1]
+    cards = reported[0]["trackers"]
     assert list(cards) == ["imm", "kepler-arc"]
     assert [card["impact_method"] for card in cards.values()] == ["posterior", "paper"]
     assert cards["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
+def test_a_process_that_dies_is_reported_in_a_line(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(comparison, "_scored", killed)
     (tmp_path / "scene.yaml").write_text(json.dumps(SCENE))
     assert main(["compare", str(tmp_path / "scene.yaml"), "--runs", "2", "--workers", "2"]) == 1
-    told = capsys.readouterr().err
-    assert "a worker process ended before its run was complete, possibly out of memory; use fewer --workers" in told
-    assert "Traceback" not in told
+    reported = capsys.readouterr().err
+    assert "a worker process ended before its run was complete, possibly out of memory; use fewer --workers" in reported
+    assert "Traceback" not in reported
 
 
 @pytest.mark.parametrize(
@@ -115,7 +117,7 @@ def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
         (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
     ],
 )
-def test_what_cannot_be_compared_is_told(tmp_path, capsys, monkeypatch, words, message):
+def test_what_cannot_be_compared_is_reported(tmp_path, capsys, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "SCENE").write_text(json.dumps(SCENE))
     assert main(words) == 2

@@ -27,5 +27,5 @@ def test_what_hangs_on_the_collector_is_not_asked_by_the_code_that_sets_it_off()
 def test_the_clock_is_seen_however_it_was_imported():
     from time import monotonic
 
-    (told,) = outside_inputs(lambda: monotonic())
-    assert told.startswith("the clock: time.monotonic (testing/test_execution_monitor.py, line ")
+    (reported,) = outside_inputs(lambda: monotonic())
+    assert reported.startswith("the clock: time.monotonic (testing/test_execution_monitor.py, line ")

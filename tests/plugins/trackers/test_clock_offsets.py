@@ -27,7 +27,7 @@ def plan(**tracker: Any) -> opir.Plan:
 
 
 @pytest.mark.slow
-def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_told() -> None:
+def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_reported() -> None:
     """The states of a run with one clock off by 0.3 s beside those of the same looks at their own times.
 
     The difference of both clocks shows as the target speeds up; their sum is not observable.

@@ -21,12 +21,12 @@ def places(lowest_m: float, highest_m: float) -> np.ndarray:
     return np.asarray(geodetic_to_ecef(latitude, longitude, rng.uniform(lowest_m, highest_m, 200)))
 
 
-def test_places_near_the_ground_are_told_as_by_the_exact_formula() -> None:
+def test_places_near_the_ground_are_reported_as_by_the_exact_formula() -> None:
     place = places(-10e3, 10e3)
-    told, level = _on_ground(place)
+    reported, level = _on_ground(place)
     where = ecef_to_geodetic(place)
-    assert np.allclose(told[:, 0], where.latitude_rad, rtol=0.0, atol=2e-13)
-    assert np.allclose(told[:, 1], where.longitude_rad, rtol=0.0, atol=1e-15)
+    assert np.allclose(reported[:, 0], where.latitude_rad, rtol=0.0, atol=2e-13)
+    assert np.allclose(reported[:, 1], where.longitude_rad, rtol=0.0, atol=1e-15)
     assert np.allclose(level, local_axes(place)[:, :2], atol=1e-9)
 
 

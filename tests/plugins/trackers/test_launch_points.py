@@ -104,9 +104,9 @@ def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
     assert launches(known, np.zeros(1), prior, 0.25).place[0, 2] > -15.0
 
 
-def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:
+def test_a_launch_reported_anew_replaces_what_was_reported_before_however_sure_that_was() -> None:
     known = LaunchPoints(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
     fresh = LaunchPoints(np.array([[1.0, 2.0, 3.0], [np.nan] * 3]), np.tile(4.0 * np.eye(3), (2, 1, 1)))
-    told = updated_points(known, fresh)
-    assert told.place.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
-    assert told.covariance[:, 0, 0].tolist() == [4.0, 1.0]
+    reported = updated_points(known, fresh)
+    assert reported.place.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
+    assert reported.covariance[:, 0, 0].tolist() == [4.0, 1.0]

@@ -26,12 +26,12 @@ def sensors(*slots_deg: float, period_ms: float, model: str = "SBIRS-GEO", more:
 
 def unlike(*each: tuple[float, float, float]) -> str:
     """Return an override that puts sensors at slots, deg, with biases, urad, and scan periods, ms, of their own."""
-    told = (
+    reported = (
         f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
         f" scan_period_ms: {period_ms}}}"
         for number, (slot, bias, period_ms) in enumerate(each)
     )
-    return f"sensors=[{', '.join(told)}]"
+    return f"sensors=[{', '.join(reported)}]"
 
 
 def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
@@ -66,8 +66,8 @@ def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_f
         f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias}}}"
         for number, (slot, bias) in enumerate(zip((-150.0, 160.0), biased, strict=True))
     )
-    told = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=imm")
-    assert told == ([1, 1, 1], 0)
+    reported = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=imm")
+    assert reported == ([1, 1, 1], 0)
 
 
 @pytest.mark.slow
@@ -81,8 +81,8 @@ def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
 def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
     """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
     looks = unlike((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
-    told = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=imm")
-    assert told == ([1, 1, 1], 0)
+    reported = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=imm")
+    assert reported == ([1, 1, 1], 0)
 
 
 @pytest.mark.slow
@@ -96,8 +96,8 @@ def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -
 def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
     """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
     looks = unlike((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
-    told = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=imm")
-    assert told == ([1, 1, 1], 0)
+    reported = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=imm")
+    assert reported == ([1, 1, 1], 0)
 
 
 GRID = [
@@ -156,7 +156,7 @@ def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one(
 
 @pytest.mark.slow
 def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
-    """Among thirty launches 4.6 km apart some tracks follow no target: one was told at 25 km/s, for many ticks."""
+    """Among thirty launches 4.6 km apart some tracks follow no target: one was reported at 25 km/s, for many ticks."""
     launches = [
         {
             "id": f"L{number}",

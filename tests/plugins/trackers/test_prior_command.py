@@ -106,7 +106,7 @@ def test_what_is_no_flight_and_no_law_is_refused_with_its_place(tmp_path: Path) 
         recorded_flight(dark)
 
 
-def test_a_prior_that_cannot_be_used_is_told_with_its_setting_and_the_way_out(tmp_path: Path) -> None:
+def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_out(tmp_path: Path) -> None:
     own = dict(vehicle_model().data)
     bad = {
         "no.csv": ("time_s,x\n1,2\n", "holds no law of vehicles"),

@@ -26,13 +26,13 @@ def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_know
     owners = ownership(evidence)
     assert sorted(owners.target.tolist()) == [0, 1, 2]
     launched = (evidence.tracks.tick_s % 20.0 == 0.0) & (evidence.tracks.probability_launch > 0.5)
-    told = evidence.tracks.take(np.flatnonzero(launched))
-    target = owners.target[np.searchsorted(owners.track, told.track)]
-    away = told.state - true_states_ecef(plan, target, told.tick_s)
+    reported = evidence.tracks.take(np.flatnonzero(launched))
+    target = owners.target[np.searchsorted(owners.track, reported.track)]
+    away = reported.state - true_states_ecef(plan, target, reported.tick_s)
     known = np.flatnonzero(np.isfinite(away).all(axis=1))
     assert len(known) >= 12
-    assert np.sqrt(np.trace(told.state_covariance[:, :3, :3], axis1=1, axis2=2)).max() > 5e3
-    assert nees(away, told.state_covariance)[known].max() < RARE
+    assert np.sqrt(np.trace(reported.state_covariance[:, :3, :3], axis1=1, axis2=2)).max() > 5e3
+    assert nees(away, reported.state_covariance)[known].max() < RARE
 
 
 def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> None:
@@ -65,9 +65,9 @@ def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows()
         evidence = evidence_of_run(run_of_plan(plan), plan)
         owners = ownership(evidence)
         target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
-        told = evidence.tracks.take(np.flatnonzero((target == 0) & (evidence.tracks.tick_s == 40.0)))
-        away = told.state - true_states_ecef(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
-        squares += nees(away, told.state_covariance).tolist()
+        reported = evidence.tracks.take(np.flatnonzero((target == 0) & (evidence.tracks.tick_s == 40.0)))
+        away = reported.state - true_states_ecef(plan, np.zeros(len(reported), dtype=np.int64), reported.tick_s)
+        squares += nees(away, reported.state_covariance).tolist()
     assert len(squares) == 4
     assert max(squares) < RARE
 
@@ -80,9 +80,9 @@ def test_the_state_of_a_launch_is_as_sure_as_it_says_before_it_is_recognised() -
             load_scene(EXAMPLES / "first_light.yaml", overrides=["duration_s=60", "tracker=imm", f"seed={seed}"])
         )
         tracks = run_of_plan(plan).tracks
-        told = tracks.take(np.flatnonzero(tracks.probability_launch < 0.5))
-        away = told.state - true_states_ecef(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
-        squares += nees(away, told.state_covariance).tolist()
+        reported = tracks.take(np.flatnonzero(tracks.probability_launch < 0.5))
+        away = reported.state - true_states_ecef(plan, np.zeros(len(reported), dtype=np.int64), reported.tick_s)
+        squares += nees(away, reported.state_covariance).tolist()
     assert len(squares) > 30
     assert np.mean(np.array(squares) < 12.59) >= 0.9
     assert np.mean(squares) / 6.0 < 1.5

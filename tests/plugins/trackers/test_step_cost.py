@@ -65,8 +65,8 @@ class Counting:
         answer, count = calls_of(lambda: self._tracker.step(tick_s, detections))
         self.calls.append(self._since + count)
         self._since = 0
-        told: Tracks = answer
-        return told
+        reported: Tracks = answer
+        return reported
 
 
 def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int = 1) -> Counting:

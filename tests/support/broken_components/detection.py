@@ -95,7 +95,7 @@ class ByMean(Changed):
 
 @detection_mutant("by-number", "test_targets_in_any_order_give_the_same_events")
 class ByNumber(Changed):
-    """Targets are told apart by their place in the scene."""
+    """Targets are distinguished by their place in the scene."""
 
     def probability(self, exposures: Exposures) -> FloatArray:
         return 0.2 + 0.15 * exposures.target

@@ -2,8 +2,8 @@
 
 The relative error of a well-computed result is about the unit roundoff u times one plus its condition number: the sum,
 over the inputs, of the relative change of the result for a relative change of that input. A loss of digits that the
-input makes is so told apart from one that the formula makes: `scaled` is the error over (1 + condition) u, a few units
-for a good formula however ill-conditioned the input.
+input makes is thus distinguished from one that the formula makes: `scaled` is the error over (1 + condition) u, a few
+units for a good formula however ill-conditioned the input.
 """
 
 from collections.abc import Callable, Sequence

@@ -92,12 +92,12 @@ def test_a_type_of_probability_p_is_right_in_a_share_p_of_cases(
     given_plume = chances[seen, :3] / chances[seen, :3].sum(axis=1, keepdims=True)
     right = people.kind[launches][seen][:, None] == np.array(TARGET_TYPES)
     assert len(right) > 20
-    told = 0
+    reported = 0
     for low, high in ((0.0, 0.1), (0.1, 0.4), (0.4, 0.7), (0.7, 0.95), (0.95, 1.01)):
         cell = (given_plume >= low) & (given_plume < high)
         assert abs(surprise(given_plume[cell], right[cell])) < norm.isf(0.0005), (low, high)
-        told += int(cell.sum())
-    assert told == given_plume.size
+        reported += int(cell.sum())
+    assert reported == given_plume.size
 
 
 def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:

@@ -72,7 +72,7 @@ def test_noise_of_a_sensor_is_that_of_its_settings() -> None:
     scene = opir.load_scene("examples/photons.yaml", overrides=["duration_s=60", "outputs=[]"])
     mapping = {**scene_mapping(scene), "sensors": SENSORS}
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
-    told = [sensor.radiometer.nei_w_m2 for sensor in plan.sensors]
-    assert told[0] == pytest.approx((5e-13,), rel=1e-15)
-    assert told[1] == pytest.approx((1e-12, 3e-12), rel=1e-15)
-    assert told[2] == pytest.approx((2e-13, 2e-13, 2e-13), rel=1e-15)
+    reported = [sensor.radiometer.nei_w_m2 for sensor in plan.sensors]
+    assert reported[0] == pytest.approx((5e-13,), rel=1e-15)
+    assert reported[1] == pytest.approx((1e-12, 3e-12), rel=1e-15)
+    assert reported[2] == pytest.approx((2e-13, 2e-13, 2e-13), rel=1e-15)

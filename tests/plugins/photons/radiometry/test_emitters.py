@@ -73,16 +73,16 @@ class TestCsv:
 
     def test_columns_in_any_order_with_blanks_for_the_blocks_values(self, tmp_path):
         text = "# made up\narea_m2, lat_deg ,lon_deg\n10,1.5,-2\n\n,3,4e0\n"
-        told = self.read(tmp_path, text, area_m2=7.0).trajectories.truth()
-        assert [(row["lat_deg"], row["lon_deg"], row["area_m2"]) for row in told] == [
+        reported = self.read(tmp_path, text, area_m2=7.0).trajectories.truth()
+        assert [(row["lat_deg"], row["lon_deg"], row["area_m2"]) for row in reported] == [
             (1.5, -2.0, 10.0),
             (3.0, 4.0, 7.0),
         ]
 
     def test_what_spreadsheets_write_is_read(self, tmp_path):
         """A mark of byte order before the header, and a comma after each line's last cell."""
-        told = self.read(tmp_path, "\ufefflat_deg,lon_deg,\n1,2,\n").trajectories.truth()
-        assert [(row["lat_deg"], row["lon_deg"]) for row in told] == [(1.0, 2.0)]
+        reported = self.read(tmp_path, "\ufefflat_deg,lon_deg,\n1,2,\n").trajectories.truth()
+        assert [(row["lat_deg"], row["lon_deg"]) for row in reported] == [(1.0, 2.0)]
 
     @pytest.mark.parametrize(
         "content",
@@ -96,8 +96,8 @@ class TestCsv:
     def test_other_delimiters_decimals_and_ends_of_lines_are_read(self, tmp_path, content):
         path = tmp_path / "fires.csv"
         path.write_bytes(content)
-        (told,) = fire_sources(FireConfig(csv=str(path)), context()).trajectories.truth()
-        assert (told["lat_deg"], told["lon_deg"]) == (1.5, -2.25)
+        (reported,) = fire_sources(FireConfig(csv=str(path)), context()).trajectories.truth()
+        assert (reported["lat_deg"], reported["lon_deg"]) == (1.5, -2.25)
 
     @pytest.mark.parametrize(
         ("text", "complaint"),
@@ -122,7 +122,7 @@ class TestCsv:
             ("lat_deg,lon_deg,\n1,2,3\n", "line 2: '' is not one of lat_deg, lon_deg"),
         ],
     )
-    def test_what_is_wrong_is_told_with_file_and_line(self, tmp_path, text, complaint):
+    def test_what_is_wrong_is_reported_with_file_and_line(self, tmp_path, text, complaint):
         with pytest.raises(SceneError) as caught:
             self.read(tmp_path, text)
         (problem,) = caught.value.problems

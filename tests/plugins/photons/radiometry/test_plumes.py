@@ -172,12 +172,12 @@ def test_after_burnout_the_warm_body_alone_is_seen():
     everyone = np.zeros(2, dtype=np.int32)
     time_s, altitude_m, aspect_rad = np.array([181.0, 1500.0]), np.array([2e5, 9e5]), np.array([0.1, 1.5])
     for number, band in enumerate(bands):
-        told = plume.intensity_w_sr(number, everyone, time_s, altitude_m, aspect_rad)
+        reported = plume.intensity_w_sr(number, everyone, time_s, altitude_m, aspect_rad)
         wavelength_um = np.linspace(band.lower_um, band.upper_um, 20001)
         # Planck's law in W m⁻² sr⁻¹ µm⁻¹, summed by the trapezoidal rule.
         c1, c2 = 1.191042972e8, 1.438776877e4
         radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
-        assert told == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
+        assert reported == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
 
 
 WINDOW = Band("window", 3.8, 4.0)

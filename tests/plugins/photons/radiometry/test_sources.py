@@ -23,9 +23,9 @@ def test_emitters_of_a_list_have_their_own_values_or_the_blocks():
     )
     sources = fire_sources(config, context())
     assert sources.ids == ("fires-1", "fires-2")
-    told = sources.trajectories.truth()
-    assert [row["area_m2"] for row in told] == [5.0, 1.0]
-    assert told[0]["type"] == "fire"
+    reported = sources.trajectories.truth()
+    assert [row["area_m2"] for row in reported] == [5.0, 1.0]
+    assert reported[0]["type"] == "fire"
     assert sources.trajectories.type_code.tolist() == [EMITTER_TYPES.index("fire")] * 2
     where = ecef_to_geodetic(sources.trajectories.position_ecef_m(np.array([1], np.int32), np.zeros(1)))
     assert np.degrees([where.latitude_rad[0], where.longitude_rad[0]]) == pytest.approx([3.0, 4.0])

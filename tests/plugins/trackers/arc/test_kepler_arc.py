@@ -37,7 +37,7 @@ def true_position(time_s):
 
 
 def rays_at(time_s, sensor, noise=None, light_time=True):
-    """Return rays of sensors (n,) at times (n,) at the arc, free of noise unless told otherwise."""
+    """Return rays of sensors (n,) at times (n,) at the arc, free of noise unless stated otherwise."""
     longitude = np.radians(SLOTS_DEG)[sensor]
     origin = 4.2164e7 * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
     left_s = time_s

@@ -31,27 +31,27 @@ def states():
 @pytest.mark.parametrize("step_s", [1.0, 4.0])
 def test_falls_are_those_of_the_integrator(step_s):
     start, step = states(), np.full(12, step_s)
-    told = fall().propagated(start, step)
+    reported = fall().propagated(start, step)
     expected = np.concatenate(propagate(start[:, :3], start[:, 3:], step, FORCES), axis=1)
     slowed = np.linalg.norm(expected[:, 3:] - propagate(start[:, :3], start[:, 3:], step, Forces(("j2",)))[1], axis=1)
     assert slowed.max() > 1.0
-    off = np.linalg.norm(told[:, 3:] - expected[:, 3:], axis=1)
+    off = np.linalg.norm(reported[:, 3:] - expected[:, 3:], axis=1)
     assert (off < 0.02 * slowed + 1e-4).all()
     # The first half kick stands for the whole second's: of a drag that changes by a share s, s/6 of its effect is left.
     # Up to 2.8 km/s through scale heights of 6 km: 0.08.
-    assert (np.linalg.norm(told[:, :3] - expected[:, :3], axis=1) < 0.08 * slowed * step_s + 1e-3).all()
+    assert (np.linalg.norm(reported[:, :3] - expected[:, :3], axis=1) < 0.08 * slowed * step_s + 1e-3).all()
 
 
 def test_transitions_are_the_slopes_of_the_fall():
     start, step = states(), np.full(12, 1.0)
-    told = fall().transition(start, step)
+    reported = fall().transition(start, step)
     ahead = np.stack([fall().propagated(start + h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
     back = np.stack([fall().propagated(start - h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
     found = (ahead - back) / np.array([20.0] * 3 + [0.2] * 3)
     still = fall().fall.transition(start, step)
     scale = np.abs(found - still)[:, 3:].max(axis=(1, 2), keepdims=True)
     # A step's middle and its start differ by what the density changes by within half a second: a sixth.
-    assert (np.abs(told - found)[:, 3:] < 0.25 * scale + 1e-8).all()
+    assert (np.abs(reported - found)[:, 3:] < 0.25 * scale + 1e-8).all()
 
 
 def test_the_noise_is_that_of_the_fall_where_there_is_no_air():
@@ -99,28 +99,28 @@ def light(height_m, speed_m_s, count=8):
 def test_drag_stops_what_is_light_and_never_throws_it_back(speed_m_s):
     state, falling = light(8e3, speed_m_s)
     air = np.cross([0.0, 0.0, falling.drag.air_rotation_rad_s], state[:, :3])
-    told = falling.propagated(state, np.ones(8))
-    before, after = state[:, 3:] - air, told[:, 3:] - air
+    reported = falling.propagated(state, np.ones(8))
+    before, after = state[:, 3:] - air, reported[:, 3:] - air
     assert (np.sum(before * after, axis=1) > 0.0).all()
     assert (np.linalg.norm(after, axis=1) < 0.5 * np.linalg.norm(before, axis=1)).all()
     # w' = -k w² leaves 1 / k t of any speed that was many times as large.
     expected = np.concatenate(propagate(state[:, :3], state[:, 3:], np.ones(8), Forces(("j2",), falling.drag)), axis=1)
-    assert np.linalg.norm(told[:, 3:] - expected[:, 3:], axis=1).max() < 0.1 * speed_m_s
+    assert np.linalg.norm(reported[:, 3:] - expected[:, 3:], axis=1).max() < 0.1 * speed_m_s
 
 
 def test_air_is_that_of_all_heights_a_state_may_have():
     """Mean, best straight line and what it leaves, against 200 000 heights."""
     state, falling = light(40e3, 1000.0, 1)
     root = np.diag(1.0 / np.array([4e3] * 3 + [10.0] * 3))[None]
-    told = falling.about(state, root)
-    assert told.height_sigma_m == pytest.approx([4e3])
+    reported = falling.about(state, root)
+    assert reported.height_sigma_m == pytest.approx([4e3])
     off = np.random.default_rng(5).normal(0.0, 4e3, 200_000)
     moved = np.tile(state, (len(off), 1))
     moved[:, :3] += off[:, None] * state[:, :3] / np.linalg.norm(state[:, :3])
     rate = np.linalg.norm(falling.slowed(moved), axis=1) / np.linalg.norm(falling._wind(moved), axis=1) ** 2
     slope = np.cov(rate, off)[0, 1] / 4e3**2
     left = np.std(rate - slope * off)
-    found = told._air(state)
+    found = reported._air(state)
     assert found.rate[0] == pytest.approx(rate.mean(), rel=0.01)
     assert found.slope[0] == pytest.approx(slope, rel=0.1)
     assert found.left[0] == pytest.approx(left, rel=0.2)

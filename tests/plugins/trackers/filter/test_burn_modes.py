@@ -125,10 +125,10 @@ def test_without_stages_a_burn_has_no_parts():
 def test_the_boost_of_a_burn_is_the_moments_of_its_parts(count):
     known = tuple(column.repeat(count, axis=0) for column in burns(np.array([[0.7, 0.3, 0.0]])))
     boost, parts = MODES.predicted(burn_modes.moments(known), known, 1.0)
-    for told, own in zip(boost, burn_modes.moments(parts), strict=True):
-        assert np.array_equal(told, own)
+    for reported, own in zip(boost, burn_modes.moments(parts), strict=True):
+        assert np.array_equal(reported, own)
     modes = MODES.modes(boost, parts)
     after = [_seen(mode, parts[0][:, 0, :3] + 50.0, 300.0) for mode in modes]
     boost, parts, _ = MODES.joined(parts, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
-    for told, own in zip(boost, burn_modes.moments(parts), strict=True):
-        assert np.array_equal(told, own)
+    for reported, own in zip(boost, burn_modes.moments(parts), strict=True):
+        assert np.array_equal(reported, own)

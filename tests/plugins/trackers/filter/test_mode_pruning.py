@@ -80,8 +80,8 @@ def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
     assert np.all(after.weight[seen, 1] < 1e-3)
     mean, covariance = FILTER.moments(after)
     assert np.array_equal(mean[seen], after.boost_mean[seen, :COAST])
-    told = square_root.covariance(after.boost_root)[seen, :COAST, :COAST]
-    assert np.allclose(covariance[seen], told, rtol=1e-9)
+    reported = square_root.covariance(after.boost_root)[seen, :COAST, :COAST]
+    assert np.allclose(covariance[seen], reported, rtol=1e-9)
 
 
 def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:

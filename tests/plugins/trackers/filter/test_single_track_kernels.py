@@ -91,9 +91,9 @@ def test_a_track_alone_is_followed_as_among_others(model: str) -> None:
         alone = filter_.predicted(bank.take([row]), 1.0)
         same(alone, moved, row)
         mine = sights.take(np.flatnonzero(sights.track == row))
-        told = filter_.updated(alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0)
-        same(told, after, row)
-        ahead, known = filter_.predicted_measurements(told, END_S), filter_.moments(told)
+        reported = filter_.updated(alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0)
+        same(reported, after, row)
+        ahead, known = filter_.predicted_measurements(reported, END_S), filter_.moments(reported)
         assert np.allclose(ahead.derivative[0], outlook.derivative[row], rtol=1e-9)
         spread, others = (side @ side.T for side in (ahead.root[0], outlook.root[row]))
         unit = np.sqrt(np.outer(np.diag(others), np.diag(others))) + 1e-30

@@ -84,7 +84,7 @@ def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: fl
     tracks = run_of_plan(plan).tracks
     # At first it may as well be a fire, that stands still.
     tracks = tracks.take(tracks.probability_launch > 0.5)
-    # An ICBM burns out at about 6.8 km/s; without restraint 9 to 73 km/s are told here.
+    # An ICBM burns out at about 6.8 km/s; without restraint 9 to 73 km/s are reported here.
     assert np.linalg.norm(tracks.state[:, 3:], axis=1).max() < 7000.0
     away = tracks.state - true_states_ecef(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
     half = len(tracks) // 2

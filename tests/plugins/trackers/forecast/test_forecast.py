@@ -233,10 +233,10 @@ def test_reported_types_move_classes_and_regions() -> None:
     seen = estimated(states(3e4, 1500.0, 0.8), 35.0, 0.012, 1.0, rng)
     log = np.zeros((1, len(HYPOTHESES)))
     log[0, NAMES.index("SRBM")] = 5.0
-    plain, told = (forecast(seen, burning_since(55.0, no_stages(1)), log=one) for one in (None, log))
+    plain, reported = (forecast(seen, burning_since(55.0, no_stages(1)), log=one) for one in (None, log))
     column = NAMES.index("SRBM")
-    assert told.given_launch[0, column] > plain.given_launch[0, column]
-    assert told.regions[0][2].area_km2 < plain.regions[0][2].area_km2
+    assert reported.given_launch[0, column] > plain.given_launch[0, column]
+    assert reported.regions[0][2].area_km2 < plain.regions[0][2].area_km2
 
 
 def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach() -> None:

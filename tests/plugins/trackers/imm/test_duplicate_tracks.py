@@ -36,7 +36,7 @@ def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pair
     number, hits, old = np.array([3, 7, 9]), np.array([40, 12, 30]), np.zeros(3, dtype=bool)
     state, covariance = (np.concatenate([each, each[:1]]) for each in states(3e3, 2e3))
     seen = SharedDetections(np.repeat(number, 2), np.zeros(6, dtype=np.int32), np.arange(6), np.zeros(6))
-    told = {
+    reported = {
         name: duplicates(number, state, covariance, seen, hits, sensors, fresh).tolist()
         for name, sensors, fresh in (
             ("all seen by both", np.ones((3, 2), dtype=bool), old),
@@ -44,7 +44,7 @@ def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pair
             ("the second fresh", np.ones((3, 2), dtype=bool), np.array([False, True, False])),
         )
     }
-    assert told == {
+    assert reported == {
         "all seen by both": [False, True, True],
         "the second by another": [False, False, True],
         "the second fresh": [False, False, True],
@@ -58,8 +58,8 @@ def test_one_scan_that_sees_both_or_too_few_scans_leave_two() -> None:
 
 
 def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() -> None:
-    told = duplicates(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD)
-    assert told.tolist() == [False, True]
+    reported = duplicates(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD)
+    assert reported.tolist() == [False, True]
 
 
 def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them() -> None:

@@ -80,10 +80,10 @@ def tracker(**settings: Any) -> ImmTracker:
 
 
 def stepped(one: ImmTracker, parts: list[Detections]) -> Tracks:
-    told = Tracks.empty()
+    reported = Tracks.empty()
     for number, part in enumerate(parts, start=1):
-        told = one.step(float(number), part)
-    return told
+        reported = one.step(float(number), part)
+    return reported
 
 
 def by_second(detections: Detections, seconds: int) -> list[Detections]:
@@ -107,8 +107,8 @@ def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
     assert np.allclose(too_late.state[:, :3], in_time.state[:, :3], atol=500.0)
 
 
-def told_at_random(parts: list[Detections], settings: dict[str, Any], seed: int) -> Tracks:
-    """Return what is told at the end where detections come up to 4 s late, a tenth of them a second early, shuffled.
+def reported_at_random(parts: list[Detections], settings: dict[str, Any], seed: int) -> Tracks:
+    """Return the reports at the end where detections come up to 4 s late, a tenth of them a second early, shuffled.
 
     A third come twice. Those of the last ticks come in time.
     """
@@ -118,11 +118,11 @@ def told_at_random(parts: list[Detections], settings: dict[str, Any], seed: int)
     when = every.time_s[twice]
     step_s = settings["cadence_s"]
     arrives = np.where(when < len(parts) - 5.0 - step_s, np.maximum(when + delay, 0.0), when)
-    one, told = tracker(**settings), Tracks.empty()
+    one, reported = tracker(**settings), Tracks.empty()
     for end_s in np.arange(step_s, len(parts) + 0.5 * step_s, step_s):
         now = rng.permutation(np.flatnonzero((arrives >= end_s - step_s) & (arrives < end_s)))
-        told = one.step(float(end_s), every.take(twice[now]))
-    return told
+        reported = one.step(float(end_s), every.take(twice[now]))
+    return reported
 
 
 @pytest.mark.slow
@@ -132,28 +132,28 @@ def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once
     parts = by_second(launches([(5.0, 5.0, 2.0), (5.1, 5.0, 4.0)], 30.0)[0], 30)
     settings = {"late_s": 10.0, "cadence_s": step_s}
     every, in_time = Detections.concatenate(parts), tracker(**settings)
-    told = Tracks.empty()
+    reported = Tracks.empty()
     for end_s in np.arange(step_s, 30.0 + 0.5 * step_s, step_s):
         due = (every.time_s >= end_s - step_s) & (every.time_s < end_s)
-        told = in_time.step(float(end_s), every.take(np.flatnonzero(due)))
-    assert len(told) == 2
+        reported = in_time.step(float(end_s), every.take(np.flatnonzero(due)))
+    assert len(reported) == 2
     for seed in (1, 2):
-        mixed_up = told_at_random(parts, settings, seed)
-        assert np.array_equal(mixed_up.state, told.state)
-        assert np.array_equal(mixed_up.state_covariance, told.state_covariance)
+        mixed_up = reported_at_random(parts, settings, seed)
+        assert np.array_equal(mixed_up.state, reported.state)
+        assert np.array_equal(mixed_up.state_covariance, reported.state_covariance)
 
 
 @pytest.mark.slow
-def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apart() -> None:
+def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_distinguished() -> None:
     """Three from a patch of 300 m, whose directions differ by 8 µrad where one look is off by 20 µrad."""
     detections, which = launches([(5.0, 5.0, 2.0), (5.002, 5.001, 6.0), (5.001, 5.002, 10.0)], 60.0)
     one = tracker()
     parts = by_second(detections, 61)
-    told, labels = Tracks.empty(), []
+    reported, labels = Tracks.empty(), []
     for number, part in enumerate(parts, start=1):
         labels.append(one.associate(part))
-        told = one.step(float(number), part)
-    assert len(told) == 3
+        reported = one.step(float(number), part)
+    assert len(reported) == 3
     late = detections.time_ns > 50_000_000_000
     label, truth = np.concatenate(labels)[late], which[late]
     for number in np.unique(label[label >= 0]):
@@ -165,20 +165,20 @@ def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_i
     detections, _ = launches([(30.0, 10.0, 0.0)], 40.0)
     west = detections.take(np.flatnonzero(detections.sensor == 0))
     plain, strict = tracker(), tracker(lost_sigma_m=3e3)
-    told, kept = (stepped(one, by_second(west, 40)) for one in (plain, strict))
+    reported, kept = (stepped(one, by_second(west, 40)) for one in (plain, strict))
     assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 3e3
-    assert np.array_equal(kept.state, told.state)
+    assert np.array_equal(kept.state, reported.state)
     nothing = west.take(slice(0, 0))
-    told = [strict.step(time_s, nothing) for time_s in (40.3, 45.0, 46.0)]
+    reported = [strict.step(time_s, nothing) for time_s in (40.3, 45.0, 46.0)]
     # The last record says that the track was lost.
-    assert [one.end.tolist() for one in told] == [[0], [TRACK_ENDS.index("lost")], []]
+    assert [one.end.tolist() for one in reported] == [[0], [TRACK_ENDS.index("lost")], []]
     assert len(plain.step(45.0, nothing)) == 1
 
 
 @pytest.mark.slow
 def test_biased_sensors_stay_honest() -> None:
     """Six times three sensors with a bias of three times their noise each: one track, and the truth within it."""
-    bias_rad, told_square = 6e-5, []
+    bias_rad, reported_square = 6e-5, []
     sensors = tuple(evolve(sensor, line_of_sight_bias_sigma_rad=bias_rad) for sensor in SENSORS)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=100.0, light_time=False)
     for seed in range(6):
@@ -187,13 +187,13 @@ def test_biased_sensors_stay_honest() -> None:
         axes = tangent_axes(detections.line_of_sight_ecef)
         turned = detections.line_of_sight_ecef + np.einsum("nk,nkc->nc", shift[detections.sensor], axes[:, :2])
         detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
-        told = stepped(imm_tracker(ImmConfig(), context), by_second(detections, 30))
-        assert len(told) == 1
-        place, covariance = risen((5.0, 5.0, 2.0), 30.0), told.state_covariance[0, :3, :3]
-        error = told.state[0, :3] - place
-        told_square.append(error @ np.linalg.solve(covariance, error))
+        reported = stepped(imm_tracker(ImmConfig(), context), by_second(detections, 30))
+        assert len(reported) == 1
+        place, covariance = risen((5.0, 5.0, 2.0), 30.0), reported.state_covariance[0, :3, :3]
+        error = reported.state[0, :3] - place
+        reported_square.append(error @ np.linalg.solve(covariance, error))
     # The mean of six χ² of three degrees of freedom, 99.9 %; taken for unbiased, they give 500 and two tracks each.
-    assert 0.74 < np.mean(told_square) < 7.4
+    assert 0.74 < np.mean(reported_square) < 7.4
 
 
 @pytest.mark.slow
@@ -208,10 +208,10 @@ def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
     turned = detections.line_of_sight_ecef + north[:, None] * np.array([0.0, 0.0, 1.0])
     detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
     one = imm_tracker(ImmConfig(), context)
-    told = stepped(one, by_second(detections, 20))
-    assert len(told) == 1
+    reported = stepped(one, by_second(detections, 20))
+    assert len(reported) == 1
     late = detections.take(np.flatnonzero(detections.time_ns > 15_000_000_000))
-    assert np.mean(one.associate(late) == told.track[0]) > 0.99
+    assert np.mean(one.associate(late) == reported.track[0]) > 0.99
 
 
 def test_noise_alone_begins_no_track() -> None:
@@ -285,8 +285,8 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     side[1, 6:] = 0.0
     outlook = PredictedMeasurements(30.0, np.zeros((5, 5, 3)), side)
     track, time_s = np.arange(40) % 5, 30.0 + rng.uniform(-2.0, 1.0, 40)
-    told = outlook.position_roots(track, time_s)
-    expected = told @ told.transpose(0, 2, 1)
+    reported = outlook.position_roots(track, time_s)
+    expected = reported @ reported.transpose(0, 2, 1)
     scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
     assert np.all(np.abs(outlook.position_covariances(track, time_s) - expected) < 1e-12 * scale)
 

@@ -25,21 +25,21 @@ def test_mean_and_covariance_are_those_of_all_states_by_their_probabilities() ->
     apart = np.array([[900.0, 0.0, 0.0, 30.0, 0.0, 0.0], [0.0, -600.0, 0.0, 0.0, 0.0, 0.0]])
     chance = np.array([0.3, 0.2])
     mixed = Mixtures.of(np.array([4]), 50.0, np.zeros(2, dtype=np.int64), chance, apart)
-    told = mixed.mixed(estimates(3), np.array([2, 4, 6]), 50.0)
+    reported = mixed.mixed(estimates(3), np.array([2, 4, 6]), 50.0)
     states, weight = np.concatenate([np.zeros((1, 6)), apart]), np.array([0.5, 0.3, 0.2])
     mean = weight @ states
     spread = (states - mean).T @ np.diag(weight) @ (states - mean)
-    assert told.boost_mean[1, :6] == pytest.approx(mean)
-    assert covariance(told)[1, :6, :6] == pytest.approx(np.diag([1e4] * 3 + [1e2] * 3) + spread, rel=1e-9, abs=1e-6)
-    assert np.array_equal(told.boost_mean[[0, 2]], np.zeros((2, 10)))
+    assert reported.boost_mean[1, :6] == pytest.approx(mean)
+    assert covariance(reported)[1, :6, :6] == pytest.approx(np.diag([1e4] * 3 + [1e2] * 3) + spread, rel=1e-9, abs=1e-6)
+    assert np.array_equal(reported.boost_mean[[0, 2]], np.zeros((2, 10)))
     assert mixed.probability == pytest.approx([0.5])
 
 
 def test_parts_keep_their_velocities_until_the_next_pairing() -> None:
     apart = np.array([[900.0, 0.0, 0.0, 30.0, 0.0, 0.0]])
     mixed = Mixtures.of(np.array([0]), 50.0, np.zeros(1, dtype=np.int64), np.array([0.5]), apart)
-    told = mixed.mixed(estimates(1), np.array([0]), 54.0)
-    assert told.boost_mean[0, 0] == pytest.approx(0.5 * (900.0 + 4.0 * 30.0))
+    reported = mixed.mixed(estimates(1), np.array([0]), 54.0)
+    assert reported.boost_mean[0, 0] == pytest.approx(0.5 * (900.0 + 4.0 * 30.0))
 
 
 def test_tracks_that_are_gone_and_none_at_all_change_nothing() -> None:

@@ -1,4 +1,4 @@
-"""Rays within a track's gate that are none of it: what they do to the filter, and how they are told."""
+"""Rays within a track's gate that are none of it: what they do to the filter, and how they are reported."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def nothing_of(tracks):
     return OutlierFractions(np.zeros((tracks, len(FRACTIONS))))
 
 
-def told_by(square):
+def reported_by(square):
     """Return what rays (tracks, rays) tell of shares (tracks, shares)."""
     track = np.repeat(np.arange(len(square)), square.shape[1])
     return fraction_log_likelihood(square.ravel(), GATE, track, len(square))
@@ -57,7 +57,7 @@ def told_by(square):
 
 @pytest.mark.parametrize(("outliers", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)])
 def test_the_share_of_strays_is_found_from_few_rays_on(outliers, rays):
-    share = nothing_of(400).after(told_by(squares_of(outliers, 400, rays, 1))).share
+    share = nothing_of(400).after(reported_by(squares_of(outliers, 400, rays, 1))).share
     # What is believed beforehand is three rays without strays, and shares below one in a hundred are on no grid.
     drawn = outliers * 3.0 / rays + 0.01
     assert share.mean() == pytest.approx(outliers, abs=drawn + 3.3 * share.std() / np.sqrt(len(share)))
@@ -66,18 +66,18 @@ def test_the_share_of_strays_is_found_from_few_rays_on(outliers, rays):
 def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
     near = squares_of(0.3, 5, 50, 2)
     far = np.concatenate([near, np.full((5, 20), 1.01 * GATE**2), np.full((5, 20), 1e6)], axis=1)
-    assert told_by(far) == pytest.approx(told_by(near), rel=1e-12)
+    assert reported_by(far) == pytest.approx(reported_by(near), rel=1e-12)
 
 
 @examples(60)
 @given(seed=st.integers(0, 10**6), outliers=st.floats(0.0, 1.0), cut=st.integers(0, 300))
 def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed, outliers, cut):
     square = squares_of(outliers, 3, 300, seed)
-    whole = nothing_of(3).after(told_by(square))
+    whole = nothing_of(3).after(reported_by(square))
     assert np.all((whole.share >= 0.0) & (whole.share <= FRACTIONS[-1]))
-    parts = nothing_of(3).after(told_by(square[:, :cut])).after(told_by(square[:, cut:]))
+    parts = nothing_of(3).after(reported_by(square[:, :cut])).after(reported_by(square[:, cut:]))
     assert parts.log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
-    assert nothing_of(3).after(told_by(square[:, ::-1])).log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert nothing_of(3).after(reported_by(square[:, ::-1])).log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
     assert whole.take(np.array([2])).share == pytest.approx(whole.share[2:])
 
 
@@ -93,16 +93,16 @@ def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_few
 
 
 def values_of(outliers, count=24, seed=31):
-    """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is told."""
+    """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is reported."""
     truth, values = flown("SRBM", count, seed, "smooth"), np.full(count, np.nan)
     seeing = usual("SRBM")._replace(outliers=outliers, astray_rad=9e-5)
     at = truth.start_s + 0.6 * truth.burn_s
     for tick in followed(truth, seeing, seed, at.max() + 1.0):
         due = np.flatnonzero((at > tick.time_s - 1.0) & (at <= tick.time_s))
-        row = rows_of(tick.told, tick.shared)[due]
-        told, here = tick.told.take(row[row >= 0]), due[row >= 0]
-        error = told.state - truth.take(here).states(tick.time_s)
-        values[here] = nees(error, told.state_covariance)
+        row = rows_of(tick.reported, tick.shared)[due]
+        reported, here = tick.reported.take(row[row >= 0]), due[row >= 0]
+        error = reported.state - truth.take(here).states(tick.time_s)
+        values[here] = nees(error, reported.state_covariance)
     return values
 
 

@@ -7,7 +7,7 @@ from opir_testing.doubles import stub_sensor
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import type_log_likelihoods, type_posterior
-from tracked_flights import last_told, usual
+from tracked_flights import last_reported, usual
 
 from opir_core.scene import core_hypotheses
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
@@ -23,20 +23,20 @@ def test_each_sensor_counts_once_for_the_type() -> None:
         [stub_sensor("A", confusion=confusion), stub_sensor("B", confusion=confusion), stub_sensor()]
     )
     unknown = REPORTED_TYPES.index("UNKNOWN")
-    told = type_posterior(np.array([[0, -1, -1], [0, 0, 2], [-1, unknown, -1]]), evidence)
-    assert told[0] == pytest.approx(np.array([0.8, 0.12, 0.03, 0.0]) / 0.95)
-    assert told[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009, 0.0]) / 0.6553)
-    assert told[2].tolist() == [0.0, 0.0, 0.0, 1.0]
+    reported = type_posterior(np.array([[0, -1, -1], [0, 0, 2], [-1, unknown, -1]]), evidence)
+    assert reported[0] == pytest.approx(np.array([0.8, 0.12, 0.03, 0.0]) / 0.95)
+    assert reported[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009, 0.0]) / 0.6553)
+    assert reported[2].tolist() == [0.0, 0.0, 0.0, 1.0]
 
 
 @pytest.mark.slow
 def test_targets_of_which_no_type_is_reported_have_that_of_their_range() -> None:
-    told = last_told(flown("SRBM", 4, 5, "staged"), usual("SRBM"), 5, 6.0)
+    reported = last_reported(flown("SRBM", 4, 5, "staged"), usual("SRBM"), 5, 6.0)
     # The burn is evidence for a missile: anything else is less probable than the prior has it, 0.2.
     prior = Outcomes(vehicle_model(), core_hypotheses()).prior
     no_missile = [each.reported_type == REPORTED_TYPES[UNKNOWN_TYPE] for each in core_hypotheses()]
-    assert (told.type_probability[:, UNKNOWN_TYPE] < prior[np.array(no_missile)].sum()).all()
-    assert told.type_probability.sum(axis=1) == pytest.approx(np.ones(4))
+    assert (reported.type_probability[:, UNKNOWN_TYPE] < prior[np.array(no_missile)].sum()).all()
+    assert reported.type_probability.sum(axis=1) == pytest.approx(np.ones(4))
     # They still burn: each may go further, as a whole they do not.
-    assert np.mean(told.type_probability[:, TARGET_TYPES.index("SRBM")]) > 0.4
-    assert (told.type_probability[:, TARGET_TYPES.index("ICBM")] < 0.25).all()
+    assert np.mean(reported.type_probability[:, TARGET_TYPES.index("SRBM")]) > 0.4
+    assert (reported.type_probability[:, TARGET_TYPES.index("ICBM")] < 0.25).all()

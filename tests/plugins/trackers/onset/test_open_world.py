@@ -51,10 +51,10 @@ def test_fires_are_sources_that_stand_and_the_launch_is_found(tracks):
     assert len(launches) == 1
     assert len(sources) == len(FIRES)
     (launch,) = launches
-    told = launch.tick_s[launch.probability_launch > 0.95]
-    assert told.min() < 5.0 + 20.0
+    reported = launch.tick_s[launch.probability_launch > 0.95]
+    assert reported.min() < 5.0 + 20.0
     # What it is unlike of all known boosts varies with the forecast; that it flies is not revoked.
-    assert np.all(launch.probability_launch[launch.tick_s >= told.min()] > 0.9)
+    assert np.all(launch.probability_launch[launch.tick_s >= reported.min()] > 0.9)
     assert np.isfinite(launch.launch[-1]).all()
     assert len(launch.impact_regions[-1])
     for source in sources:

@@ -60,7 +60,7 @@ def test_sensors_that_are_as_stated_pay_nothing() -> None:
     assert not known.covariance.any()
 
 
-def test_a_bias_that_nobody_told_is_found() -> None:
+def test_a_bias_that_nobody_reported_is_found() -> None:
     error = np.array([60e-6, -20e-6, 0.0, 10e-6, 50e-6, 0.0])
     made = [(rows * 1e6, seen) for rows, seen in slices(error * 1e6, 40, 3.0)]
     known = after(ErrorFilter.of(np.zeros(2), 0.0, NEVER_S), made).reported()
