@@ -37,16 +37,16 @@ def ended(folder: Path, part: tuple[str, ...], *words: str, **changes: Any) -> s
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 @pytest.mark.parametrize(
-    ("part", "changes", "told"),
+    ("part", "changes", "reported"),
     [
         ((*TRACKER, "step"), {"tracker": "rogue"}, "tracker: the tracker 'rogue'"),
         (("opir_classifiers", "paper", "pair_type"), {"classification": "rogue"}, "a component of the scene stuck"),
     ],
 )
-def test_a_run(tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], told: str) -> None:
+def test_a_run(tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], reported: str) -> None:
     done = ended(tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes)
     assert done.returncode == 6, done.stderr
-    assert f"opir: {told}" in done.stderr
+    assert f"opir: {reported}" in done.stderr
     assert "has not returned for 2." in done.stderr
     assert not (tmp_path / "events.jsonl").exists()
 
