@@ -7,6 +7,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from errno import EINVAL
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import detection_count, encoder_blocks, event_counter, only_encodable
+from opir_core.output.temporary_files import sync_path
 
 
 class MemorySink(Sink):
@@ -80,8 +82,8 @@ Lines = bytes | memoryview
 
 #: The path of standard output.
 STANDARD_OUTPUT = "-"
-#: Length of a file's end that is searched for its last complete line, bytes.
-_LONGEST_LINE = 1 << 20
+#: Bytes at a file's end that a power cut may have spoilt: more than the lines that wait for a sync.
+_UNSYNCED = 1 << 26
 
 
 class LineFile(Sink):
@@ -123,6 +125,14 @@ class LineFile(Sink):
         for lines, events, withheld in blocks:
             self._withheld += withheld
             self._write_lines(lines, events)
+
+    def sync(self) -> None:
+        """Make the lines that were written outlast a power cut; a pipe has none to keep."""
+        try:
+            os.fsync(self._descriptor)
+        except OSError as error:
+            if error.errno != EINVAL:
+                raise self._failure(error) from error
 
     def delivery_so_far(self) -> Delivery:
         """Return the events whose lines the system has accepted."""
@@ -174,7 +184,9 @@ def _opened(path: str, *, appends: bool) -> int:
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
         if appends:
-            _remove_incomplete_line(path, descriptor)
+            _remove_damaged_lines(path, descriptor)
+            with suppress(OSError):  # the name of a new file
+                sync_path(Path(path).absolute().parent)
     except OSError as error:
         reason = f"{reason_of(error)}; {way_to_write(error, Path(path))}"
         raise SinkError(f"jsonl: {path}: cannot be opened: {reason}") from error
@@ -183,17 +195,21 @@ def _opened(path: str, *, appends: bool) -> int:
     return descriptor
 
 
-def _remove_incomplete_line(path: str, descriptor: int) -> None:
-    """Remove the incomplete last line of a killed run; the spool still has that event."""
+def _remove_damaged_lines(path: str, descriptor: int) -> None:
+    """Remove what a killed run or a power cut left damaged at the end of a file; the spool still has those events.
+
+    A kill leaves an incomplete line; a power cut zeros, where bytes were lost that had not been synced.
+    """
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
         return
     with Path(path).open("rb") as lines:
-        lines.seek(max(0, status.st_size - _LONGEST_LINE))
+        lines.seek(max(0, status.st_size - _UNSYNCED))
         end = lines.read()
-    incomplete = len(end) - end.rfind(b"\n") - 1
-    if end[-incomplete:].startswith(b"{") and incomplete:
-        os.ftruncate(descriptor, status.st_size - incomplete)
+    whole = end.find(b"\0") if b"\0" in end else len(end)
+    whole = end.rfind(b"\n", 0, whole) + 1
+    if end[whole : whole + 1] in (b"{", b"\0"):
+        os.ftruncate(descriptor, status.st_size - len(end) + whole)
 
 
 def _standard_output() -> int:

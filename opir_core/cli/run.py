@@ -23,7 +23,7 @@ from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
 from opir_core.host.watchdog import ended_if_stuck
-from opir_core.output.delivery import PARQUET, RunOutcome, deliver, has_columns
+from opir_core.output.delivery import CALL_S, PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import Scene
@@ -52,7 +52,7 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", metavar="N", type=int, default=1, help="processes that compute the run; the files are the same"
     )
-    add_dead_after(parser)
+    add_dead_after(parser, None, f"; a call of a sink fails its output alone (default {CALL_S:g} s)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 

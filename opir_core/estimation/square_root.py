@@ -13,13 +13,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 
-__all__ = [
-    "covariance",
-    "gram",
-    "inverse_root",
-    "time_update",
-    "triangular",
-]
+__all__ = ["covariance", "gram", "inverse_root", "time_update", "triangular"]
 
 
 def triangular(rows: FloatArray) -> FloatArray:

@@ -19,13 +19,7 @@ from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
-from opir_core.geometry import (
-    Geodetic,
-    ecef_to_eci,
-    ecef_to_eci_state,
-    geodesic_inverse,
-    geodetic_to_ecef,
-)
+from opir_core.geometry import Geodetic, ecef_to_eci, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
 from opir_core.geometry.vectors import components, dot, length
 from opir_core.scene.target_classes import BoostProfile
 

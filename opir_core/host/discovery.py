@@ -203,10 +203,7 @@ Offer = tuple[str, str]
 Entry = tuple[str, str]
 
 #: The hooks by their names in the group `opir.components`.
-HOOK_OF_KIND: Mapping[str, str] = {
-    **{hook.removeprefix("opir_"): hook for hook in CATALOGUE},
-    "commands": COMMAND_HOOK,
-}
+HOOK_OF_KIND: Mapping[str, str] = {**{hook.removeprefix("opir_"): hook for hook in CATALOGUE}, "commands": COMMAND_HOOK}
 
 #: The core's own plugins, which no allow-list excludes: the module and, where it is imported on demand, its components.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
@@ -255,9 +252,7 @@ def core_sources() -> list[Source]:
     """Return the core's own plugins."""
     return [
         Source(
-            provenance=Provenance(name, "opir-core", __version__),
-            load=partial(_imported, module),
-            advertised=offers,
+            provenance=Provenance(name, "opir-core", __version__), load=partial(_imported, module), advertised=offers
         )
         for name, (module, offers) in CORE_PLUGINS.items()
     ]

@@ -72,8 +72,13 @@ class Watchdog:
                 return
 
 
-#: The limit in force, s, which processes inherit that are copied from this one.
-_IN_FORCE = [DEAD_AFTER_S]
+#: The limits that are set, s, the last in force; processes inherit them that are copied from this one.
+_SET: list[float] = []
+
+
+def limit_in_force(otherwise_s: float = DEAD_AFTER_S) -> float:
+    """Return the time, s, that a call of a component may last: as `--dead-after` says, or else `otherwise_s`."""
+    return _SET[-1] if _SET else otherwise_s
 
 
 @contextmanager
@@ -82,15 +87,16 @@ def ended_if_stuck(dead_after_s: float | None = None, on_stuck: Callable[[str], 
 
     By default the limit is that in force; `on_stuck` is called with the reason instead.
     """
-    thread, within_s = threading.get_ident(), dead_after_s or _IN_FORCE[-1]
+    thread, within_s = threading.get_ident(), dead_after_s or limit_in_force()
     watchdog = Watchdog(lambda: overdue_call(thread, within_s), on_stuck or _end_process, within_s)
-    _IN_FORCE.append(within_s)
+    before = _SET.copy()
+    _SET.extend([dead_after_s] if dead_after_s else [])
     watchdog.start()
     try:
         yield
     finally:
         watchdog.stop()
-        _IN_FORCE.pop()
+        _SET[:] = before
 
 
 def _end_process(reason: str) -> None:

@@ -59,6 +59,10 @@ class Sink(PluginPart):
     def close(self) -> Delivery:
         """Release all resources and return the delivery counts; called once, also after a failure."""
 
+    def sync(self) -> None:
+        """Make what was written outlast a power cut: then its events leave a spool; callable from any thread."""
+        return
+
     def delivery_so_far(self) -> Delivery | None:
         """Return the counts of an open sink, None to count what is written as delivered; callable from any thread.
 

@@ -35,12 +35,7 @@ class Elements:
     mean_anomaly_rad: float
 
     def __attrs_post_init__(self) -> None:
-        angles = (
-            self.inclination_rad,
-            self.node_longitude_rad,
-            self.argument_of_perigee_rad,
-            self.mean_anomaly_rad,
-        )
+        angles = (self.inclination_rad, self.node_longitude_rad, self.argument_of_perigee_rad, self.mean_anomaly_rad)
         if not all(math.isfinite(angle) for angle in angles):
             raise ValueError("the angles of an orbit must be finite")
         if not 0.0 < self.semi_major_axis_m < math.inf:

@@ -32,6 +32,11 @@ class CheckedPart:
         return SinkError(f"{self._owner()}: {words}; {self._hint}")
 
 
+def _of_part(name: str, words: str) -> Any:
+    """Return a property that is the part's own."""
+    return property(lambda checked: getattr(checked._part, name), doc=words)
+
+
 class CheckedSink(CheckedPart, Sink):
     """A sink of which every error is a `SinkError`: the other sinks continue.
 
@@ -76,30 +81,11 @@ class CheckedSink(CheckedPart, Sink):
             self._stuck = f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
             raise SinkError(self._stuck) from None
 
-    @property
-    def waits(self) -> Any:
-        """How often `write` has waited."""
-        return self._part.waits
-
-    @property
-    def outlives_the_process(self) -> Any:
-        """Whether the buffer outlives the process."""
-        return self._part.outlives_the_process
-
-    @property
-    def parked(self) -> Any:
-        """Why the destination refuses events."""
-        return self._part.parked
-
-    @property
-    def trouble(self) -> Any:
-        """Why nothing gets through."""
-        return self._part.trouble
-
-    @property
-    def attempts(self) -> Any:
-        """Number of failed attempts."""
-        return self._part.attempts
+    waits = _of_part("waits", "How often `write` has waited.")
+    outlives_the_process = _of_part("outlives_the_process", "Whether the buffer outlives the process.")
+    parked = _of_part("parked", "Why the destination refuses events.")
+    trouble = _of_part("trouble", "Why nothing gets through.")
+    attempts = _of_part("attempts", "Number of failed attempts.")
 
     def retry(self) -> Any:
         """Let the sink try again."""

@@ -12,6 +12,7 @@ from opir_core.errors import PluginError, SinkError
 from opir_core.host.boundary import check_hint, owner_text
 from opir_core.host.components import EventEncoder, SinkModel
 from opir_core.host.host import Host
+from opir_core.host.watchdog import limit_in_force
 from opir_core.interfaces.contexts import EncoderContext, FilePlacement, SinkContext
 from opir_core.interfaces.outputs import Encoder, Sink, Transport, sink_or_transport
 from opir_core.interfaces.records import Window
@@ -28,7 +29,7 @@ from opir_core.simulation.summary import Tally
 if TYPE_CHECKING:
     from opir_core.output.shared_output import SharedOutput
 
-#: Time, s, that a call of a plugin's sink may last in a batch run.
+#: Time, s, that a call of a plugin's sink may last in a batch run, unless `--dead-after` says otherwise.
 CALL_S = 30.0
 #: The ending of a file with columns.
 PARQUET = ".parquet"
@@ -228,7 +229,7 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
             return made
         from opir_core.output.checked_parts import CheckedSink
 
-        return CheckedSink(made, owner, check_hint(choice.name), None if stage is None else CALL_S)
+        return CheckedSink(made, owner, check_hint(choice.name), None if stage is None else limit_in_force(CALL_S))
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 

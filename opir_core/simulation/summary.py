@@ -193,11 +193,7 @@ class Tally:
 
     def _source_row(self, row: int) -> Mapping[str, Any]:
         """Return the row of a hot source that is no target: it has no ignition."""
-        return {
-            "source_id": self._targets.ids[row],
-            "source_type": self._targets.class_names[row],
-            **self._seen(row),
-        }
+        return {"source_id": self._targets.ids[row], "source_type": self._targets.class_names[row], **self._seen(row)}
 
     def _seen(self, row: int) -> Mapping[str, Any]:
         """Return what was detected of a target or source."""

@@ -60,13 +60,16 @@ def test_the_start_of_a_service(tmp_path: Path) -> None:
     assert "build has not returned for 2." in done.stderr
 
 
-@pytest.mark.parametrize("method", ["write", "close"])
-def test_a_sink_of_a_run_fails_alone(tmp_path: Path, method: str) -> None:
+@pytest.mark.parametrize(
+    ("method", "words", "limit_s"),
+    [("write", ("--dead-after", "3"), 3), ("close", ("--dead-after", "36"), 36), ("close", (), 30)],
+)
+def test_a_sink_of_a_run_fails_alone(tmp_path: Path, method: str, words: tuple[str, ...], limit_s: int) -> None:
     outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
-    done = ended(tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", outputs=outputs)
+    done = ended(tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs)
     assert done.returncode == 5
     assert "outputs[1]: the sink 'rogue' of plugin rogue" in done.stderr
-    assert f"{method} has not returned for 30 s" in done.stderr
+    assert f"{method} has not returned for {limit_s} s" in done.stderr
     assert len((tmp_path / "other.jsonl").read_text(encoding="utf-8").splitlines()) > 100
 
 

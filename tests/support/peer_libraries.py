@@ -20,6 +20,7 @@ NAMES = (
     "geojson_validator",
     "numba",
     "oem",
+    "openapi_python_client",
     "optuna",
     "pandas",
     "playwright",

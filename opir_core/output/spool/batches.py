@@ -3,7 +3,7 @@
 For sinks that take windows, batches are columns (`columns.py`) and hold no messages.
 """
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from typing import Any, Protocol
@@ -17,6 +17,7 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
+from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
 
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
 #: partitions, and one is quickly read back from disk.
@@ -198,22 +199,39 @@ class WindowBatcher:
 
 
 class WindowTransport(Transport):
-    """A transport that writes batches of columns into a sink; what is written is acknowledged."""
+    """A transport that writes batches of columns into a sink; what is written is acknowledged once it is synced."""
 
     def __init__(self, sink: Sink, origin: Origin) -> None:
         self._sink, self._origin = sink, origin
+        self._written: deque[Future[None]] = deque()
+        self._syncs = SyncThread(self._acknowledge, SINK_SYNC_S)
 
     def send(self, batch: Batch) -> "Future[None]":
-        """Write the batch's window and return a future that is done."""
+        """Write the batch's window; the future is done after the sync."""
         future: Future[None] = Future()
         try:
             self._sink.write(self._origin.unpacked(batch))
         except SinkError as error:
             future.set_exception(error)
         else:
-            future.set_result(None)
+            self._written.append(future)
+            self._syncs.note_write()
         return future
 
+    def _acknowledge(self) -> None:
+        """Sync the sink, and acknowledge what was written before."""
+        written = [self._written.popleft() for _ in range(len(self._written))]
+        try:
+            self._sink.sync()
+        except Exception as error:
+            for future in written:
+                future.set_exception(error)
+        else:
+            for future in written:
+                future.set_result(None)
+
     def close(self, wait_s: float) -> None:
-        """Close the sink."""
+        """Acknowledge what was written last, and close the sink."""
+        self._syncs.stop()
+        self._acknowledge()
         self._sink.close()

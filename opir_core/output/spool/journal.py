@@ -8,7 +8,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 from zlib import crc32
@@ -18,7 +18,7 @@ import numpy as np
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import DamagedError, FullError
-from opir_core.output.spool.log_sync import LogSync
+from opir_core.output.spool.syncing import SPOOL_SYNC_S, SyncThread
 from opir_core.output.temporary_files import sync_path
 
 #: "OPIR": distinguishes a spool from other SQLite files.
@@ -79,7 +79,7 @@ class Journal:
         self._max_bytes = max_bytes
         self._bytes = 0
         self.waiting = 0
-        self._sync: LogSync | None = None
+        self._sync: SyncThread | None = None
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
         #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
         self.is_open = False
@@ -91,7 +91,8 @@ class Journal:
         try:
             self._open(survives_power_cut)
             self.is_open = True
-            self._sync = None if survives_power_cut else LogSync(Path(f"{absolute}-wal"))
+            if not survives_power_cut:  # a log has no locks, which closing a descriptor would give up
+                self._sync = SyncThread(partial(sync_path, Path(f"{absolute}-wal")), SPOOL_SYNC_S)
         except FullError as error:
             self.close()
             reason = f": {error}" if str(error) else ""

@@ -117,6 +117,7 @@ def _make_successor(place: Path) -> None:
 def _put_in_place(place: Path) -> Path:
     """Set the damaged spool, or what is left of it, aside, and give its successor its name; return the former's."""
     aside = _set_aside(place)
+    sync_path(place.parent)  # else a power cut could leave the old log beside the new spool, which would read it
     _beside(place, _READY).rename(place)
     sync_path(place.parent)
     return aside

@@ -30,6 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="maximum number of targets in the run (default 1000)",
     )
+    parser.add_argument(
+        "--history",
+        type=_history,
+        default=10_000,
+        metavar="N",
+        help="number of detections kept for GET /detections and Last-Event-ID (default 10000)",
+    )
     _add_health(parser)
     parser.add_argument(
         "--log-format",
@@ -115,6 +122,10 @@ def _wait_s(word: str) -> float:
 
 def _targets(word: str) -> int:
     return int(_within(word, 1, 50_000, "a number of targets, 1 to 50000"))
+
+
+def _history(word: str) -> int:
+    return int(_within(word, 100, 1_000_000, "a number of detections, 100 to 1000000"))
 
 
 def _port(word: str) -> int:

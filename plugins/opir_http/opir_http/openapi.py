@@ -120,6 +120,7 @@ def _schemas() -> Schema:
         "Track": schemas.track(),
         "Tracks": closed({"tracks": listed(_ref("Track"))}),
         "Activity": schemas.activity(),
+        **schemas.stream(_ref),
         "Problem": schemas.problem(),
     }
 
@@ -205,14 +206,18 @@ def _tracks() -> Schema:
 def _stream() -> Schema:
     view = _parameter("view", {"type": "string", "enum": ["full", "brief"], "default": "full"})
     last = {"name": "Last-Event-ID", "in": "header", "schema": TEXT, "description": "id of the last frame that arrived"}
-    responses = {"200": {"description": "Server-sent events", "content": {"text/event-stream": {"schema": TEXT}}}}
+    # Of OpenAPI 3.2 (`itemSchema`), by its registered name for 3.1: the schema of each event, its data read as JSON.
+    media = {"schema": TEXT, "x-oai-itemSchema": _ref("StreamEvent")}
+    responses = {"200": {"description": "Server-sent events", "content": {"text/event-stream": media}}}
     return {
         "operationId": "stream",
         "summary": "Live detections, tracks and status",
         "description": "Server-sent events: `detections` (of each cycle, with their `count`; the brief view has a"
         " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client, or detections that are no"
-        " longer in the history), `end`. The `id` of `detections` is the number of the last one; with `Last-Event-ID`"
-        " the stream goes on after that one.",
+        " longer in the history), `end`. The schema `StreamEvent` has the data of each. The `id` of `detections` is the"
+        " number of the last one; with `Last-Event-ID` the stream goes on after that one: first come the detections"
+        " since, in one frame without `cycle` and `time_s`, as far as the history has them. An `id` that this run has"
+        " not reached, or what is none, begins the stream anew.",
         "parameters": [view, last],
         "responses": responses | _problems(503),
     }

@@ -1,6 +1,7 @@
 """JSON Schemas of requests and responses."""
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 from attrs import fields
@@ -222,6 +223,29 @@ def replay() -> Schema:
             "sensors": states,
         }
     )
+
+
+def stream(ref: Callable[[str], Schema]) -> Schema:
+    """Return the schemas of the stream's events, by their names; `ref` refers to a schema of the document.
+
+    The data of an event is described as the JSON that it is read as.
+    """
+    detections = {"cycle": or_null(COUNT), "time_s": or_null(NUMBER), "count": COUNT}
+    lost = {"frames": COUNT, "detections": COUNT}
+    data = {
+        "Detections": closed({**detections, "detections": listed(ref("Detection"))}),
+        "Tracks": ref("Tracks"),
+        "Status": ref("Status"),
+        "Dropped": {**closed(lost, optional=tuple(lost)), "minProperties": 1, "maxProperties": 1},
+        "End": closed({}),
+    }
+    parts = {f"{name}Data": each for name, each in data.items() if "$ref" not in each}
+    events = {}
+    for name, each in data.items():
+        ids = {"id": COUNT} if name == "Detections" else {}
+        shown = ref(f"{name}Data") if f"{name}Data" in parts else each
+        events[f"{name}Event"] = closed({"event": {"type": "string", "const": name.lower()}, **ids, "data": shown})
+    return {**parts, **events, "StreamEvent": {"oneOf": [ref(name) for name in events]}}
 
 
 def activity() -> Schema:

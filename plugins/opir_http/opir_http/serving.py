@@ -99,6 +99,7 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         host=arguments.host,
         port=arguments.port,
         config_writes=not arguments.no_config_writes,
+        history=arguments.history,
         maximum_targets=arguments.max_targets,
     )
     live = LiveSettings(

@@ -12,7 +12,7 @@ from waiting import until
 
 import opir_core as opir
 from opir_core.host.boundary import PluginErrors, blamed_call, overdue_call
-from opir_core.host.watchdog import CallThread, OverdueError, ended_if_stuck
+from opir_core.host.watchdog import DEAD_AFTER_S, CallThread, OverdueError, ended_if_stuck, limit_in_force
 
 ME = threading.get_ident()
 
@@ -119,3 +119,14 @@ def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event)
         assert calls.result(lambda: over.wait(60.0), 2.0)
     finally:
         signal.signal(signal.SIGALRM, main)
+
+
+def test_the_limit_that_is_set_is_in_force_and_others_have_their_own() -> None:
+    assert (limit_in_force(), limit_in_force(30.0)) == (DEAD_AFTER_S, 30.0)
+    with ended_if_stuck(), ended_if_stuck(7.0):
+        with ended_if_stuck():
+            assert (limit_in_force(), limit_in_force(30.0)) == (7.0, 7.0)
+        with ended_if_stuck(50.0):
+            assert limit_in_force(30.0) == 50.0
+        assert limit_in_force(30.0) == 7.0
+    assert limit_in_force(30.0) == 30.0

@@ -2,16 +2,19 @@
 
 import asyncio
 import gzip
+import http.client
 import json
 import socket
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
-from http_service import LAUNCH, Stand, serving
+from http_service import LAUNCH, SCENE, Stand, conforms, serving
 from opir_http.feed import Client
 from opir_http.gate import in_origin_form
 from opir_http.history import History
+from waiting import until
 
 from opir_core.plugin import Detections
 
@@ -116,6 +119,49 @@ def test_a_stream_goes_on_after_the_last_event_that_arrived(tmp_path: Path) -> N
         # An id of another run, or what is none, begins a stream as without it.
         assert frames_of(running, 1, 10**9)[0][2] is not None
         assert frames_of(running, 1, "x")[0][2] is not None
+
+
+def events_of(stand, kinds, last):
+    """Return the events of a stream after a number, as its schema has them, until there is one of each kind."""
+    connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
+    connection.request("GET", "/stream", headers={"Last-Event-ID": str(last)})
+    response, events, fields = connection.getresponse(), [], {}
+    while not kinds <= {event["event"] for event in events}:
+        key, _, value = response.readline().decode().rstrip("\n").partition(": ")
+        if key in ("id", "data"):
+            fields[key] = json.loads(value)
+        elif key == "event":
+            fields[key] = value
+        elif not key and fields:
+            events.append(fields)
+            fields = {}
+    connection.close()
+    return events
+
+
+def test_every_frame_conforms_to_the_schema_of_the_stream(tmp_path: Path) -> None:
+    scene = SCENE + "tracker: kepler-arc\n"
+    with serving(tmp_path, "--speed", "20", "--history", "100", scene=scene) as running:
+        until(lambda: running.service.feed.history.total > 200)
+        events = events_of(running, {"dropped", "detections", "tracks", "status"}, last=1)
+    assert [event["event"] for event in events[:2]] == ["dropped", "detections"]
+    assert events[1]["data"]["cycle"] is None
+    for event in [*events, {"event": "end", "data": {}}, {"event": "dropped", "data": {"frames": 3}}]:
+        conforms(event, "StreamEvent")
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"event": "other", "data": {}},
+        {"event": "end", "data": {"more": 1}},
+        {"event": "dropped", "data": {"frames": "3"}},
+        {"event": "detections", "data": {"cycle": 1, "time_s": 1.0, "count": 0, "detections": []}},
+    ],
+)
+def test_what_is_no_frame_does_not_conform(event) -> None:
+    with pytest.raises(jsonschema.ValidationError):
+        conforms(event, "StreamEvent")
 
 
 def test_frames_on_their_way_are_not_sent_twice(tmp_path: Path) -> None:
