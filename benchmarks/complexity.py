@@ -44,7 +44,7 @@ FLAT = 1.25
 
 
 def scene(targets: int, sensors: int, duration_s: float, rate_hz: float) -> dict[str, Any]:
-    """Return a scene as plain values: every minute so many launches, so that looks grow with the duration."""
+    """Return a scene as plain values: equally many launches every minute, so that looks grow with the duration."""
     rng = np.random.default_rng(7)
     places = rng.uniform(-20.0, 20.0, (targets, 2))
     return {

@@ -43,7 +43,7 @@ def line(name: str, samples: list[Sample]) -> dict[str, str]:
 
 
 def shortened(case: Case, slices: int) -> Case:
-    """Return a case with at most so many slices."""
+    """Return a case with at most `slices` slices."""
     return case._replace(slices=min(case.slices, slices))
 
 

@@ -31,7 +31,8 @@ from opir_core.scene.target_classes import OrbitInsertion
 
 #: Marks: s since the first detection, s after burnout, and the last record of a track.
 MARKS = (("30 s after detection", 30.0, None), ("60 s after detection", 60.0, None), ("burnout", None, 5.0))
-#: Launches lie this far apart, degrees, and this long, s; a scene ends so long after the longest boost.
+#: Distance of launches, degrees, and the time, s, within which all are; time, s, from the longest boost's end to the
+#: scene's.
 APART_DEG, WITHIN_S, AFTER_S = 3.0, 30.0, 10.0
 #: AUROC from which "none of these" separates a class left out from known ones.
 BAR = 0.95

@@ -52,7 +52,7 @@ HEAD = (
 
 
 def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Found:
-    """Run a scene for so long."""
+    """Run a scene for a time, s."""
     run = LiveRun(scene, host, LiveSettings(speed=speed, loop=True))
     limit_pauses()
     run.start()

@@ -76,7 +76,7 @@ class Rate(NamedTuple):
 
 
 def scene_of(launches: int, tracker: str) -> dict[str, Any]:
-    """Return a scene with so many launches."""
+    """Return a scene with a number of launches."""
     rng = random.Random(launches)  # the same scene every time
     targets = []
     for number in range(launches):

@@ -21,7 +21,7 @@ from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITE_M
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-#: Free flight is followed for so long, s: what has not come down then is in orbit.
+#: Time, s, for which free flight is followed: what has not come down then is in orbit.
 LONGEST_S = 7200.0
 #: Free flight that the tables have, s.
 COAST_S = 40.0

@@ -51,7 +51,7 @@ fewer. Memory is the peak of a worker after each quarter of its runs.
 
 ## Error against the number of runs
 
-The mean latency of the first detection of `first_light`: the root mean square, over blocks of so many runs, of the
+The mean latency of the first detection of `first_light`: the root mean square, over blocks of equally many runs, of the
 difference between the block's mean and the mean of all {runs} runs; beside it σ/√n, with the σ of single runs.
 
 | runs | error, ms | σ/√n, ms |

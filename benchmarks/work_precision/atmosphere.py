@@ -3,7 +3,7 @@
     python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--every 1]
         [--write FOLDER] [--from-csv FOLDER]
 
-All climates, bands and spectra of the shipped table, or every so many of them. Errors are differences of transmittance:
+All climates, bands and spectra of the shipped table, or every N-th of them. Errors are differences of transmittance:
 at the table's own points, at each inner height and zenith angle omitted in turn, and from LOWTRAN7 itself at random
 places between the points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
 `docs/design/lowtran_table.py`). Times are processor time of one core, medians. `--write` puts the page and, where
@@ -99,7 +99,7 @@ def bilinear(nodes: NodeTable) -> Model:
 
 
 def gridded(shape: tuple[int, int]) -> Way:
-    """Return opir's own way with a grid of so many slants and heights."""
+    """Return opir's own way with a grid of slants and heights."""
 
     def made(nodes: NodeTable) -> Model:
         atmosphere = LowtranAtmosphere((fine_grid(nodes, shape),), None)
@@ -156,7 +156,7 @@ def own_values(file: str) -> dict[tuple[str, str], list[dict[str, str]]]:
 
 
 def own_error(way: Way, file: str, every: int) -> float:
-    """Return the largest difference from LOWTRAN7 between the table's points, for every so many climates."""
+    """Return the largest difference from LOWTRAN7 between the table's points, for every n-th climate."""
     worst = 0.0
     for sky, rows in list(own_values(file).items())[::every]:
         height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
@@ -259,7 +259,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--looks", type=int, default=1_000_000)
     parser.add_argument("--repeat", type=int, default=7)
-    parser.add_argument("--every", type=int, default=1, help="every so many of the tables")
+    parser.add_argument("--every", type=int, default=1, help="every N-th of the tables")
     parser.add_argument("--write", type=Path)
     parser.add_argument("--from-csv", type=Path)
     options = parser.parse_args()

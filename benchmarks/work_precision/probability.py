@@ -6,7 +6,7 @@
 The launches of examples/raid_100.yaml, all three constellations. The table of tolerances has some of the launches;
 errors are those of random looks against the exact ones. Detections are those of one seed: with the same random numbers
 a look changes only where its number lies between both probabilities. The table of chains has all hundred launches
-(`--thin`: every so many of them) at the default tolerance, and medians; times are processor time of one core: of the
+(`--thin N`: every N-th of them) at the default tolerance, and medians; times are processor time of one core: of the
 engine, of `simulate`, and of the whole process `opir run`. `--write` puts the page, its data as CSV files and, where
 matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV files in a folder.
 """
@@ -108,7 +108,7 @@ def example() -> dict[str, Any]:
 
 
 def raid(every: int, detection: Any, sky: dict[str, Any], path: Path | None = None) -> dict[str, Any]:
-    """Return the scene with every so many of its launches, as plain values."""
+    """Return the scene with every n-th of its launches, as plain values."""
     scene = example()
     outputs = [] if path is None else [{"jsonl": {"path": str(path)}}]
     return {**scene, "targets": scene["targets"][::every], "detection": detection, "outputs": outputs, **sky}
@@ -184,7 +184,7 @@ def scene_parts(chain: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def chain_times(repeat: int, every: int, names: Sequence[str]) -> tuple[list[Chain], int]:
-    """Return the run times of every so many of the hundred launches by chain, and the number of looks."""
+    """Return the run times of every n-th of the hundred launches by chain, and the number of looks."""
     chains = {"constant": ("constant", {}), **{name: scene_parts(name) for name in names}}
     plans = {name: planned(every, *parts) for name, parts in chains.items()}
     scenes = {name: opir.scene_from_mapping(raid(every, *parts)) for name, parts in chains.items()}
@@ -282,7 +282,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=20)
     parser.add_argument("--looks", type=int, default=20_000)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--thin", type=int, default=1, help="every so many of the launches for whole runs")
+    parser.add_argument("--thin", type=int, default=1, help="every N-th of the launches for whole runs")
     parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES)
     parser.add_argument("--chains", nargs="+", choices=tuple(CHAINS), default=tuple(CHAINS))
     parser.add_argument("--write", type=Path)

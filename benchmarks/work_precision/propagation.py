@@ -121,7 +121,7 @@ def seconds(actions: Sequence[Callable[[], Any]], repeat: int) -> list[float]:
 
 
 class Run(NamedTuple):
-    """Something to measure: it returns positions at impact of the first so many arcs."""
+    """Something to measure: it returns positions at impact of the first `count` arcs."""
 
     tool: str
     asked: str

@@ -47,7 +47,7 @@ def sights_of(target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator)
 
 
 def linearised(mean: np.ndarray, sights: AngleMeasurements, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the estimate after so many linearisations."""
+    """Return the estimate after a number of linearisations."""
     motion = Motion(COAST, 0.0, KEPLER)
     point, root = mean[None], np.diag(1.0 / PRIOR)[None]
     for _ in range(rounds):

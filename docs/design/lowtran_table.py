@@ -57,7 +57,7 @@ SKIES = (
 HEIGHTS_KM = (0, 1, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 15, 20, 25, 30, 35, 40, 50, 60, 80, 100)
 ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
 
-#: Places between the table's points: so many a sky, from this seed.
+#: Places between the table's points: their number in each sky, and the seed.
 PLACES, SEED = 60, 1
 
 #: Lowest heights of straight paths that first descend, and how far above them they begin, km: never beyond `TOP_KM`.

@@ -41,7 +41,7 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
 
 def add_dead_after(parser: argparse.ArgumentParser, default: float | None = DEAD_AFTER_S, more: str = "") -> None:
     """Add the time after which the watchdog ends the command; `more` ends its help."""
-    words = f"end with exit code {STUCK} if one call of a component lasts so long (default {DEAD_AFTER_S:g} s){more}"
+    words = f"end with exit code {STUCK} if one call of a component lasts S seconds (default {DEAD_AFTER_S:g} s){more}"
     parser.add_argument("--dead-after", metavar="S", type=seconds, default=default, help=words)
 
 

@@ -170,7 +170,7 @@ class KeplerStatus(IntEnum):
     NOT_FINITE = 1  #: an input is nan or infinite
     AT_CENTRE = 2  #: the arc starts in the centre of attraction, where gravity has no direction
     OUT_OF_RANGE = 3  #: squares or products of the inputs leave the range of double precision
-    PHASE_LOST = 4  #: so many turns that double precision holds no digit of the phase
+    PHASE_LOST = 4  #: too many turns for double precision to hold a digit of the phase
     NOT_REACHED = 5  #: the end is in the centre or beyond the range of double precision, or there is no solution
 
 

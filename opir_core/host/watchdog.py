@@ -20,7 +20,7 @@ STUCK = 6
 DEAD_AFTER_S = 600.0
 #: Longest interval, s, between two checks.
 CHECK_S = 0.5
-#: A check that comes so much too late, s, shows that the process was paused: stopped, or its machine suspended.
+#: A check that is late by more than this, s, shows that the process was paused: stopped, or its machine suspended.
 PAUSED_S = 2.0
 
 

@@ -156,7 +156,7 @@ CRITICAL_INCLINATION_RAD = math.asin(2.0 / math.sqrt(5.0))
 
 
 def synchronous_semi_major_axis_m(turns_a_day: float) -> float:
-    """Return the semi-major axis of an orbit with so many turns, in ECI, to one rotation of the Earth."""
+    """Return the semi-major axis of an orbit from its number of turns, in ECI, in one rotation of the Earth."""
     return float((EARTH_MU_M3_S2 / (turns_a_day * EARTH_ROTATION_RAD_S) ** 2) ** (1.0 / 3.0))
 
 

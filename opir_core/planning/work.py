@@ -62,7 +62,7 @@ class Workload:
         self._require(self.of_run(), "run", "the scene has")
 
     def accepts(self, looks: float) -> bool:
-        """Return whether a run with so many looks is within the limits."""
+        """Return whether a run with `looks` looks is within the limits."""
         work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
         limits = self.limits
         return (

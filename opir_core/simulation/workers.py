@@ -35,7 +35,7 @@ from opir_core.simulation.engine import Engine
 #: Windows that a process computes or has computed, and the parent has not taken.
 _AHEAD = 2
 
-#: A window is given up after so many deaths of its process.
+#: Deaths of its process after which a window is given up.
 _DEATHS = 3
 
 #: Time between two looks at whose turn it is, s.
@@ -82,7 +82,7 @@ class StuckWorkerError(OpirError):
 
 
 def require_workers(workers: int) -> None:
-    """Raise `SceneError` if a run cannot have so many worker processes."""
+    """Raise `SceneError` if a run cannot have this number of worker processes."""
     if workers < 1:
         raise SceneError([Problem("workers", f"{workers} is not a number of processes; give 1 or more")])
     if workers > 1 and "fork" not in get_all_start_methods():

@@ -92,7 +92,7 @@ def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
 
 
 def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
-    """Return whether at least so many sensors see a point: N Asset Coverage with a least number."""
+    """Return whether at least N sensors see a point: N Asset Coverage."""
     covered: BoolArray = np.asarray(in_view >= assets)
     return covered
 

@@ -58,7 +58,7 @@ class ReportChain:
 
     def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
         self._needed, self._phases, self._step = confirmation[0], phases, 0
-        # After so many steps without a chance of a detection past outcomes are all misses.
+        # After this number of steps without a chance of a detection, past outcomes are all misses.
         self._memory = phases * (confirmation[1] - 1)
         self._last = np.full(rows, -self._memory - 1)
         self._active = np.arange(rows)
@@ -176,7 +176,7 @@ class Reports:
             self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, own])
 
     def times_s(self, reports: int, probability: float) -> FloatArray:
-        """Return the times (n,) since ignition by which so many reports have come with a probability; nan if never."""
+        """Return the times (n,) since ignition by which a probability of a number of reports is reached, or nan."""
         have = 1.0 - self.chance[:, :reports].sum(axis=1)
         reached = have >= probability
         late = reached.argmax(axis=0)
@@ -188,7 +188,7 @@ class Reports:
         return np.where(reached.any(axis=0), time, np.nan)
 
     def probability(self, reports: int) -> FloatArray:
-        """Return the probability (n,) of so many reports by the last time."""
+        """Return the probability (n,) of a number of reports by the last time."""
         return 1.0 - self.chance[-1, :reports].sum(axis=0)
 
 

@@ -53,17 +53,21 @@ def _add_health(parser: argparse.ArgumentParser) -> None:
         type=_wait_s,
         default=5.0,
         metavar="S",
-        help="not ready if no cycle has ended for so long, or a sink has been in one call (default 5 s)",
+        help="not ready if no cycle has ended for S seconds, or a sink has been in one call (default 5 s)",
     )
     parser.add_argument(
-        "--dead-after", type=_wait_s, default=120.0, metavar="S", help="not alive after so long (default 120 s)"
+        "--dead-after",
+        type=_wait_s,
+        default=120.0,
+        metavar="S",
+        help="not alive after S seconds without a beat (default 120 s)",
     )
     parser.add_argument(
         "--late-after",
         type=_wait_s,
         default=5.0,
         metavar="S",
-        help="not ready, and launches and settings refused, if the run is so late (default 5 s)",
+        help="not ready, and launches and settings refused, if the run is S seconds late (default 5 s)",
     )
     parser.add_argument(
         "--when-late",

@@ -14,7 +14,7 @@ from opir_core.flight import propagate_kepler
 _STEP_S, _COAST_STEP_S = 1.0, 5.0
 _ONE_STEP_S = np.array([0.0, _STEP_S])
 
-#: A fall has at least so many states.
+#: Least number of states of a fall.
 _LEAST = 8
 
 #: Air of a falling booster: density at the ground, scale height, m/(C_d A). The last is notional.

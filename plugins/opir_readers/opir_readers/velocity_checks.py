@@ -32,7 +32,7 @@ _LEAST_M_S = 0.2
 #: state to state.
 _UNEXPLAINED = 0.2
 
-#: One state is reported if its velocity is off by so many times what rates change by around it, and by this, m/s.
+#: One state is reported if its velocity is off by this multiple of what rates change by around it, and by this, m/s.
 _OUTLIER, _LEAST_OUTLIER_M_S = 3.0, 100.0
 
 #: States nearer to one another than this, s, are thinned out: rounding of positions hides rates between them.

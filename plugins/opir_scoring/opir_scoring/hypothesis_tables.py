@@ -8,7 +8,7 @@ from opir_scoring.figure_text import interval_text, number_text
 
 Figures = Mapping[str, Mapping[str, Any]]
 
-#: Times of single launches are printed for so many of them; JSON has all.
+#: Largest number of launches whose times are printed one by one; JSON has all.
 _FEW = 20
 
 _TIMES = ("recognised_after_s", "sure_after_s")

@@ -50,7 +50,7 @@ _ROOT_MEAN_SQUARES = {"position_km", "launch_km", "impact_km", "impact_area"}
 _MEANS = {"counts", "type", "region_contains"}
 
 
-#: About so many looks have their P_d compared.
+#: Approximate number of looks whose P_d are compared.
 LOOKS = 20_000
 
 
@@ -116,7 +116,7 @@ def answers_of(run: Run) -> RunAnswers:
 
 
 def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return keys of looks and their P_d: of every so many scans for a model of signals, else of what was detected.
+    """Return keys of looks and their P_d: of every n-th scan for a model of signals, else of what was detected.
 
     A detection's own P_d says little of a model that is wrong where it detects nothing.
     """

@@ -25,9 +25,9 @@ from opir_core.host import DEAD_AFTER_S, STUCK, ended_if_stuck
 from opir_core.plugin import ExecutorContext, NoConfig
 from opir_studies.configs import ProcessesConfig
 
-#: A task is given up after so many deaths of its worker while no other task was running.
+#: Deaths of its worker, while no other task was running, after which a task is given up.
 DEATHS_ALONE = 3
-#: After so many deaths of any worker while it was running, a task is run alone.
+#: Deaths of any worker while it was running, after which a task is run alone.
 DEATHS_BESIDE_OTHERS = 2
 
 

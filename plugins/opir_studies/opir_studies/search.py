@@ -53,7 +53,7 @@ class DesignSearch:
         return min(self.found, key=self.found.__getitem__)
 
     def run(self, evaluations: int, outcomes: Callable[[Sequence[Point]], Sequence[Outcome]]) -> None:
-        """Evaluate designs, a batch at a time, until there are so many or none is left."""
+        """Evaluate designs, a batch at a time, until there are `evaluations` of them or none is left."""
         most = min(evaluations, int(np.prod(self.levels, dtype=np.float64)))
         while len(self.found) < most:
             near = [] if len(self.found) < _EXPLORING * evaluations else list(self._neighbours(self.best))

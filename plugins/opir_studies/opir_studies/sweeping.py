@@ -17,7 +17,7 @@ from opir_studies.runs import RunRecord, RunTask, TaskResult, result_of
 from opir_studies.study import Study
 from opir_studies.until import rounds
 
-#: A round is cut into about so many tasks; each is one file when it has ended.
+#: Approximate number of tasks of a round; each is one file when it has ended.
 _TASKS = 64
 _LONGEST_TASK = 200
 _DIED = "its worker process ended three times, possibly out of memory"

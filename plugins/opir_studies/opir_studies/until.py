@@ -14,7 +14,7 @@ from opir_core.errors import Problem, SceneError, nearest
 from opir_studies.statistics import interval
 from opir_studies.study import MINIMUM_RUNS, Study
 
-#: Each round has so many times as many runs as the one before.
+#: Runs of a round, as a multiple of those of the one before.
 _GROWTH = 1.5
 
 

@@ -130,7 +130,7 @@ def _reach(
     predicted: PredictedMeasurements, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
 ) -> FloatArray:
     """Return the largest angle, rad, between a track's middle direction and its gate within a part of the span."""
-    # Over the ground, which itself turns by so much at most.
+    # Over the ground, which itself turns by this at most.
     speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + _GROUND_M_S
     wide: FloatArray = (
         gate * predicted.position_bound_m(span_s + _LIGHT_TIME_S) + speed * (0.5 * part_s + _EMISSION_MARGIN_S)

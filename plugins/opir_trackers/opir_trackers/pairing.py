@@ -67,8 +67,8 @@ _SURE_SIGMAS = 5.0
 #: Lines that cross to within no better than this, m, are parallel: nothing says that they are of one target.
 _VAGUE_M = 300e3
 
-#: With so many sensors crossings of wrong sets are rare: sets that fit are sure. With more, the present pairing is
-#: start enough.
+#: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With more, the assignment
+#: starts from the present pairing.
 _CERTAIN = 3
 
 #: Rounds of assignment of each sensor to the sets of the others.

@@ -6,7 +6,7 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry import WGS84, Ellipsoid, ecef_to_geodetic
 from opir_core.plugin import Sensor
 
-#: Points of a boundary: a polygon of so many has 5e-5 less area than its circle.
+#: Points of a boundary: the polygon has 5e-5 less area than its circle.
 POINTS = 360
 #: Halvings of the interval of the nadir angle: to 1e-15 rad.
 _HALVINGS = 50

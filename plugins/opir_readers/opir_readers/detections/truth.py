@@ -9,7 +9,7 @@ from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, RowArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 
-#: A line of sight is of the target that it is nearest to, within so many standard deviations of noise and bias.
+#: A line of sight is of the target that it is nearest to, within this number of standard deviations of noise and bias.
 _GATE = 6.0
 
 #: Standard deviations below this, rad, are of rounding: events have angles to 1e-7 degrees or so.

@@ -44,7 +44,7 @@ class FleetConfig:
         default=None, check=_numbers_complaint, help="only these catalogue numbers: 25544,40000:40100"
     )
     max_age_days: float | None = number(
-        default=None, unit="d", minimum=0.0, maximum=1e5, help="only elements within so many days of the scene's epoch"
+        default=None, unit="d", minimum=0.0, maximum=1e5, help="only elements within this time of the scene's epoch"
     )
 
     def satellites(self, epoch_us: int | None, readers: Sequence[FileReader]) -> Sequence[Mapping[str, Any]]:

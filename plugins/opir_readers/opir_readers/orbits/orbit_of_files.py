@@ -25,7 +25,7 @@ from opir_readers.table_checks import findings_of, moment_text
 
 _NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 
-#: Light times and lines of sight are computed some seconds around a scene: polynomials go on by so much, s.
+#: Light times and lines of sight are computed some seconds around a scene: time, s, by which polynomials go on.
 _BEYOND_S = 10.0
 
 

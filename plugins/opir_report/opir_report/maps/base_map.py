@@ -161,7 +161,7 @@ def _set_ticks(place: Callable[[list[float], list[str]], object], ticks: list[tu
 
 
 def _apart(ticks: list[tuple[float, str]], least: float) -> list[tuple[float, str]]:
-    """Return the ticks that are at least so far from the one before, in order."""
+    """Return the ticks that keep the least distance from the one before, in order."""
     kept: list[tuple[float, str]] = []
     for tick in sorted(ticks):
         if not kept or tick[0] - kept[-1][0] >= least:

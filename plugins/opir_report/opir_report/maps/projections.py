@@ -218,5 +218,5 @@ def _signed_area(flat: FloatArray) -> float:
 
 
 def nice_step(span: float, parts: int, steps: Sequence[float]) -> float:
-    """Return the smallest of ascending steps that divides a span into at most so many parts, or the largest."""
+    """Return the smallest of ascending steps that divides a span into at most `parts` parts, or the largest."""
     return next((step for step in steps if span / step <= parts), steps[-1])

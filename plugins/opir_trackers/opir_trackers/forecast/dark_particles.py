@@ -80,7 +80,7 @@ def _free(
 
 @cache
 def _turns(size: int) -> IntArray:
-    """Return a fixed random order of so many particles."""
+    """Return a fixed random order of a number of particles."""
     return np.random.default_rng(5).permutation(size)
 
 

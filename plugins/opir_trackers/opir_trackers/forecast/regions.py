@@ -115,7 +115,7 @@ def regions(
 ) -> tuple[ImpactRegion, ...]:
     """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,).
 
-    They presume a condition with a probability, and rest on so many effective samples. `origin` (2,) is where the
+    They presume a condition with a probability, and rest on a number of effective samples. `origin` (2,) is where the
     points have come from; by default their own middle. Areas and polygons are made when they are first read.
     """
     chart = AzimuthalEquidistant.about(

@@ -1,6 +1,6 @@
 """Crowds: tracks with contested lines of sight, each with a track of its own in the focal plane of every sensor.
 
-A track joins when others have its lines in their gates in so many sensors that the pairing is open, when it shares a
+A track joins when others have its lines in their gates in enough sensors for the pairing to be open, when it shares a
 line with a crowd, or when it begins near another one before two sensors; it leaves some time after it was last
 contested. While it is in, its lines are those of its focal-plane tracks, and its state follows from them.
 """

@@ -21,10 +21,11 @@ from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 #: Comparisons of a target's looks before gates rely on what is found.
 _FEW = 15
 
-#: Up to so many tracks sensors that are as stated are compared now and then: of more, each shows another combination.
+#: Up to this number of tracks, sensors that are as stated are compared now and then; with more, each track shows
+#: another combination.
 _LONE = 3
 
-#: Comparisons of targets after which those of so many tracks are made less often: at least so many a second. Errors and
+#: Comparisons of targets after which they are made less often, and the least number of them a second. Errors and
 #: noise change over a minute.
 _OFTEN, _MANY = 600, 20
 
