@@ -97,7 +97,7 @@ def an_hour(seed: int = 0) -> Case:
 
 
 def samples(case: Case, every: int = 1) -> list[Sample]:
-    """Return how the filter compares with 50 digits after every so many slices."""
+    """Return how the filter compares with 50 digits after every n-th slice."""
     rng = np.random.default_rng(case.seed)
     motion = Motion(case.size, case.noise, KEPLER)
     filter_ = ImmFilter(motion, motion, np.inf, np.inf, rounds=4)

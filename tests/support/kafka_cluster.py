@@ -180,7 +180,7 @@ class Cluster:
             return 0
 
     def wait_for_brokers(self, count: int) -> None:
-        """Wait until so many brokers are in the cluster."""
+        """Wait until a number of brokers are in the cluster."""
         until(lambda: self.brokers() == count, within_s=_START_S)
 
     def topic(self, partitions: int = 3, replicas: int = 1, name: str = "", **settings: str) -> str:

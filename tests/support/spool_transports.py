@@ -30,7 +30,7 @@ QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
 
 
 def filled_spool(path: Path, batches: int, rows: int) -> Path:
-    """Write a spool of batches of so many events each, and return its path."""
+    """Write a spool of batches of a number of events each, and return its path."""
     journal = Journal(str(path), 64 * MIB)
     for number in range(batches):
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(rows, rows * number))))

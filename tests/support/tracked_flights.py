@@ -95,7 +95,7 @@ def rows_of(tracks, shared):
 
 
 def last_reported(truth, seeing, seed, after_s, forces="kepler"):
-    """Return the reports on flights, one row each, so long after the last burn; each of them has a track."""
+    """Return the reports on flights, one row each, a time after the last burn; each of them has a track."""
     *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
     rows = rows_of(last.reported, last.shared)
     assert (rows >= 0).all()

@@ -92,7 +92,7 @@ def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> No
 
 
 class Expecting(Classifier):
-    """A classifier that expects so many launches a day."""
+    """A classifier that expects a number of launches a day."""
 
     uses_truth = False
 

@@ -129,7 +129,7 @@ def test_text_without_room_in_the_buffer_is_the_same(monkeypatch: pytest.MonkeyP
 
 
 def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
-    """Let the worker of the window at 20 s be killed so many times: before its turn, in it, or after it."""
+    """Let the worker of the window at 20 s be killed a number of times: before its turn, in it, or after it."""
     flag = Path("deaths")
     observe, counted, due = Engine.observe, CountDetections._counted, set()
 

@@ -1,6 +1,6 @@
 """Spoilt files of every format: refused with a reason or read to finite numbers, soon and in little memory.
 
-`OPIR_FUZZ_S=600 python -m pytest tests/plugins/readers/test_fuzzed_files.py` searches for so many seconds in all.
+`OPIR_FUZZ_S=600 python -m pytest tests/plugins/readers/test_fuzzed_files.py` searches for 600 seconds in all.
 """
 
 import os

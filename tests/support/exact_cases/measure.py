@@ -32,7 +32,7 @@ class Case(NamedTuple):
     output that does not exist (nan). Errors are relative to the output's length, or to its `scale` if larger.
     `angles` are outputs modulo a whole turn. `fixed` inputs are exact: they add nothing to the condition number.
     `condition(*row)`, where given, replaces differences. `share` of the draws are enough for a slow reference. With
-    `samples` the condition number is estimated from so many random directions instead of each input by itself.
+    `samples` the condition number is estimated from that number of random directions instead of each input by itself.
     `inner(*row)` is the condition number of a step on the way that a user chooses with the inputs, and is added.
     """
 

@@ -12,7 +12,7 @@ RADIUS_M = 6378137.0
 def estimates(
     burning: float, force: float, silent_s: float = 0.05, staging: float = 0.0, free: float = 0.0
 ) -> ModeEstimates:
-    """Return the estimate of one track that flies upwards, with so many m/s² and 20 detections a second."""
+    """Return the estimate of one track that flies upwards, with an acceleration and 20 detections a second."""
     mean = np.array([[RADIUS_M + 5e4, 0.0, 0.0, 2000.0, 465.0, 0.0, force, 0.0, 0.0, 0.01]])
     root = np.eye(10)[None]
     share = np.array([[1.0 - staging - free, staging, free]])

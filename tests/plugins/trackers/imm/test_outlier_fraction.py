@@ -45,7 +45,7 @@ def squares_of(outliers, tracks, rays, seed):
 
 
 def nothing_of(tracks):
-    """Return what is known of the shares of so many tracks before any ray."""
+    """Return what is known of the shares of a number of tracks before any ray."""
     return OutlierFractions(np.zeros((tracks, len(FRACTIONS))))
 
 
