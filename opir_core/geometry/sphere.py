@@ -5,7 +5,7 @@ the 180th meridian are no exceptions. Source: Snyder, "Map Projections: A Workin
 (1987), chapter 25. The radius is the equatorial one; on the ellipsoid distances differ by up to 0.6 %.
 """
 
-from math import cos, sin
+from math import atan2, cos, sin
 
 import numpy as np
 from attrs import frozen
@@ -16,9 +16,10 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 
 def unit_vectors(place: FloatArray) -> FloatArray:
     """Return unit vectors (n, 3) of places (n, 2 or more), latitude and longitude first, rad."""
-    latitude, longitude = place[:, 0], place[:, 1]
+    latitude, longitude, vectors = place[:, 0], place[:, 1], np.empty((len(place), 3))
     flat = np.cos(latitude)
-    return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)], axis=1)
+    vectors[:, 0], vectors[:, 1], vectors[:, 2] = flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)
+    return vectors
 
 
 def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
@@ -44,9 +45,10 @@ class AzimuthalEquidistant:
     def about(cls, up: FloatArray) -> "AzimuthalEquidistant":
         """Return the map about the direction of a vector (3,) from the Earth's centre."""
         up = up / np.sqrt(up @ up)
-        longitude = float(np.arctan2(up[1], up[0]))
-        east = np.array([-sin(longitude), cos(longitude), 0.0])
-        return cls(np.stack([east, np.cross(up, east), up]))
+        x, y, z = up.tolist()
+        longitude = atan2(y, x)
+        east, ahead = -sin(longitude), cos(longitude)
+        return cls(np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]]))
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -73,5 +75,7 @@ class AzimuthalEquidistant:
         far_m = np.sqrt(np.add.reduce(point * point, axis=1))
         angle = far_m / EARTH_EQUATORIAL_RADIUS_M
         ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
-        unit = (point * ratio[:, None]) @ self.axes[:2] + np.cos(angle)[:, None] * self.axes[2]
-        return np.stack([np.arcsin(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)
+        x, y, z = self.axes[:2].T @ (point * ratio[:, None]).T + self.axes[2, :, None] * np.cos(angle)
+        place = np.empty((len(point), 2))
+        place[:, 0], place[:, 1] = np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0)), np.arctan2(y, x)
+        return place

@@ -27,8 +27,8 @@ _FEWEST = 3
 
 #: Longest step in longitude whose sense is beyond doubt, degrees.
 _WIDEST_DEG = 90.0
-#: Halvings that find a place on an edge, and divisions into as many parts: to 1e-12 of the edge.
-_HALVINGS, _DIVISIONS, _PARTS = 40, 7, 64
+#: Halvings that find a place on an edge, and divisions into as many parts: to 6e-8 of the edge.
+_HALVINGS, _DIVISIONS, _PARTS = 40, 4, 64
 
 _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
@@ -106,8 +106,7 @@ def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
     if not region.polygons:
         return {"type": "MultiPolygon", "coordinates": []}
-    chart, is_wide = region.chart(), region.area_km2 >= _WIDE_KM2
-    polygons = [part for polygon in region.polygons for part in _parts(polygon, chart, is_wide=is_wide)]
+    polygons = [part for polygon in region.polygons for part in _parts(polygon, region)]
     if len(polygons) == 1:
         return {"type": "Polygon", "coordinates": polygons[0]}
     return {"type": "MultiPolygon", "coordinates": polygons}
@@ -117,18 +116,20 @@ def geometry_of(region: ImpactRegion) -> dict[str, Any]:
 _WIDE_KM2 = 6e7
 
 
-def _poles_in(ring: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...]:
-    """Return the latitudes of the poles inside a ring, degrees."""
-    alone = ImpactRegion(1.0, 0.0, ((ring,),), chart.centre)
-    return tuple(pole for pole in (-_POLE_DEG, _POLE_DEG) if alone.contains(float(np.radians(pole)), 0.0))
+def _poles_in(plane: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...]:
+    """Return the latitudes of the poles inside a ring of the map, degrees."""
+    latitudes = -_POLE_DEG, _POLE_DEG
+    places = chart.points(np.radians([[each, 0.0] for each in latitudes]))
+    return tuple(each for each, place in zip(latitudes, places, strict=True) if _is_inside(place, plane[:-1]))
 
 
-def _parts(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> list[Any]:
-    """Return a polygon as polygons of coordinates: one, unless the 180th meridian cuts it."""
+def _parts(polygon: Sequence[FloatArray], region: ImpactRegion) -> list[Any]:
+    """Return a polygon of a region as polygons of coordinates: one, unless the 180th meridian cuts it."""
+    is_wide = region.area_km2 >= _WIDE_KM2
     if _is_flat(polygon, is_wide=is_wide):
         rings = [points for ring in polygon if len(points := _distinct(np.degrees(ring[:-1, ::-1]))) >= _FEWEST]
         return [[_closed(points, is_outer=not place) for place, points in enumerate(rings)]] if rings else []
-    return _cut(_planar(polygon, chart, is_wide=is_wide))
+    return _cut(_planar(polygon, region.chart(), is_wide=is_wide))
 
 
 def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
@@ -154,8 +155,9 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     A ring around a pole is closed along two meridians and the pole. Where a polygon holds both poles, its outer ring is
     a hole of the whole Earth. Holes are moved by whole turns into the outer ring.
     """
-    poles = [_poles_in(ring, chart) if is_wide else () for ring in polygon]
-    outer, *holes = [_unrolled(ring, chart, inside) for ring, inside in zip(polygon, poles, strict=True)]
+    planes = [chart.points(ring) for ring in polygon]
+    poles = [_poles_in(plane, chart) if is_wide else () for plane in planes]
+    outer, *holes = [_unrolled(*each, chart) for each in zip(polygon, planes, poles, strict=True)]
     if len(poles[0]) == 2:
         outer, holes = _WORLD, [outer, *holes]
     rings = [outer]
@@ -190,14 +192,14 @@ def _moved(ring: FloatArray, turns: int) -> FloatArray:
 _WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0]])
 
 
-def _unrolled(ring: FloatArray, chart: AzimuthalEquidistant, poles: Sequence[float]) -> FloatArray:
-    points = _refined(ring, chart)
-    longitude = np.unwrap(points[:, 0], period=360.0)
-    turns = round((longitude[-1] - longitude[0]) / 360.0)
+def _unrolled(ring: FloatArray, plane: FloatArray, poles: Sequence[float], chart: AzimuthalEquidistant) -> FloatArray:
+    points = _refined(ring, plane, chart)
+    points[1:, 0] -= 360.0 * np.cumsum(np.rint(np.diff(points[:, 0]) / 360.0))
+    turns = round((points[-1, 0] - points[0, 0]) / 360.0)
     if not turns:
-        return np.stack([longitude[:-1], points[:-1, 1]], axis=1)
+        return points[:-1]
     pole_deg = poles[0] if poles else float(np.copysign(_POLE_DEG, points[:, 1].mean()))
-    return _around_pole(np.stack([longitude, points[:, 1]], axis=1), 360.0 * turns, pole_deg)
+    return _around_pole(points, 360.0 * turns, pole_deg)
 
 
 def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatArray:
@@ -218,18 +220,18 @@ def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatA
     return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
 
 
-def _refined(ring: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
+def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
     """Return a closed ring as longitude and latitude, degrees, with points on edges that are long in longitude.
 
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
     parts = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
-    edge, plane = np.repeat(np.arange(len(parts)), parts), chart.points(ring)
+    edge = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
     for _ in range(_HALVINGS):  # an edge that passes close to a pole turns around it within one step
-        points = _along(plane, edge, share, chart)
-        points[share == 0.0] = np.degrees(ring[:-1, ::-1])
+        points, added = np.degrees(ring[edge, ::-1]), np.flatnonzero(share)
+        points[added] = _along(plane, edge[added], share[added], chart)
         after = np.where(np.append(edge[1:], -1) == edge, np.append(share[1:], 1.0), 1.0)
         turn = np.abs(np.diff(points[:, 0], append=points[0, 0]))
         wide = np.flatnonzero(np.minimum(turn, 360.0 - turn) > _WIDEST_DEG)
@@ -304,12 +306,13 @@ def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
 
 def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
     """Return the parts of a ring on one side, each with its two points on the meridian."""
-    starts = np.flatnonzero(here & ~np.roll(here, 1)).tolist()
+    count, twice = len(ring), np.append(here, here)
+    starts = np.flatnonzero(twice[count:] & ~twice[count - 1 : -1]).tolist()
     chains = []
     for start in starts:
-        length = int(np.argmin(np.roll(here, -start)))
-        part = np.take(ring, range(start, start + length), axis=0, mode="wrap")
-        before, after = ring[start - 1], ring[(start + length) % len(ring)]
+        length = int(np.argmin(twice[start:]))
+        part = ring[np.arange(start, start + length) % count]
+        before, after = ring[start - 1], ring[(start + length) % count]
         ends = _crossing(before, part[0], edge_deg), _crossing(part[-1], after, edge_deg)
         chains.append(np.concatenate([ends[:1], part, ends[1:]]))
     return chains
@@ -375,7 +378,7 @@ def _closed(points: FloatArray, *, is_outer: bool) -> list[list[float]]:
 
 def _is_inside(point: FloatArray, ring: FloatArray) -> bool:
     """Return whether a point lies inside a ring in the plane: a ray from it crosses the ring an odd number of times."""
-    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+    (x0, y0), (x1, y1) = ring.T, np.concatenate([ring[1:], ring[:1]]).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     at = x0[crosses] + (point[1] - y0[crosses]) / (y1 - y0)[crosses] * (x1 - x0)[crosses]
     return bool(np.count_nonzero(at > point[0]) % 2)
