@@ -237,5 +237,5 @@ def compare(targets, row, truth, parts, config):
     assert np.linalg.norm(impact - aim) < 10.0, config.staging
     assert abs(end.t[-1] + start - truth["impact"]["time_s"]) < 0.01
     lon, lat, _ = TO_GEODETIC.transform(*impact)
-    told = truth["impact"]
-    assert GEOD.inv(lon, lat, told["lon_deg"], told["lat_deg"])[2] < 10.0
+    reported = truth["impact"]
+    assert GEOD.inv(lon, lat, reported["lon_deg"], reported["lat_deg"])[2] < 10.0

@@ -25,8 +25,8 @@ HEAVY = ("scipy", "litestar", "aiokafka", "matplotlib", "pyarrow", "rich", "pypr
 
 def modules_of(code: str, folder: Path) -> set[str]:
     """Return the modules a fresh process has imported after running some code."""
-    told = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)), file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", told], cwd=folder, capture_output=True, text=True, check=True)
+    reported = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", reported], cwd=folder, capture_output=True, text=True, check=True)
     return set(json.loads(done.stderr.splitlines()[-1]))
 
 
