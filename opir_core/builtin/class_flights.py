@@ -9,7 +9,7 @@ from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.configs import BallisticConfig, ClassConfig, GlideConfig, PlaceConfig
+from opir_core.builtin.configs import BallisticConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
@@ -18,6 +18,7 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
+    from opir_core.builtin.further_targets import ClassConfig, GlideConfig
     from opir_core.flight.aiming import Aim
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 EPHEMERIS_TOLERANCE_M = 0.01
 
 
-@define(eq=False, kw_only=True)
+@define(eq=False, kw_only=True, repr=False)
 class ClassFlights(Trajectories):
     """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of their flight.
 
@@ -73,12 +74,12 @@ class ClassFlights(Trajectories):
         return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
 
 
-@define(eq=False, kw_only=True)
+@define(eq=False, kw_only=True, repr=False)
 class AimedFlights(ClassFlights):
     """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim point."""
 
     flight: "Aim | GlideFlight"
-    configs: tuple[BallisticConfig | GlideConfig, ...]
+    configs: "tuple[BallisticConfig | GlideConfig, ...]"
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, burnout, what follows it, and impact.
@@ -111,7 +112,7 @@ class AimedFlights(ClassFlights):
 
 
 def classes_of(
-    configs: Sequence[ClassConfig], context: TargetContext, model: str, own: str = ""
+    configs: "Sequence[ClassConfig]", context: TargetContext, model: str, own: str = ""
 ) -> tuple[TargetClass, ...]:
     """Return the classes of targets; raises `SceneError` for those that another model flies after burnout.
 
@@ -128,12 +129,12 @@ def classes_of(
     return classes
 
 
-def ignitions_s(configs: Sequence[ClassConfig]) -> FloatArray:
+def ignitions_s(configs: "Sequence[ClassConfig]") -> FloatArray:
     """Return the scene times of ignition, (n,)."""
     return np.array([config.launch.time_s for config in configs], dtype=np.float64)
 
 
-def forces_of_targets(configs: Sequence[ClassConfig], context: TargetContext) -> "ForceModel":
+def forces_of_targets(configs: "Sequence[ClassConfig]", context: TargetContext) -> "ForceModel":
     """Return the scene's forces, with the ballistic coefficients that targets bring."""
     forces = context.forces
     if isinstance(forces, str) or forces.drag is None:

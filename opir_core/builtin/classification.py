@@ -26,7 +26,7 @@ class PairClassifier(Classifier):
         return np.asarray(self.pair_type(sightings.sensor, sightings.target, rng), dtype=np.uint8)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class ConfusionClassifier(PairClassifier):
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
@@ -49,7 +49,7 @@ class ConfusionClassifier(PairClassifier):
         return reported
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class TrueType(PairClassifier):
     """The right type to report, each time: `type_code` are the codes of the targets' into `REPORTED_TYPES`."""
 

@@ -18,7 +18,7 @@ from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import is_probability
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class ConstantDetection(DetectionProbability):
     """A probability of detection for each sensor and target class, the same for every look.
 

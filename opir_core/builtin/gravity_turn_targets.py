@@ -18,7 +18,7 @@ from opir_core.builtin.class_flights import (
     plain_places,
     plain_states,
 )
-from opir_core.builtin.configs import GravityTurnConfig
+from opir_core.builtin.further_targets import GravityTurnConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import surface_range_m
 from opir_core.flight.burns import plain_gaps_s
@@ -32,7 +32,7 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
 
 
-@define(eq=False, kw_only=True)
+@define(eq=False, kw_only=True, repr=False)
 class GravityTurnTargets(ClassFlights):
     """Targets from ignition to burnout, or to impact; `profiles` are the class profiles that stand for their plumes."""
 

@@ -16,7 +16,7 @@ from opir_core.builtin.class_flights import (
     plain_place,
     plain_states,
 )
-from opir_core.builtin.configs import InsertionConfig
+from opir_core.builtin.further_targets import InsertionConfig
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import boost_ephemeris
@@ -27,7 +27,7 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import OrbitInsertion, TargetClass
 
 
-@define(eq=False, kw_only=True)
+@define(eq=False, kw_only=True, repr=False)
 class OrbitTargets(ClassFlights):
     """Targets from ignition to insertion into orbit, and in orbit for the time in which sensors follow them."""
 

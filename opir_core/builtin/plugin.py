@@ -13,9 +13,6 @@ from opir_core.builtin.configs import (
     BallisticConfig,
     ConfusionConfig,
     ConstantConfig,
-    GlideConfig,
-    GravityTurnConfig,
-    InsertionConfig,
     JsonlConfig,
     MemoryConfig,
     WeightedConfig,
@@ -36,7 +33,7 @@ from opir_core.host.hookspecs import hookimpl
 from opir_core.output.events import schema_text
 
 
-def _built_by(module: str, function: str) -> Callable[..., Any]:
+def built_by(module: str, function: str) -> Callable[..., Any]:
     """Return a `build` that imports its module of this package when it is called."""
 
     def build(config: Any, context: Any) -> Any:
@@ -85,15 +82,15 @@ SINKS = (
         name="jsonl",
         summary="one event per line, to a file or standard output",
         config=JsonlConfig,
-        build=_built_by("sinks", "line_file"),
+        build=built_by("sinks", "line_file"),
     ),
     SinkModel(
         name="memory",
         summary="windows kept in memory, as columns and as events",
         config=MemoryConfig,
-        build=_built_by("sinks", "memory_sink"),
+        build=built_by("sinks", "memory_sink"),
     ),
-    SinkModel(name="null", summary="discards events without encoding them", build=_built_by("sinks", "null_sink")),
+    SinkModel(name="null", summary="discards events without encoding them", build=built_by("sinks", "null_sink")),
 )
 
 
@@ -104,10 +101,10 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         name="constant",
         summary="a probability of detection per sensor and target type (the paper's)",
         config=ConstantConfig,
-        build=_built_by("detection", "constant_detection"),
+        build=built_by("detection", "constant_detection"),
     )
-    yield DetectionModel(name="always", summary="every look detects", build=_built_by("detection", "always_detection"))
-    yield DetectionModel(name="never", summary="no look detects", build=_built_by("detection", "never_detection"))
+    yield DetectionModel(name="always", summary="every look detects", build=built_by("detection", "always_detection"))
+    yield DetectionModel(name="never", summary="no look detects", build=built_by("detection", "never_detection"))
 
 
 @hookimpl
@@ -117,16 +114,14 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
         name="paper",
         summary="drawn from a confusion matrix, once per sensor and launch; knows the true type",
         config=ConfusionConfig,
-        build=_built_by("classification", "confusion_classifier"),
+        build=built_by("classification", "confusion_classifier"),
+    )
+    yield ClassifierModel(name="none", summary="every target is UNKNOWN", build=built_by("classification", "no_answer"))
+    yield ClassifierModel(
+        name="always", summary="the true type, each time", build=built_by("classification", "true_type")
     )
     yield ClassifierModel(
-        name="none", summary="every target is UNKNOWN", build=_built_by("classification", "no_answer")
-    )
-    yield ClassifierModel(
-        name="always", summary="the true type, each time", build=_built_by("classification", "true_type")
-    )
-    yield ClassifierModel(
-        name="never", summary="every target is UNKNOWN, like none", build=_built_by("classification", "no_answer")
+        name="never", summary="every target is UNKNOWN, like none", build=built_by("classification", "no_answer")
     )
 
 
@@ -137,44 +132,26 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
         name="weighted",
         summary="weighted sum of confirming bands, number of detections and elevation (the paper's)",
         config=WeightedConfig,
-        build=_built_by("classification", "weighted_confidence"),
+        build=built_by("classification", "weighted_confidence"),
     )
-    yield ConfidenceModel(name="always", summary="confidence 1", build=_built_by("classification", "full_confidence"))
-    yield ConfidenceModel(name="never", summary="confidence 0", build=_built_by("classification", "no_confidence"))
+    yield ConfidenceModel(name="always", summary="confidence 1", build=built_by("classification", "full_confidence"))
+    yield ConfidenceModel(name="never", summary="confidence 0", build=built_by("classification", "no_confidence"))
 
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none`."""
-    yield TrackerModel(name="none", summary="no tracks", build=_built_by("no_tracker", "no_tracker"))
+    yield TrackerModel(name="none", summary="no tracks", build=built_by("no_tracker", "no_tracker"))
 
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `ballistic`, `gravity-turn`, `orbit` and `glide`."""
+    """Yield `ballistic`."""
     yield TargetModel(
         name="ballistic",
         summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
         config=BallisticConfig,
-        build=_built_by("targets", "ballistic_targets"),
-    )
-    yield TargetModel(
-        name="gravity-turn",
-        summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off, then free flight",
-        config=GravityTurnConfig,
-        build=_built_by("gravity_turn_targets", "gravity_turn_targets"),
-    )
-    yield TargetModel(
-        name="orbit",
-        summary="boost on a class profile into a circular orbit",
-        config=InsertionConfig,
-        build=_built_by("orbit_targets", "orbit_targets"),
-    )
-    yield TargetModel(
-        name="glide",
-        summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and free fall",
-        config=GlideConfig,
-        build=_built_by("glide_targets", "glide_targets"),
+        build=built_by("targets", "ballistic_targets"),
     )
 
 
@@ -182,16 +159,14 @@ def opir_target_models() -> Iterable[TargetModel]:
 def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `clear`."""
     yield AtmosphereModel(
-        name="clear", summary="transmittance 1, no clouds", build=_built_by("empty_space", "clear_atmosphere")
+        name="clear", summary="transmittance 1, no clouds", build=built_by("empty_space", "clear_atmosphere")
     )
 
 
 @hookimpl
 def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `none`."""
-    yield BackgroundModel(
-        name="none", summary="no background radiance", build=_built_by("empty_space", "no_background")
-    )
+    yield BackgroundModel(name="none", summary="no background radiance", build=built_by("empty_space", "no_background"))
 
 
 @hookimpl

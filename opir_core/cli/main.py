@@ -6,7 +6,7 @@ A command's module is imported only when the command is given, so `opir --versio
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -79,8 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parsed(words: Sequence[str]) -> tuple[argparse.Namespace, bool]:
     """Return the parsed arguments, and whether the command is the core's own."""
-    parser, commands = _empty_parser()
     given = next((word for word in words if not word.startswith("-")), None)
+    parser, commands = _empty_parser([given] if given in COMMANDS else COMMANDS)
     if given in COMMANDS:
         _add_arguments(commands.choices[given], given)
     elif "--version" not in words:
@@ -103,14 +103,15 @@ def _refuse(unknown: Sequence[str], command: argparse.ArgumentParser) -> NoRetur
 
 def full_parser() -> argparse.ArgumentParser:
     """Return the parser with the arguments of all commands, those of plugins included."""
-    parser, commands = _empty_parser()
+    parser, commands = _empty_parser(COMMANDS)
     for name in COMMANDS:
         _add_arguments(commands.choices[name], name)
     _add_plugin_commands(commands, None)
     return parser
 
 
-def _empty_parser() -> tuple[argparse.ArgumentParser, Any]:
+def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
+    """Return a parser and its commands of these names: making one takes as long as importing a small module."""
     parser = argparse.ArgumentParser(
         prog="opir",
         description="Simulate overhead infrared missile-warning sensors.",
@@ -120,7 +121,8 @@ def _empty_parser() -> tuple[argparse.ArgumentParser, Any]:
     parser.add_argument(DEBUG, action="store_true", help="print the traceback of an internal error")
     parser.add_argument("--version", action="version", version=f"opir {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name, (_, summary) in COMMANDS.items():
+    for name in names:
+        summary = COMMANDS[name][1]
         description = f"{summary[0].upper()}{summary[1:]}."
         commands.add_parser(name, help=summary, description=description, formatter_class=_formatter)
     return parser, commands

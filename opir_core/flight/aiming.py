@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class LaunchSolution:
     """Launches (n,) with the ECEF position (n, 3) and height (n,) of their aim points; `forces` None is two-body."""
 

@@ -61,7 +61,7 @@ def boost_profile(name: str) -> BoostProfile:
 _DEGREE = 32
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Ascent:
     """The ascents of n targets for unit burnout speed, given by profile and burnout flight path angle.
 
@@ -202,7 +202,7 @@ def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
     return total
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class LaunchPlane:
     """The vertical plane of each of n launches: vectors (n, 3) in ECEF, and the radius (n,) of the circle in it."""
 
@@ -234,7 +234,7 @@ class LaunchPlane:
         return rise[:, None] * self.up + along[:, None] * self.heading
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class LaunchSite:
     """The sites of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of curvature (n,)."""
 

@@ -42,7 +42,7 @@ _FINER = 16.0
 _BLOCK = 512
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class DenseArcs:
     """Arcs as the polynomials of their steps, sorted by arc and then in the order of integration.
 
@@ -95,7 +95,7 @@ class DenseArcs:
         return states
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class StepRecorder:
     """Records the accepted steps of integrations; `first_arc` is the number of the first arc of the current one."""
 

@@ -33,7 +33,7 @@ _FIT_BLOCK = 1024
 _ROUNDS = 40
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class HermiteSegments:
     """Polynomial segments of trajectories, sorted by target, then time.
 

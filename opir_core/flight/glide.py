@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 _TURN_STEPS = 5
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GlideShape:
     """The constants of n glides: lift-to-drag ratio, final speed and scale height, columns (n,)."""
 
@@ -61,7 +61,7 @@ class GlideShape:
         return GlideShape(self.lift_to_drag[rows], self.final_speed_m_s[rows], self.scale_height_m[rows])
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GlidePath:
     """The equilibrium glides of n targets from their burnout: columns (n,), directions (n, 3) in ECEF.
 
@@ -150,7 +150,7 @@ def _ground_slope_m(direction: FloatArray, onward: FloatArray) -> FloatArray:
     return -(_ground_radius_m(direction) ** 3) * ((x + y) / (a * a) + z / (b * b))
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GlideLaunch(LaunchSolution):
     """Launches (n,) whose flights glide after burnout, with the constants of their glides."""
 
@@ -193,7 +193,7 @@ class GlideLaunch(LaunchSolution):
         return np.where(flies[:, None], position, np.nan), velocity
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GlideFlight:
     """The flights of n targets from launch over burnout and release, where free flight begins, to the aim point.
 

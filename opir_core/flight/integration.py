@@ -64,7 +64,7 @@ class IntegrationResult(IntEnum):
     NOT_CONVERGED = 5
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class ArcEnds:
     """Ends of arcs: states (3, n) at the elapsed times, and results (`IntegrationResult`)."""
 

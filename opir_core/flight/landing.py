@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _IMPACT_TOLERANCE_M = 1e-3
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class AimedLanding:
     """Impacts of trial flights: columns (n,) and (n, 3).
 

@@ -28,7 +28,7 @@ _LARGEST_STEP = 0.2
 _TOLERANCE = 1e-10
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Insertion:
     """The flights of n targets into circular orbits: columns (n,) and (n, 3).
 
@@ -47,7 +47,7 @@ class Insertion:
     path: BoostPath
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class _Ascents:
     """Launches (n,) with their burn times, pitch starts and speed shapes, and the radius of the orbit."""
 

@@ -81,7 +81,7 @@ def place_of_thread(thread: int | None) -> str:
     return "" if frame is None else place_of_frame(frame)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class PluginErrors:
     """A context in which components of a scene are called: their errors leave it as `ModelError`, with the owner.
 

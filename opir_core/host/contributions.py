@@ -37,7 +37,7 @@ class InvalidPlugin(Exception):  # noqa: N818 - the host turns it into a `Plugin
     """A plugin that cannot be used; the message is the reason, without the plugin's name."""
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Contributions:
     """The components of a valid plugin by hook and name, and the functions that add commands."""
 

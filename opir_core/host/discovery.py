@@ -208,6 +208,10 @@ HOOK_OF_KIND: Mapping[str, str] = {**{hook.removeprefix("opir_"): hook for hook 
 #: The core's own plugins, which no allow-list excludes: the module and, where it is imported on demand, its components.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
+    "further-targets": (
+        "opir_core.builtin.further_targets",
+        frozenset(("opir_target_models", name) for name in ("gravity-turn", "orbit", "glide")),
+    ),
     "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),
     "target-classes": (
         "opir_core.builtin.target_classes",
@@ -218,7 +222,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False, kw_only=True, repr=False)
 class Source:
     """A plugin, from its metadata.
 

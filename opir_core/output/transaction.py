@@ -31,7 +31,7 @@ FILES_KEY = "written_files"
 _LIST = ".opir"
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class _Staged:
     kind: str
     path: Path

@@ -40,7 +40,7 @@ _SPARE_M = 1000.0
 _LEAST_CURVATURE_M = WGS84.polar_radius_m**2 / WGS84.equatorial_radius_m
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class CoarseGrid:
     """Times of emission (m,) of all pairs end to end, in equal steps, and the pair of each."""
 

@@ -41,7 +41,7 @@ class Looks:
         return cls(active, first_scan, scans, np.repeat(active, scans), scan)
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False, kw_only=True, repr=False)
 class LookGeometry:
     """Geometry of looks, given by pairs (n,) and scans (n,).
 

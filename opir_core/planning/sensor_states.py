@@ -14,7 +14,7 @@ from opir_core.random_streams.philox import Stream, normal_pairs, stream_key
 STREAM = "line-of-sight-bias"
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class PointingBias:
     """The line-of-sight bias of each sensor, (sensors,) rad along east and north: constant during a run.
 
@@ -60,7 +60,7 @@ class PointingBias:
         ]
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class SensorStates:
     """Columns of the sensors, one row each; the position is nan for sensors that move in ECEF."""
 

@@ -36,7 +36,7 @@ class Visibility(IntEnum):
     UNCERTAIN = 2
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class GridPlace:
     """Positions of looks on the grid: the point before each, and the fraction of the step since then."""
 
@@ -49,7 +49,7 @@ class GridPlace:
         return early + (values[self.point + 1] - early) * self.fraction
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Sightlines:
     """Lines of sight of all pairs: light times and elevations at the grid's points, `Visibility` in its cells.
 
@@ -135,7 +135,7 @@ _END_STEP_S = 0.05
 LIGHT_TIME_ITERATIONS = 3
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Grid:
     """Whole steps of scene time that enclose each target's observed time, end to end; cells lie between points."""
 
@@ -171,7 +171,7 @@ class Grid:
         return np.maximum(start_s, first), np.minimum(stop_s, last)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class TargetPath:
     """Paths of the targets (n,) of pairs, each observed up to its end (n,), extended at constant velocity before and
     after the observed time, so that the grid's outer cells are smooth."""

@@ -27,7 +27,7 @@ _SPAN_S = 30 * 86_400.0
 _SUN_RATE_RAD_S = 1.01 * EARTH_ROTATION_RAD_S
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class SolarExclusion:
     """The exclusion angle of a sensor, rad, and the scene times (n,) between which it matters."""
 

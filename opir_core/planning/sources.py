@@ -13,7 +13,7 @@ from opir_core.interfaces.radiometric_models import AtmosphereContext, Signature
 from opir_core.scene.scene import Choice, Scene
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class _Emitters(Sources):
     """What a source model has built."""
 

@@ -33,7 +33,7 @@ class Work:
         return self.events * EVENT_BYTES
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Workload:
     """The pairs, sensors and limits from which the work of a plan follows."""
 

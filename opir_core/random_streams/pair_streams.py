@@ -205,7 +205,7 @@ class WindowNumbers:
         self._streams.fill(into, purpose, self._active[chosen], self._first_scan[chosen], scans, at)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class RowDraws:
     """Random draws of a batch of rows: a `RandomDraws`.
 

@@ -25,7 +25,7 @@ from opir_core.simulation.observation import Hits, Observation
 from opir_core.simulation.output_checks import checked_measured, checked_types
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False, kw_only=True, repr=False)
 class BuildDetections:
     """Takes `hits`, `numbers`, `measured` and `order`; gives `detections` and `truth`, in this order.
 

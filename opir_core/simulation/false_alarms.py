@@ -39,7 +39,7 @@ class _Placed(Columns):
     uniforms: FloatArray
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class FalseAlarms:
     """A window's false alarms as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _RADIX_LIMIT = 1 << 16
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class FindLooks:
     """Takes the window's times; gives `looks` and `numbers`."""
 
@@ -52,7 +52,7 @@ def draw_detections(window: Observation) -> None:
     window.pair, window.scan = window.looks.pair.take(row), window.looks.scan.take(row)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class DrawDirections:
     """Takes `row`, `pair`, `scan`, `count` and `numbers`; gives `hits` (n,), with their times and random words."""
 
@@ -123,7 +123,7 @@ def _confirmation(plan: Plan) -> "Confirmation | None":
     return Confirmation(needed, scans)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class OrderByTime:
     """Takes `hits` (n,), sorted by pair, then time; gives `order` (n,), by time, then pair.
 

@@ -61,7 +61,7 @@ class _LookIntervals(NamedTuple):
         return offset[self.pair] + start, count
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class KnotCurves:
     """Curves of P_d quantiles, one per piece, and lines of signals, one per interval, by pairs and places of knots.
 

@@ -47,7 +47,7 @@ def classifier_inputs(
     )
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Classified:
     """Reported types (n,), the posteriors that they are from, or (n, 0), and the columns of detections of these."""
 

@@ -7,7 +7,7 @@ from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_measured
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class MeasureResponses:
     """Takes `hits` (n,), `numbers` and `interpolant`; gives `measured`.
 

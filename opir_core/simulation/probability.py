@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class EvaluatedProbability:
     """Takes `looks`; gives `probability` (l,), from the model: pair by pair if it is constant, else look by look."""
 
@@ -40,7 +40,7 @@ class EvaluatedProbability:
         return checked_probability(model.probability(exposed), len(exposed))
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class InterpolatedProbability:
     """Takes `looks`; gives `interpolant`, `probability` (l,) and `undecided`."""
 
@@ -53,7 +53,7 @@ class InterpolatedProbability:
         window.undecided = interpolant.undecided()
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class VisibilityTest:
     """Takes `looks` and `probability` (l,), which becomes 0 where an uncertain look is not visible."""
 

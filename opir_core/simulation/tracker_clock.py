@@ -22,7 +22,7 @@ _NS = 1_000_000_000
 _REQUIRED = "associate must return whole numbers, one track number per detection, -1 for none"
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Tracked:
     """A window's detections with their tracks, the estimates of its ticks, and those the detections refer to."""
 

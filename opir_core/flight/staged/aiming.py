@@ -46,7 +46,7 @@ _EARLIER, _RETREATS = 0.01, 20
 _RESTARTS = 4
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class StagedShots:
     """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces` None is two-body."""
 
@@ -93,7 +93,7 @@ class StagedShots:
         return aimed_landing(self.boosts.site, self.aim_ecef_m, self.aim_height_m, end, self.forces)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Reach:
     """Ground angles that shots reach, by time of cut-off and kick.
 
@@ -171,7 +171,7 @@ def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> 
     return np.where(is_aloft, np.where(np.isnan(angle), np.pi, angle), np.nan)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class StagedSolution:
     """Solved launches (n,): unknowns, fineness and misses; reachable distances over the ground, m.
 

@@ -16,7 +16,7 @@ from opir_core.flight.staged.staging import Staging
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class StagedFlights:
     """The flights of n targets: columns (n,), vectors (n, 3), intervals (n, k, 2).
 

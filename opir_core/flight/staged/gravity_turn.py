@@ -62,7 +62,7 @@ _STEPS = {
 }
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Leg:
     """A stretch of n boosts in which the thrust is smooth: times since ignition (n,), s."""
 
@@ -72,7 +72,7 @@ class Leg:
     stop_s: FloatArray
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Boosts:
     """Boosts of n launches with one number of stages: sites, stages as columns, and times and coefficients (n,).
 
@@ -126,7 +126,7 @@ class Boosts:
                 yield Leg(LegKind.GAP, number, stop_s, self.stages.ignition_s[number + 1])
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class BoostState:
     """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates of velocity (n,)."""
 
@@ -213,7 +213,7 @@ def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     return product[0] + product[1] + product[2]
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Turn:
     """Integrates boosts with launch azimuths, clockwise from true north, and kicks (n,), rad."""
 

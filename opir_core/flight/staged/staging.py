@@ -94,7 +94,7 @@ class Staging:
         return ""
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class StageColumns:
     """The stages of n boosts with s stages each, as columns (s, n).
 

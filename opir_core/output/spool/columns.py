@@ -31,7 +31,7 @@ _REGION_COLUMNS = ("tracks.impact_regions", "estimates.impact_regions")
 _Record = TypeVar("_Record", bound=Columns)
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Origin:
     """The run of columns: its epoch, µs since 1970-01-01, its sensors, the names of its types and hypotheses."""
 

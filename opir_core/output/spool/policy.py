@@ -27,7 +27,7 @@ class Policy:
     longest_retry_s: float = 300.0
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class Parking:
     """Whether the transport refuses batches for good, and when the first of these is sent again.
 
@@ -74,7 +74,7 @@ class Parking:
         return self.refused_from is not None and self._is_last_trial
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class Closing:
     """When a sink that is being closed stops waiting for acknowledgements."""
 

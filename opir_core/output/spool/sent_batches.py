@@ -11,7 +11,7 @@ from opir_core.interfaces.records import Batch
 AHEAD_BYTES = 8 << 20
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Sent:
     """A batch under way: its number in the backlog and its acknowledgement."""
 

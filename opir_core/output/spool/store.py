@@ -11,7 +11,7 @@ from opir_core.output.spool.batches import Backlog, DamagedError, FullError
 from opir_core.output.spool.salvage import Salvage
 
 
-@define(eq=False)
+@define(eq=False, repr=False)
 class Books:
     """Counts of a sink's events, but for those that wait; as in `Delivery`."""
 

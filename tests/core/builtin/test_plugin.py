@@ -8,7 +8,7 @@ import pytest
 from attrs import fields, has
 from repository import ROOT
 
-from opir_core.builtin import plugin
+from opir_core.builtin import further_targets, plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.host.components import CATALOGUE
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
@@ -16,7 +16,7 @@ from opir_core.interfaces.records import Detections
 from opir_core.plugin import NoConfig, ScanningSensorConfig
 from opir_core.scene.fields import info_of
 
-HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")
+HEAVY = ("numpy", "scipy", "msgspec", "yaml")
 
 MODELS = {
     "opir_detection_models": {"constant", "always", "never"},
@@ -30,7 +30,8 @@ MODELS = {
 
 
 def offered(hook):
-    return {component.name: component for component in getattr(plugin, hook)()}
+    offers = [*getattr(plugin, hook)(), *getattr(further_targets, hook, list)()]
+    return {component.name: component for component in offers}
 
 
 @pytest.mark.parametrize("hook", MODELS)
