@@ -24,11 +24,12 @@ def unit_vectors(place: FloatArray) -> FloatArray:
 def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return great-circle distances (n,), m, between places (n, 2 or more), latitude and longitude first, rad.
 
-    The haversine formula: exact to rounding for short distances too.
+    From the haversine and its complement: exact to rounding from short distances to antipodes.
     """
-    half = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2
-    half = half + np.cos(other[:, 0]) * np.cos(one[:, 0]) * np.sin(0.5 * (other[:, 1] - one[:, 1])) ** 2
-    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
+    both, turn = np.cos(other[:, 0]) * np.cos(one[:, 0]), 0.5 * (other[:, 1] - one[:, 1])
+    near = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2 + both * np.sin(turn) ** 2
+    far = np.sin(0.5 * (other[:, 0] + one[:, 0])) ** 2 + both * np.cos(turn) ** 2
+    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arctan2(np.sqrt(np.abs(near)), np.sqrt(np.abs(far)))
 
 
 @frozen(eq=False)
@@ -74,4 +75,5 @@ class AzimuthalEquidistant:
         angle = far_m / EARTH_EQUATORIAL_RADIUS_M
         ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
         unit = (point * ratio[:, None]) @ self.axes[:2] + np.cos(angle)[:, None] * self.axes[2]
-        return np.stack([np.arcsin(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)
+        level = np.sqrt(unit[:, 0] * unit[:, 0] + unit[:, 1] * unit[:, 1])
+        return np.stack([np.arctan2(unit[:, 2], level), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)
