@@ -248,7 +248,7 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     steep = (at_outer > least) & (at_inner > least)
     low, high = _steep_brackets(arcs, height, outer, inner)
     turning = 1.0 / arcs.alpha
-    turns_between = (turning > inner) & (turning < outer) & (arcs.radial_squared(turning) > 0.0)
+    turns_between = (turning > inner) & (turning < outer)
     (grazing,) = (~steep & ((at_outer > 0.0) | (at_inner > 0.0) | turns_between)).nonzero()
     low[~steep] = np.nan
     if grazing.size:

@@ -229,4 +229,8 @@ def _normal_and_sense(
     short = {"short": np.True_, "long": np.False_, "prograde": upward, "retrograde": ~upward}[way]
     sense = np.where(short, 1.0, -1.0) * np.ones_like(size)
     on_one_ray = (size == 0.0) & (dot(across, across) < dot(along, along)) & (sense > 0.0)
-    return np.where(on_one_ray, 0.0, sense * normal / size), sense
+    normal, up = sense * normal / size, first / length(first)
+    for _ in range(2):  # between points that are almost opposite the product is noise, most of it along `first`
+        normal = normal - dot(normal, up) * up
+        normal = normal / length(normal)
+    return np.where(on_one_ray, 0.0, normal), sense

@@ -25,11 +25,12 @@ def unit_vectors(place: FloatArray) -> FloatArray:
 def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return great-circle distances (n,), m, between places (n, 2 or more), latitude and longitude first, rad.
 
-    The haversine formula: exact to rounding for short distances too.
+    From the haversine and its complement: exact to rounding from short distances to antipodes.
     """
-    half = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2
-    half = half + np.cos(other[:, 0]) * np.cos(one[:, 0]) * np.sin(0.5 * (other[:, 1] - one[:, 1])) ** 2
-    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
+    both, turn = np.cos(other[:, 0]) * np.cos(one[:, 0]), 0.5 * (other[:, 1] - one[:, 1])
+    near = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2 + both * np.sin(turn) ** 2
+    far = np.sin(0.5 * (other[:, 0] + one[:, 0])) ** 2 + both * np.cos(turn) ** 2
+    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arctan2(np.sqrt(np.abs(near)), np.sqrt(np.abs(far)))
 
 
 @frozen(eq=False)
@@ -77,5 +78,5 @@ class AzimuthalEquidistant:
         ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
         x, y, z = self.axes[:2].T @ (point * ratio[:, None]).T + self.axes[2, :, None] * np.cos(angle)
         place = np.empty((len(point), 2))
-        place[:, 0], place[:, 1] = np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0)), np.arctan2(y, x)
+        place[:, 0], place[:, 1] = np.arctan2(z, np.sqrt(x * x + y * y)), np.arctan2(y, x)
         return place

@@ -265,3 +265,21 @@ def test_shapes():
     duration, point = kepler_impact(np.tile([7e6, 0.0, 0.0], (4, 1, 1)), [0.0, 1e3, 0.0], [0.0, 10e3])
     assert duration.shape == (4, 2)
     assert point.shape == (4, 2, 3)
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 1e-12, 1e-9, 1e-8, 1e-7])
+@pytest.mark.parametrize("height", [-400.0, 0.0, 1e7, 1e8])
+def test_circular_orbits_that_dip_below_the_surface_come_down(eccentricity, height):
+    rng = np.random.default_rng(17)
+    radius = 0.5 * (EARTH_EQUATORIAL_RADIUS_M + EARTH_POLAR_RADIUS_M) + height
+    angle = np.linspace(0.05, 6.2, 40)
+    ahead, across = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.2, 1.0]]) / np.sqrt(1.04)
+    out = np.cos(angle)[:, None] * ahead + np.sin(angle)[:, None] * across
+    along = np.cos(angle)[:, None] * across - np.sin(angle)[:, None] * ahead
+    speed = np.sqrt(EARTH_MU_M3_S2 / radius) * (1.0 + eccentricity * rng.normal(size=40))
+    position, velocity = radius * out, speed[:, None] * along
+    duration, point = kepler_impact(position, velocity, height)
+    assert np.isfinite(duration).all()
+    has_fallen = duration > 0.0  # the others start below the surface, and descend
+    assert has_fallen.sum() >= 20
+    assert np.max(np.abs(ecef_to_geodetic(point[has_fallen]).height_m - height)) < 2e-6

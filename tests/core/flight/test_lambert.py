@@ -137,3 +137,15 @@ def test_wrong_arguments_are_named():
         lambert([7e6, 0, 0], [0, 7e6, 0], 600.0, way="fast")
     with pytest.raises(ValueError, match="mu_m3_s2"):
         lambert([7e6, 0, 0], [0, 7e6, 0], 600.0, -1.0)
+
+
+@pytest.mark.parametrize("off_rad", [1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("way", ["short", "long", "prograde", "retrograde"])
+def test_almost_opposite_points_are_joined(off_rad, way):
+    first, second, duration = ends(count=300, seed=8, separation=np.pi - off_rad)
+    v1, v2 = lambert(first, second, duration, way=way)
+    there, speed = propagate_kepler(first, v1, duration)
+    # The plane of the arc is known as well as the points: to the rounding of both.
+    miss = np.linalg.norm(there - second, axis=1)
+    assert np.all(miss <= 100.0 * rounding_of_arrival(first, v1, duration, there) + 1e-14 * np.linalg.norm(second))
+    assert np.max(np.linalg.norm(speed - v2, axis=1) / np.linalg.norm(v2, axis=1)) < 1e-6

@@ -8,9 +8,12 @@ Arguments of all functions broadcast.
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import nctdtr, nctdtrinc, ndtri, stdtr, stdtrit
+from scipy.special import gammainc, gammaincinv, nctdtr, ndtri, stdtr, stdtrit
 
 from opir_core.arrays import FloatArray
+
+#: Shift over threshold from which on the probability of detection is 1, however few the cells.
+_LARGEST_RATIO = 1e3
 
 
 def cfar_threshold(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
@@ -25,10 +28,13 @@ def cfar_false_alarm_probability(threshold: ArrayLike, cells: ArrayLike) -> Floa
 
 def cfar_probability_of_detection(snr: ArrayLike, threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
     """Return the probabilities of detection of signals, with a threshold on Student's t and N = `cells` cells."""
-    count = np.asarray(cells, dtype=np.float64)
+    count, limit = np.asarray(cells, dtype=np.float64), np.asarray(threshold, dtype=np.float64)
     shift = np.asarray(snr, dtype=np.float64) / np.sqrt(1.0 + 1.0 / count)
     # The upper tail as the lower one of the mirrored distribution: no digit is lost where it is small.
-    return nctdtr(count - 1.0, -shift, -np.asarray(threshold, dtype=np.float64))
+    found = nctdtr(count - 1.0, -shift, -limit)
+    # SciPy has none of shifts above 1e5 or so: there the noise of the cell is nothing beside that of the threshold.
+    ratio = np.minimum(shift / np.maximum(limit, 1.0), _LARGEST_RATIO)
+    return np.where(np.isnan(found), gammainc(0.5 * (count - 1.0), 0.5 * (count - 1.0) * ratio * ratio), found)[()]
 
 
 def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
@@ -44,10 +50,14 @@ def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArra
 
 
 def _median_shift(freedom: FloatArray, threshold: FloatArray) -> FloatArray:
-    """Return the noncentralities with a given median of Student's t: SciPy's, good to 1e-7, and two secant steps."""
-    shift: FloatArray = nctdtrinc(freedom, 0.5, threshold)
-    for width in (1e-4, 1e-6):
+    """Return the noncentralities with a given median of Student's t: those of large thresholds, by the median of χ²,
+    and secant steps where SciPy has the distribution.
+    """
+    shift: FloatArray = threshold * np.sqrt(2.0 * gammaincinv(0.5 * freedom, 0.5) / freedom)
+    for width in (1e-2, 1e-4, 1e-6, 1e-6):
         low, high = (nctdtr(freedom, -shift * (1.0 + side), -threshold) for side in (-width, width))
         middle = nctdtr(freedom, -shift, -threshold)
-        shift = shift - (middle - 0.5) * (2.0 * width * shift / (high - low))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            step = (middle - 0.5) * (2.0 * width * shift / (high - low))
+        shift = shift - np.where(np.isfinite(step), step, 0.0)
     return shift

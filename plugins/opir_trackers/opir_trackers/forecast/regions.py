@@ -26,13 +26,19 @@ from opir_trackers.forecast.deferred_regions import DeferredRegion, Outline, Out
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 56, 3.0
 
-#: Least standard deviation of the points along any axis, m: no forecast is better known.
+#: Standard deviation by which all points are spread, m: no forecast is better known.
 LEAST_M = 100.0
+
+#: Points that weigh less than this share of the heaviest are left out: far away they would stretch the grid.
+_LEAST_WEIGHT = 1e-4
+
+#: Steps of the sequence R2: a point of it is a multiple of both, modulo 1.
+_R2_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 
 #: Length added to distances before their logarithm, m; directions of points whose mean is longer than this are one;
-#: share of the points that may be near.
+#: share of the points that may be near, or beyond where such regions end.
 NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
 
 #: Least and largest ratio of a kernel's width to that of the first density.
@@ -98,10 +104,13 @@ class LogPolar(Plane):
 
 
 def coordinates(plane: FloatArray, weight: FloatArray) -> Plane:
-    """Return the coordinates for points of a map (n, 2), m: polar ones if they lie in one direction, not near."""
+    """Return the coordinates for points of a map (n, 2), m: polar ones if they lie in one direction, not near or
+    beyond the end of such regions.
+    """
     distance = np.sqrt(np.sum(plane * plane, axis=1))
     x, y = weight @ (plane / np.maximum(distance, 1.0)[:, None])
-    gathered = np.hypot(x, y) > _GATHERED and weight[distance < 2.0 * NEAR_M].sum() < _FEW
+    is_outside = (distance < 2.0 * NEAR_M) | (distance > _FAR_M)
+    gathered = np.hypot(x, y) > _GATHERED and weight[is_outside].sum() < _FEW
     return LogPolar(float(np.arctan2(y, x))) if gathered else Plane()
 
 
@@ -136,7 +145,8 @@ def _outlines_of(
     chart: AzimuthalEquidistant, place: FloatArray, weight: FloatArray, *, is_along: bool
 ) -> list[Outline]:
     """Return the outlines of the regions of `TRACK_CONTAINMENTS`; `is_along` says that points lie along a flight."""
-    plane = chart.points(place)
+    heavy = np.flatnonzero(weight > _LEAST_WEIGHT * weight.max())
+    plane, weight = chart.points(place[heavy]), weight[heavy]
     frame = coordinates(plane, weight) if is_along else Plane()
     contours = _Contours(frame, frame.curved(plane), weight)
     outlines = [contours.around(share) for share in TRACK_CONTAINMENTS]
@@ -160,15 +170,16 @@ class _Contours:
 
     def __init__(self, frame: Plane, curved: FloatArray, weight: FloatArray) -> None:
         self._frame, self._mean = frame, weight @ curved
-        away = curved - self._mean
         least = LEAST_M**2 / frame.stretch(self._mean)
+        away = curved - self._mean + np.sqrt(least) * _normal_offsets(weight)
         spread = (weight[:, None] * away).T @ away
         flat = type(frame) is Plane
         axes: FloatArray
-        variance, axes = np.linalg.eigh(spread + least * np.eye(2)) if flat else (spread.diagonal(), np.eye(2))
+        variance, axes = np.linalg.eigh(spread) if flat else (spread.diagonal(), np.eye(2))
         self._axes = axes
         turned = away @ axes
-        self._scale = np.maximum(_robust_sigmas(turned, weight, np.sqrt(variance)), np.sqrt(least))
+        sigma = np.sqrt(np.maximum(variance, 0.0))
+        self._scale = np.maximum(_robust_sigmas(turned, weight, sigma), np.sqrt(least))
         unit = turned / self._scale
         width = float(np.sum(weight * weight) ** (1.0 / 6.0))
         squares = _squared_distances(unit)
@@ -179,7 +190,7 @@ class _Contours:
         along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
         nodes = self._mean + (np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) * self._scale) @ self._axes.T
         density = (along * weight) @ across.T / frame.stretch(nodes)
-        at = _density_without_own(squares, widths, weight) / frame.stretch(curved)
+        at = _density_without_own(squares, widths, weight) / frame.stretch(self._mean + away)
         order = np.argsort(-at, kind="stable")
         self._levels, self._held = at[order], np.cumsum(weight[order])
         self._generator = _contour_lines(x, y, density.T)
@@ -227,6 +238,19 @@ def _robust_sigmas(away: FloatArray, weight: FloatArray, sigma: FloatArray) -> F
     return np.minimum(sigma, np.where(high > low, (high - low) / 1.349, sigma))
 
 
+def _normal_offsets(weight: FloatArray) -> FloatArray:
+    """Return offsets (n, 2) of unit variance and weighted mean 0: a sequence of low discrepancy, made normal.
+
+    The sequence is R2 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), whose steps are
+    the powers of 1 / 1.3247, the root of x³ = x + 1; the transform is that of Box and Muller.
+    """
+    share, turn = np.mod(np.arange(1, len(weight) + 1)[:, None] * _R2_STEPS, 1.0).T
+    away, angle = np.sqrt(-2.0 * np.log1p(-share)), 2.0 * np.pi * turn
+    offset = np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1)
+    centred: FloatArray = offset - weight @ offset
+    return centred
+
+
 def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
     """Return grid lines, half of them at equal steps and half at quantiles of the points, where detail is."""
     even = np.linspace((unit - BEYOND * widths).min(), (unit + BEYOND * widths).max(), CELLS // 2)
@@ -265,9 +289,9 @@ def _density_without_own(squares: FloatArray, widths: FloatArray, weight: FloatA
     With its own kernel each point would lie in denser places than the truth does, and regions of few points would hold
     it too seldom. At least the density at the edge of its own kernel.
     """
-    own = weight / np.square(widths)
-    others: FloatArray = (_density(squares, widths, weight) - own) / np.maximum(1.0 - weight, 1e-12)
-    return np.maximum(others, own * np.exp(-0.5 * BEYOND**2))
+    np.fill_diagonal(squares, np.inf)
+    others = _density(squares, widths, weight) / np.maximum(1.0 - weight, np.finfo(float).tiny)
+    return np.maximum(others, weight / np.square(widths) * np.exp(-0.5 * BEYOND**2))
 
 
 def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:

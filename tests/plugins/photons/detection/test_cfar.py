@@ -56,3 +56,23 @@ def test_effective_looks_are_those_of_the_variance_of_a_mean() -> None:
     assert 1.0 / series.mean(axis=1).var() == pytest.approx(found, rel=0.015)
     assert float(effective_looks(np.eye(1, 9)[0])) == 9.0
     assert float(effective_looks(np.ones(9))) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("cells", [2, 3, 8, 64, 1_000_000])
+@pytest.mark.parametrize("probability", [0.3, 0.16, 1e-3, 1e-6, 1e-12, 8e-24])
+def test_losses_of_any_number_of_cells_give_half(cells: int, probability: float) -> None:
+    loss, limit = float(cfar_loss(probability, cells)), float(cfar_threshold(probability, cells))
+    snr = loss * float(threshold_sigma(probability))
+    assert loss >= 1.0
+    assert float(cfar_probability_of_detection(snr, limit, cells)) == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("cells", [2, 8, 64, 1_000_000])
+@pytest.mark.parametrize("threshold", [-5.0, 0.0, 1.0, 10.0, 1e4, 1e9])
+def test_detection_only_grows_with_signals_up_to_the_largest(cells: int, threshold: float) -> None:
+    snr = np.array([0.0, 1e-300, 1.0, 1e2, 1e4, 3e4, 1e5, 3e5, 1e6, 1e8, 1e10, 1e12, 1e15, 1e300, np.inf])
+    found = cfar_probability_of_detection(snr, threshold, cells)
+    assert np.all(np.diff(found) >= -1e-9)
+    assert np.all((found >= 0.0) & (found <= 1.0))
+    assert found[-3:].tolist() == pytest.approx([1.0, 1.0, 1.0])

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.regions import map_area_m2, regions
+from opir_trackers.forecast.regions import LEAST_M, map_area_m2, regions
 
 from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
 RADIUS_M = 6378137.0
+
+#: Squared radii, standard deviations, of the ellipses of a normal law that hold 50, 90 and 95 %.
+SQUARES = (1.386, 4.605, 5.991)
 
 
 def points_about(place: tuple[float, float], plane_m: np.ndarray) -> np.ndarray:
@@ -22,7 +25,7 @@ def normal(count: int, sigmas_m: tuple[float, float], seed: int = 1) -> np.ndarr
 @pytest.mark.parametrize("sigmas_m", [(1e3, 1e3), (2e5, 1e4)])
 def test_areas_of_a_normal_law_are_those_of_its_ellipses(sigmas_m: tuple[float, float]) -> None:
     points = points_about((0.5, 1.0), normal(4000, sigmas_m))
-    for region, square in zip(regions(points, np.full(4000, 1 / 4000)), (1.386, 4.605, 5.991), strict=True):
+    for region, square in zip(regions(points, np.full(4000, 1 / 4000)), SQUARES, strict=True):
         # Kernels of 4000 points are a quarter of the standard deviation wide: variances larger by a sixteenth.
         assert region.area_km2 == pytest.approx(np.pi * square * sigmas_m[0] * sigmas_m[1] * 1e-6, rel=0.15)
 
@@ -108,12 +111,6 @@ def test_regions_end_where_the_earth_does() -> None:
         assert sum(region.contains(*point) for point in place.tolist()) >= (region.containment - 0.03) * 400
 
 
-def test_points_at_one_place_have_regions_without_size() -> None:
-    found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
-    assert [region.containment for region in found] == [0.5, 0.9, 0.95]
-    assert all(region.area_km2 < 1e-3 for region in found)
-
-
 def test_regions_of_few_points_hold_what_is_none_of_them() -> None:
     rng = np.random.default_rng(21)
     held = []
@@ -132,3 +129,40 @@ def test_areas_of_circles_are_those_of_caps(radius_deg: float) -> None:
     ring = np.radians(radius_deg) * RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     cap_m2 = 2.0 * np.pi * RADIUS_M**2 * (1.0 - np.cos(np.radians(radius_deg)))
     assert map_area_m2(ring) == pytest.approx(cap_m2, rel=1e-4)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("spread_m", [0.0, 1e-6, 1.0, 30.0])
+def test_points_closer_than_the_least_spread_have_regions_of_it(spread_m: float) -> None:
+    plane = normal(256, (spread_m, spread_m))
+    for region, square in zip(regions(points_about((0.5, 1.0), plane), np.full(256, 1 / 256)), SQUARES, strict=True):
+        assert region.area_km2 == pytest.approx(np.pi * square * (LEAST_M**2 + spread_m**2) * 1e-6, rel=0.3)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("weight", [1e-7, 1e-44, 1e-50, 5e-324, 0.0])
+@pytest.mark.parametrize("origin", [None, (0.45, 0.9)])
+def test_a_far_point_of_no_weight_changes_nothing(weight: float, origin: tuple[float, float] | None) -> None:
+    place = points_about((0.5, 1.0), normal(256, (1e4, 1e4)))
+    far = np.concatenate([place, [[0.1, -1.0]]])
+    shares = np.append(np.full(256, 1 / 256), weight)
+    start = None if origin is None else np.array(origin)
+    for region, same in zip(regions(far, shares, origin=start), regions(place, shares[:-1], origin=start), strict=True):
+        assert region.area_km2 == pytest.approx(same.area_km2, rel=1e-6)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("rest", [1e-3, 1e-6, 1e-7, 1e-11, 1e-30, 5e-324])
+def test_a_point_of_nearly_all_weight_has_a_region(rest: float) -> None:
+    place, weight = points_about((0.5, 1.0), normal(64, (1e4, 1e4))), np.full(64, rest)
+    weight[0] = 1.0
+    for region in regions(place, weight / weight.sum()):
+        assert region.area_km2 > 1e-2
+        assert region.contains(*place[0])
+
+
+@pytest.mark.parametrize("beyond_m", [19.2e6, 19.9e6, np.pi * RADIUS_M])
+def test_points_along_a_flight_that_come_down_beyond_its_end_have_regions(beyond_m: float) -> None:
+    plane = np.stack([beyond_m + normal(64, (1e4, 1e4))[:, 0] - 1e4, normal(64, (1e4, 1e4), seed=3)[:, 1]], axis=1)
+    for region in regions(points_about((0.2, 0.1), plane), np.full(64, 1 / 64), origin=np.array([0.2, 0.1])):
+        assert 0.0 < region.area_km2 < 1e6
