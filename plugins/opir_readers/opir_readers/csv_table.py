@@ -26,7 +26,7 @@ from opir_readers.configs_of_sites import SiteConfig
 from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
 from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
-from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
+from opir_readers.states import MOST_BURNS, LineOf, require_angles, require_order, require_places, require_velocities
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
@@ -112,12 +112,7 @@ def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteCo
         site = Site.of(config, "distances downrange count from the launch point", with_azimuth=True)
         return site.of_downrange(values["downrange"], height)
     latitude, longitude = values["lat"], values["lon"]
-    for row in np.flatnonzero((np.abs(latitude) > 0.5 * math.pi) | (np.abs(longitude) > 2.0 * math.pi)).tolist():
-        places = math.degrees(latitude[row]), math.degrees(longitude[row])
-        raise BadFileError(
-            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
-            " swapped, or the units others?"
-        )
+    require_angles(latitude, longitude, line_of)
     return geodetic_to_ecef(latitude, longitude, height)
 
 

@@ -1,6 +1,7 @@
 """Layouts that real programs write, each written anew: what is read of them, or why they are refused."""
 
 import gzip
+import math
 
 import numpy as np
 import pytest
@@ -223,3 +224,25 @@ def test_what_is_not_read_is_named(text, told):
 def test_an_oem_whose_header_is_out_of_order_has_one_reader():
     text = "COMMENT first\nCCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-04-01T00:00:00\n"
     assert reader_of(text, READERS).name == "oem"
+
+
+#: Directions of X and Y angles of GMAT, "Tracking data types": from the zenith X towards east (south), then Y towards
+#: north (east).
+@pytest.mark.parametrize(
+    ("kind", "x_deg", "y_deg", "azimuth_deg", "elevation_deg"),
+    [
+        ("XEYN", 0.0, 0.0, None, 90.0),
+        ("XEYN", 30.0, 0.0, 90.0, 60.0),
+        ("XEYN", -30.0, 0.0, 270.0, 60.0),
+        ("XEYN", 0.0, 50.0, 0.0, 40.0),
+        ("XSYE", 30.0, 0.0, 180.0, 60.0),
+        ("XSYE", -30.0, 0.0, 0.0, 60.0),
+        ("XSYE", 0.0, 50.0, 90.0, 40.0),
+        ("XEYN", 135.0, 0.0, 90.0, -45.0),
+    ],
+)
+def test_gimbal_angles_of_a_tdm(kind, x_deg, y_deg, azimuth_deg, elevation_deg):
+    (row, *_) = tdm_rows(KVN.replace("RADEC", kind).replace("10.5", str(x_deg)).replace("-4.25", str(y_deg)))
+    assert row["elevation_deg"] == pytest.approx(elevation_deg, abs=1e-9)
+    if azimuth_deg is not None:
+        assert math.remainder(row["azimuth_deg"] - azimuth_deg, 360.0) == pytest.approx(0.0, abs=1e-9)
