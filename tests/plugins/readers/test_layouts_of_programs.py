@@ -192,6 +192,14 @@ def test_exponents_of_fortran_are_read():
         (b"PK\x03\x04\x00\x00\xfb", "a ZIP file, a KMZ or a spreadsheet"),
         (b"\x89HDF\r\n\x1a\n", "HDF5 or netCDF 4"),
         (gzip.compress(b"PAR1\x15\x04", mtime=0), "is no whole Parquet file"),
+        (b"MATLAB 5.0 MAT-file, Platform: PCWIN64\x00\x01IM", "is a MATLAB file: export CSV"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "is an Excel or Word file: export CSV"),
+        (b"\x93NUMPY\x01\x00v\x00" + bytes(99), "is a NumPy array: export CSV"),
+        (b"SQLite format 3\x00" + bytes(99), "is an SQLite database"),
+        (gzip.compress(gzip.compress(b"time_s"), mtime=0), "is compressed twice"),
+        (bytes(range(256)) * 9, "is binary, not text"),
+        (b"\x80\x04\x95" + bytes(60), "is binary, not text"),
+        ("time_s,x".encode("utf-16-le"), "is UTF-16 without a byte-order mark; save it as UTF-8"),
     ],
 )
 def test_what_is_no_text_is_named(tmp_path, content, told):
@@ -208,6 +216,12 @@ def test_what_is_no_text_is_named(tmp_path, content, told):
         ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
         ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
         ("H1 CPF  2  AIU 2018  6 13\n", "ILRS predictions (CPF)"),
+        ("*****\n Target body name: X\n$$SOE\n2461132.0, A.D., 1, 2\n$$EOE\n", "a table of JPL Horizons"),
+        ('[{"id": "document", "version": "1.0"}, {"id": "a", "position": {}}]', "looks like CZML: export"),
+        ('{"type": "FeatureCollection", "features": []}', "looks like GeoJSON, whose places have no times"),
+        ('<?xml version="1.0"?>\n<!DOCTYPE oem>\n<oem/>', "XML with a document type, which is not read"),
+        ("Dear colleague,\n\nthe trajectory is attached.\n", "looks like text without lines of numbers"),
+        ("x = load('a.csv');\nplot(x(:, 1), x(:, 2))\n", "looks like text without lines of numbers"),
         ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
     ],
 )
