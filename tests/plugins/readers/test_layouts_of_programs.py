@@ -185,7 +185,7 @@ def test_exponents_of_fortran_are_read():
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"\x1f\x9d\x90abc", "compress (.Z)"),
         (b"BZh91AY", "bzip2"),
@@ -202,16 +202,16 @@ def test_exponents_of_fortran_are_read():
         ("time_s,x".encode("utf-16-le"), "is UTF-16 without a byte-order mark; save it as UTF-8"),
     ],
 )
-def test_what_is_no_text_is_named(tmp_path, content, told):
+def test_what_is_no_text_is_named(tmp_path, content, reported):
     path = tmp_path / "file"
     path.write_bytes(content)
     with pytest.raises(BadFileError) as caught:
         file_text(str(path))
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
         ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
@@ -225,11 +225,11 @@ def test_what_is_no_text_is_named(tmp_path, content, told):
         ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
     ],
 )
-def test_what_is_not_read_is_named(text, told):
-    if told:
+def test_what_is_not_read_is_named(text, reported):
+    if reported:
         with pytest.raises(BadFileError) as caught:
             reader_of(text, READERS)
-        assert told in str(caught.value)
+        assert reported in str(caught.value)
     else:
         with pytest.raises(BadFileError, match="latitude and longitude, and no height"):
             csv_table(text, 0.0)

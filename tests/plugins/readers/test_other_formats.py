@@ -109,7 +109,7 @@ def test_kinds_of_stk_with_angles_and_rates_have_the_places_of_those_without():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         (stk(frame="B1950"), "CoordinateSystem is B1950; export the ephemeris in one of Fixed, J2000"),
         (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
@@ -124,10 +124,10 @@ def test_kinds_of_stk_with_angles_and_rates_have_the_places_of_those_without():
         (stk().replace("-5600.0", "x"), "line 11: '0.0 x"),
     ],
 )
-def test_what_is_wrong_with_an_stk_ephemeris_is_told(text, told):
+def test_what_is_wrong_with_an_stk_ephemeris_is_reported(text, reported):
     with pytest.raises(BadFileError) as refused:
         stk_table(text, EPOCH_US)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 @pytest.mark.parametrize(("system", "ahead_s"), [("TAI", 37.0), ("GPS", 18.0), ("TT", 69.184), ("UT1", 0.0)])

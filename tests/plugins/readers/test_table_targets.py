@@ -207,7 +207,7 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("text", "settings", "told"),
+    ("text", "settings", "reported"),
     [
         ("", {}, "is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m"),
         ("time_s,x_m\n", {}, "line 1: lacks the columns x_ecef_m, y_ecef_m, z_ecef_m and has unknown columns ('x_m')"),
@@ -259,16 +259,16 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         ("CCSDS_OEM_VERS = 2.0\nMETA_STOP\n", {}, "line 2: ends a block that never began"),
     ],
 )
-def test_bad_files_give_one_message_with_file_line_and_the_way_out(tmp_path, text, settings, told):
+def test_bad_files_give_one_message_with_file_line_and_the_way_out(tmp_path, text, settings, reported):
     with pytest.raises(SceneError) as caught:
         flown(tmp_path, text, **settings)
     message = str(caught.value)
-    assert told in message
+    assert reported in message
     assert f"targets[0].file: {tmp_path / 'table.txt'}: " in message
     assert caught.value.exit_code == 2
 
 
-def test_a_file_that_is_not_there_and_one_that_is_no_text_are_told(tmp_path):
+def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path):
     with pytest.raises(SceneError, match="cannot be read: No such file"):
         flown(tmp_path, "", file=str(tmp_path / "none.csv"))
     (tmp_path / "bytes.csv").write_bytes(b"time_s\n\x81\x8d")

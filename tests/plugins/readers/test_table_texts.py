@@ -113,7 +113,7 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
 
 
 @pytest.mark.parametrize(
-    ("text", "columns", "told"),
+    ("text", "columns", "reported"),
     [
         ("0,1,2,3\n1,2,3,4\n", {}, "line 1: has numbers and no line of names above it"),
         (
@@ -181,10 +181,10 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
         ("time_s,x_ecef (furlong),y_ecef_m,z_ecef_m\n0,7e6,0,0\n", {}, "lacks the column x_ecef_m"),
     ],
 )
-def test_tables_that_are_none_are_told_with_the_way_to_read_them(text, columns, told):
+def test_tables_that_are_none_are_reported_with_the_way_to_read_them(text, columns, reported):
     with pytest.raises(BadFileError) as refused:
         csv_table(text, 0.0, columns)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 def test_velocities_in_local_axes_are_turned(tmp_path):
@@ -195,7 +195,7 @@ def test_velocities_in_local_axes_are_turned(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("columns", "told"),
+    ("columns", "reported"),
     [
         ({"elevation_m": "ALT"}, "targets[0].columns: elevation_m is no quantity with its unit"),
         (
@@ -204,12 +204,12 @@ def test_velocities_in_local_axes_are_turned(tmp_path):
         ),
     ],
 )
-def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, told):
+def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, reported):
     target = {"id": "T", "model": "table", "type": "IRBM", "file": "none.csv", "columns": columns}
     scene = {"scene": "x", "epoch": "2026-04-01T12:00:00Z", "duration_s": 9.0, "sensors": [{"constellation": "DSP"}]}
     with pytest.raises(SceneError) as refused:
         compile_plan(scene_from_mapping({**scene, "targets": [target]}))
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z, MJD 61131.5

@@ -1,4 +1,4 @@
-"""GPX, KML, SP3 and OEM in XML: the same places as the same flight in other forms, and what lacks is told."""
+"""GPX, KML, SP3 and OEM in XML: the same places as the same flight in other forms, and what lacks is reported."""
 
 import gzip
 from datetime import datetime, timedelta
@@ -72,7 +72,7 @@ def test_one_of_several_tracks_is_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("read", "text", "told"),
+    ("read", "text", "reported"),
     [
         (gpx_table, gpx().replace("<time>2026-04-01T12:00:10.500000Z</time>", ""), "line 5: this trkpt has no time"),
         (gpx_table, gpx().replace("34.74", "north"), "line 5: lat is 'north', not a finite number"),
@@ -86,10 +86,10 @@ def test_one_of_several_tracks_is_asked_for():
         (oem_xml_table, "<oem><segment/></oem>", "line 1: this segment has no metadata"),
     ],
 )
-def test_what_is_wrong_with_a_track_is_told(read, text, told):
+def test_what_is_wrong_with_a_track_is_reported(read, text, reported):
     with pytest.raises(BadFileError) as refused:
         read(text, EPOCH_US, None)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 def test_deep_xml_is_refused():
@@ -202,7 +202,7 @@ def test_positions_that_are_missing_are_no_states():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         (sp3("LOC"), "has times in 'LOC'"),
         (sp3().replace("* ", "* x"), "is no epoch"),
@@ -213,10 +213,10 @@ def test_positions_that_are_missing_are_no_states():
         ),
     ],
 )
-def test_what_is_wrong_with_an_sp3_orbit_is_told(text, told):
+def test_what_is_wrong_with_an_sp3_orbit_is_reported(text, reported):
     with pytest.raises(BadFileError) as refused:
         sp3_table(text, EPOCH_US, None)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 def test_a_point_without_a_height_is_refused():

@@ -115,11 +115,11 @@ def test_burns_are_those_of_the_speed_and_those_of_events(ascent):
     np.testing.assert_allclose(table.burns_s, BURNS, rtol=0.0, atol=4.0)
     assert table.burns_s[:, 1] == pytest.approx([150.0, 420.0], abs=2.0)
     events = json.dumps({"meco": 150, "ses1": 162, "seco1": 420, "boostback_start": None})
-    told = webcast_table(f"{text}\n{events}", Site.of(CONFIG, ""), None, None, 10.0)
-    np.testing.assert_allclose(told.burns_s, np.array(BURNS) + 10.0)
+    reported = webcast_table(f"{text}\n{events}", Site.of(CONFIG, ""), None, None, 10.0)
+    np.testing.assert_allclose(reported.burns_s, np.array(BURNS) + 10.0)
 
 
-def test_what_the_splines_leave_is_told(ascent):
+def test_what_the_splines_leave_is_reported(ascent):
     table = webcast_table(telemetry(ascent), Site.of(CONFIG, ""), None, None, 0.0)
     assert table.notes[0].startswith("speed smoothed to a noise of 0.0802 m/s of the rounding: 0.0")
     assert table.notes[1].startswith("altitude smoothed to a noise of 28.9 m of the rounding: 2")
@@ -139,7 +139,7 @@ def test_misread_digits_are_left_out(ascent):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ('{"time": 1, "velocity": 2, "altitude": 3}', "has 1 rows"),
         ('{"time": [1], "velocity": "x", "altitude": 3}', "has 0 rows"),
@@ -151,8 +151,8 @@ def test_misread_digits_are_left_out(ascent):
         ("time,velocity,altitude\n" + "\n".join(f"{t},{t * 1e6},1" for t in range(30)), "check the units"),
     ],
 )
-def test_what_is_no_telemetry_is_told(text, told):
-    with pytest.raises(BadFileError, match=told):
+def test_what_is_no_telemetry_is_reported(text, reported):
+    with pytest.raises(BadFileError, match=reported):
         webcast_table(text, Site.of(CONFIG, ""), None, None, 0.0)
 
 
