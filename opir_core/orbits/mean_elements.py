@@ -103,7 +103,7 @@ def omm_number(value: Any) -> float:
     """Return a number of an OMM, which some publishers write as text; nan where it is none."""
     try:
         return math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return math.nan
 
 

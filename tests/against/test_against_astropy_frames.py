@@ -1,12 +1,22 @@
-"""States in TOD, TEME, EME2000 and ICRF, of date or frozen at an epoch, against astropy's, with UT1 as UTC."""
+"""States in the frames of ephemerides, of date or frozen at an epoch, against astropy's, with UT1 as UTC."""
 
+import erfa
 import numpy as np
 import pytest
 from astropy import units
-from astropy.coordinates import GCRS, ITRS, TEME, TETE, CartesianDifferential, CartesianRepresentation, EarthLocation
+from astropy.coordinates import (
+    CIRS,
+    GCRS,
+    ITRS,
+    TEME,
+    TETE,
+    CartesianDifferential,
+    CartesianRepresentation,
+    EarthLocation,
+)
 from astropy.time import Time
 from astropy.utils import iers
-from opir_readers.frames import frame_of, to_ecef
+from opir_readers.frames import frame_of, is_of_epoch, to_ecef
 
 EPOCH = Time("2026-04-01T12:00:00", scale="utc")
 EPOCH_US = round(EPOCH.unix * 1e6)
@@ -49,12 +59,24 @@ def theirs(frame):
     kinds = {"TEME": TEME(states, obstime=times), "EME2000": GCRS(states, obstime=times)}
     here = EarthLocation.from_geocentric(0, 0, 0, unit=units.m)
     kinds["TOD"] = TETE(states, obstime=times, location=here)
+    kinds["CIRS"] = CIRS(states, obstime=times, location=here)
+    # The mean axes of date, by erfa's precession of 1976, which that of J2000 is in.
+    turns = [erfa.pmat76(2400000.5, mjd) for mjd in times.tt.mjd]
+    mean = (
+        np.array([turn.T @ vector for turn, vector in zip(turns, rows, strict=True)]).T
+        for rows in (PLACE_M, VELOCITY_M_S)
+    )
+    place, rate = (axis * unit for axis, unit in zip(mean, (units.m, units.m / units.s), strict=True))
+    equinox = CartesianRepresentation(*place, differentials=CartesianDifferential(*rate))
+    kinds["MOD"] = GCRS(equinox, obstime=times)
     found = kinds[frame].transform_to(ITRS(obstime=times))
     return found.cartesian.xyz.to_value(units.m).T, found.velocity.d_xyz.to_value(units.m / units.s).T
 
 
 # Omitted terms of nutation and the frame bias: 0.06 arcseconds, at each distance.
-@pytest.mark.parametrize(("frame", "arcseconds"), [("TEME", 0.01), ("EME2000", 0.1), ("TOD", 0.1)])
+@pytest.mark.parametrize(
+    ("frame", "arcseconds"), [("TEME", 0.01), ("EME2000", 0.1), ("TOD", 0.1), ("MOD", 0.1), ("CIRS", 0.1)]
+)
 def test_states_are_those_of_astropy(frame, arcseconds):
     place, velocity = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, OFFSETS_S)
     other, rate = theirs(frame)
@@ -63,7 +85,7 @@ def test_states_are_those_of_astropy(frame, arcseconds):
     np.testing.assert_allclose(velocity, rate, rtol=0.0, atol=0.02)
 
 
-@pytest.mark.parametrize("frame", ["TEME", "TOD"])
+@pytest.mark.parametrize("frame", ["TEME", "TOD", "MOD"])
 def test_frozen_axes_are_those_of_date_at_their_epoch_and_do_not_turn_with_precession(frame):
     at_s = 3600.0
     frozen, _ = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, np.full(4, at_s), at_s)
@@ -78,5 +100,8 @@ def test_frozen_axes_are_those_of_date_at_their_epoch_and_do_not_turn_with_prece
 
 
 def test_names_of_frames():
-    known = ["ITRF", "itrf-2014", "ITRF2000", "EFG", "J2000", "ICRF", "gcrf", "TOD", "TEME", "MOD"]
+    known = ["ITRF", "itrf-2014", "ITRF2000", "EFG", "J2000", "ICRF", "gcrf", "TOD", "TEME", "RSW"]
     assert [frame_of(name) for name in known] == [*["ITRF"] * 4, *["EME2000"] * 3, "TOD", "TEME", ""]
+    others = ["DTRF2014", "WGS84", "TIRS", "ICRF3", "GCRF2", "TOD_EARTH", "MOD_Earth", "TEMEofDate", "CIRS", "TOD_MOON"]
+    assert [frame_of(name) for name in others] == [*["ITRF"] * 3, *["EME2000"] * 2, "TOD", "MOD", "TEME", "CIRS", ""]
+    assert [is_of_epoch(name) for name in ("TEMEOFEPOCH", "MOE_EARTH", "MOD", "TOD")] == [True, True, False, False]

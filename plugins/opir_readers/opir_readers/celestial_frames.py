@@ -1,4 +1,4 @@
-"""States in the frames of celestial mechanics, TEME and EME2000, to ECEF: precession, nutation, sidereal time."""
+"""States in the frames of celestial mechanics, TEME, MOD and EME2000, to ECEF: precession, nutation, sidereal time."""
 
 from typing import Any
 
@@ -48,17 +48,19 @@ _NUTATION = (
 def ecef_state(
     frame: str, position_m: FloatArray, velocity_m_s: FloatArray, epoch_us: int, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ECEF positions and velocities relative to the Earth (n, 3) of states in ITRF, TEME or EME2000.
+    """Return ECEF positions and velocities relative to the Earth (n, 3) of states in ITRF, TEME, MOD or EME2000.
 
     Times (n,) are scene times; the epoch is in microseconds of UTC since 1970. States in ITRF are returned unchanged.
     """
     if frame == "ITRF":
         return position_m, velocity_m_s
     sidereal = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
-    if frame == "EME2000":
+    if frame != "TEME":
         centuries = (epoch_us * 1e-6 + time_s + _TT_LESS_UTC_S - _J2000_UNIX_S) / _CENTURY_S
         longitude, obliquity, shift = nutation_rad(centuries)
-        turns = (*_precession(centuries), ("x", obliquity), ("z", -longitude), ("x", -obliquity - shift))
+        turns = [("x", obliquity), ("z", -longitude), ("x", -obliquity - shift)]
+        if frame == "EME2000":
+            turns = [*_precession(centuries), *turns]
         position_m, velocity_m_s = (_turned(vectors, turns) for vectors in (position_m, velocity_m_s))
         sidereal = sidereal + longitude * np.cos(obliquity)
     position, velocity = (_turned(vectors, (("z", sidereal),)) for vectors in (position_m, velocity_m_s))

@@ -25,48 +25,61 @@ PLACES = (
     ("lat", "lon", "height"),
     ("east", "north", "up"),
     ("downrange", "height"),
+    ("x_eme2000", "y_eme2000", "z_eme2000"),
+    ("x_teme", "y_teme", "z_teme"),
 )
+#: The frames of places along axes that do not turn with the Earth.
+CELESTIAL = {PLACES[4]: "EME2000", PLACES[5]: "TEME"}
 #: A height above the launch point, in place of `height`.
 ALTITUDE = "altitude"
 VELOCITIES = (
     ("vx_ecef", "vy_ecef", "vz_ecef"),
     ("vx_inertial", "vy_inertial", "vz_inertial"),
     ("v_east", "v_north", "v_up"),
+    ("vx_eme2000", "vy_eme2000", "vz_eme2000"),
+    ("vx_teme", "vy_teme", "vz_teme"),
 )
+CELESTIAL_RATES = dict(zip(VELOCITIES[3:], CELESTIAL.values(), strict=True))
 TIME, BURNING = "time", "is_burning"
 #: The time as a date, in place of seconds, and other names of such columns, in lower case.
 DATE = "timestamp"
+#: Times that count from a date, and that date, s of Unix time.
+SCALES = {"unix_time": 0.0, "gps_time": 315_964_800.0, "mjd": -40_587.0 * 86_400.0, "jd": -2_440_587.5 * 86_400.0}
 _DATES = ("timestamp", "time_utc", "utc", "utc_time", "datetime", "date", "epoch", "utcgregorian")
 
 #: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     TIME: TIMES,
-    **dict.fromkeys(PLACES[0], LENGTHS),
+    **dict.fromkeys((*PLACES[0], *PLACES[4], *PLACES[5]), LENGTHS),
     "lat": ANGLES,
     "lon": ANGLES,
     **dict.fromkeys(("height", ALTITUDE, "east", "north", "up", "downrange"), LENGTHS),
     **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
     BURNING: {"": 1.0},
     DATE: {"": 1.0},
+    **dict.fromkeys(("unix_time", "gps_time"), TIMES),
+    "mjd": {"": 86_400.0},
+    "jd": {"": 86_400.0},
 }
 
 #: How like a known name an unknown one must be to be taken for a slip of the pen.
 _SLIP = 0.85
 
 #: Names that tables of other programs give their columns, for the map that a message proposes.
+_AXIS = r"\b({0}|{0} (ecef|ecf|efg|itrf|fixed|pos|position)|(ecef|ecf|efg|itrf|fixed|earthfixed|pos|position|r) {0})\b"
+_RATE = r"\b(v ?{0}\b|{0} ?dot\b|(vel|velocity|v)( ecef)? {0}\b|{0} vel|d{0} dt)"
 _WORDS = (
     (r"^ts?(ime)?\b|elapsed", "time"),
     (r"\blat", "lat"),
     (r"\blon|\blng", "lon"),
     (r"\balt|height|\bh\b", "height"),
-    (r"^x\b", "x_ecef"),
-    (r"^y\b", "y_ecef"),
-    (r"^z\b", "z_ecef"),
-    (r"^v_?x\b", "vx_ecef"),
-    (r"^v_?y\b", "vy_ecef"),
-    (r"^v_?z\b", "vz_ecef"),
+    *((_RATE.format(axis), f"v{axis}_ecef") for axis in "xyz"),
+    *((_AXIS.format(axis), f"{axis}_ecef") for axis in "xyz"),
 )
-_WRITTEN_UNITS = {
+#: Names of axes that do not turn with the Earth.
+_INERTIAL = re.compile(r"eci(?!t)|j2000|eme2000|gcr[fs]|icr[fs]|inertial|mj2000|teme")
+#: How tables write units, in lower case, and what names have for them.
+WRITTEN_UNITS = {
     "°": "deg",
     "degrees": "deg",
     "degree": "deg",
@@ -76,6 +89,7 @@ _WRITTEN_UNITS = {
     "sec": "s",
     "seconds": "s",
     "ms": "ms",
+    "h": "h",
     "min": "min",
     "m": "m",
     "meters": "m",
@@ -84,10 +98,18 @@ _WRITTEN_UNITS = {
     "ft": "ft",
     "feet": "ft",
     "m/s": "m_s",
+    "m/sec": "m_s",
     "km/s": "km_s",
+    "km/sec": "km_s",
+    "nmi": "nmi",
     "ft/s": "ft_s",
+    "ft/sec": "ft_s",
+    "kn": "kn",
     "km/h": "km_h",
 }
+
+
+_WITH_UNIT = re.compile(r"(.*?)\s*[(\[]\s*([^)\]]*?)\s*[)\]]")
 
 
 @frozen
@@ -101,8 +123,23 @@ class Column:
 
 
 def quantity_of(name: str) -> tuple[str, float] | None:
-    """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None."""
-    return (DATE, 1.0) if name.lower().rpartition(".")[2] in _DATES else unit_of(name, UNITS)
+    """Return the quantity that a name like `x_ecef_km` stands for and its unit, or None.
+
+    >>> quantity_of("X_ECEF [km]")
+    ('x_ecef', 1000.0)
+    """
+    bare, unit = bare_name(name)
+    if bare.rpartition(".")[2] in _DATES:
+        return DATE, 1.0
+    if unit and unit not in WRITTEN_UNITS:
+        return None
+    return unit_of(f"{bare}_{WRITTEN_UNITS[unit]}" if unit else bare, UNITS)
+
+
+def bare_name(name: str) -> tuple[str, str]:
+    """Return a name in lower case without its unit in brackets, and that unit."""
+    match = _WITH_UNIT.fullmatch(name.strip().lower())
+    return (match[1], match[2]) if match else (name.strip().lower(), "")
 
 
 def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:
@@ -177,8 +214,13 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
     groups += [group for group in VELOCITIES if any(name in found for name in group)]
     if len(groups) > 2:
         raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
+    frames = [CELESTIAL.get(groups[0]), *(CELESTIAL_RATES.get(group) for group in groups[1:])]
+    if len(set(frames)) > 1:
+        raise BadFileError(
+            f"line {line}: has positions and velocities along different axes; name those to read with columns"
+        )
     needed = (TIME, *(name for group in groups for name in group))
-    instead = {("height", ALTITUDE), (TIME, DATE)}
+    instead = [("height", ALTITUDE), *((TIME, date) for date in (DATE, *SCALES))]
     stood_for = {quantity for quantity, other in instead if other in found}
     missing = [quantity for quantity in needed if quantity not in found and quantity not in stood_for]
     unknown = unread(names, found)
@@ -199,7 +241,7 @@ def place_group(found: Iterable[str]) -> tuple[str, ...]:
     if names & {"lat", "lon"}:
         return PLACES[1]
     if not names & set(PLACES[0]):
-        return next((group for group in PLACES[2:] if names & set(group[:2]) - {"height"}), PLACES[0])
+        return next((group for group in PLACES[2:] if names & {*group} - {"height"}), PLACES[0])
     return PLACES[0]
 
 
@@ -207,20 +249,40 @@ def _proposal(names: Sequence[str]) -> str:
     """Return the column map that the names suggest, for a message, or how to write one."""
     taken: dict[str, str] = {}
     for name in names:
-        bare, unit = re.sub(r"[(\[].*", "", name).strip().lower(), re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]", name)
-        quantity = next((own for words, own in _WORDS if re.search(words, bare.replace("_", " "))), None)
+        words, unit = _words_of(name)
+        quantity = next((own for pattern, own in _WORDS if re.search(pattern, words)), None)
+        if quantity == TIME and unit not in TIMES:
+            quantity = DATE if unit or re.search(r"utc|gregorian|date", words) else TIME
         if quantity is None or any(key.startswith(quantity) for key in taken):
             continue
-        suffix = _WRITTEN_UNITS.get(unit[1].lower(), "") if unit else ""
         units = UNITS[quantity]
-        taken[f"{quantity}_{suffix if suffix in units else next(iter(units))}"] = name
+        taken["_".join(filter(None, [quantity, unit if unit in units else next(iter(units))]))] = name
     kinds = {quantity_of(key)[0] for key in taken}  # type: ignore[index]
+    if any(_INERTIAL.search(name.lower()) for name in names) and "lat" not in kinds:
+        return (
+            "; they seem to be along inertial axes: with dates, set columns: {x_eme2000_km: X, …} for those of J2000"
+            " (ICRF, GCRF) or {x_teme_km: X, …}; or export Earth-fixed states"
+        )
     if {"lat", "lon"} <= kinds and "height" not in kinds:
         return "; it seems to have latitude and longitude, and no height: export that too"
-    if not any(set(group) <= kinds for group in PLACES[:2]) or TIME not in kinds:
+    has_time = kinds & {TIME, DATE} or DATE in names
+    if not any(set(group) <= kinds for group in PLACES[:2]) or not has_time:
         return "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon: Longitude, height_m: H}"
     listed = ", ".join(f'{key}: "{name}"' for key, name in taken.items())
     return f"; if this is what they are, set columns: {{{listed}}}"
+
+
+def _words_of(name: str) -> tuple[str, str]:
+    """Return the words of a column's name and its unit, in brackets or at the end, as names have it; "" for none."""
+    bare, unit = bare_name(name)
+    words = re.sub(r"[^a-z0-9°/]+", " ", bare).strip()
+    if unit:
+        return words, WRITTEN_UNITS.get(unit, unit)
+    for written in sorted({*WRITTEN_UNITS, *WRITTEN_UNITS.values()}, key=len, reverse=True):
+        ending = f" {written.replace('_', ' ')}"
+        if words.endswith(ending):
+            return words.removesuffix(ending), WRITTEN_UNITS.get(written, written)
+    return words, ""
 
 
 def _with_unit(quantity: str) -> str:

@@ -9,19 +9,26 @@ from itertools import islice
 from attrs import evolve, frozen
 
 from opir_core.plugin import BadFileError
+from opir_readers.columns import WRITTEN_UNITS, bare_name, quantity_of
+from opir_readers.detections.times import looks_like_date
 
 _COMMENTS = ("#", "%", "//")
 _NUMBER = re.compile(r"\s*[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?\s*")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+#: In columns that are parted by commas, three digits behind a comma may be thousands.
+_QUOTED_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,(\d{1,2}|\d{4,})([eE][+-]?\d+)?\s*")
 
-#: Rows in which decimal commas are looked for.
-_LOOKED_AT = 1000
+#: Rows in which decimal commas are looked for, and lines in which the names are.
+_LOOKED_AT, _HEAD = 1000, 60
 
 #: A column of a name like these may hold seconds, or dates.
 _TIMES = ("t", "time")
-_DATE = re.compile(r"\s*(\d{4}-\d|\d{1,2} [A-Za-z]{3} \d{4}).*:\d\d.*")
+
+#: A delimiter: two blanks or more, where cells have single ones in them.
+_BLANKS = "  "
 
 _EXCEL = re.compile(r"sep=(.)\s*", re.IGNORECASE)
+_RULE = re.compile(r"\s*:?[-=]+:?\s*")
 
 
 @frozen
@@ -46,31 +53,50 @@ class Layout:
                 yield line.replace(",", ".") if self.has_decimal_comma else line
 
 
-def layout_of(text: str) -> Layout:
-    """Return the layout of a table; raises `BadFileError` for one without names, or without any line."""
-    first = next(_lines(text), None)
-    if first is None:
+def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
+    """Return the layout of a table; raises `BadFileError` for one without names, or without any line.
+
+    Columns that are `mapped` by their number, `#1` for the first, are called so.
+    """
+    lines = list(islice(_lines(text), _HEAD))
+    if not lines:
         raise BadFileError("is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m")
-    declared = _EXCEL.fullmatch(first[1])
-    head = next((line for number, line in _lines(text) if not declared or number > first[0]), "")
-    delimiter = declared[1] if declared else _delimiter(head)
+    declared = _EXCEL.fullmatch(lines[0][1])
+    lines = lines[1:] if declared else lines
+    lines = lines[_first_of_table([line for _, line in lines]) :]
+    delimiter = declared[1] if declared else _delimiter([line for _, line in lines])
     delimiter = "" if delimiter == " " else delimiter
-    rows = (row for row in _cells(text, delimiter) if not declared or row[0] > first[0])
+    first = lines[0][0] if lines else 1
+    rows = list(islice((row for row in _cells(text, delimiter) if row[0] >= first), _LOOKED_AT))
     names: Sequence[str]
-    line, names = next(rows, (1, []))
-    cells = [names]
-    if all(_NUMBER.fullmatch(name) for name in names if name):
-        line, names = _names_in_comment(text, line, len(names), delimiter)
-    cells += [row for _, row in islice(rows, _LOOKED_AT)]
-    has_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row)
-    return Layout(delimiter, has_comma, line, tuple(name.strip().strip('"') for name in names))
+    line, names = rows[0] if rows else (1, [])
+    is_numbered = [f"#{place + 1}" in mapped for place in range(len(names))]
+    if all(map(_is_value, filter(None, names))):
+        if any(is_numbered):
+            line, names = line - 1, [f"#{place + 1}" for place in range(len(names))]
+        else:
+            line, names = _names_in_comment(text, line, len(names), delimiter)
+    elif len(rows) > 1 and _is_below_names(rows[1][1]):
+        line, names = rows[1][0], _with_units(names, rows[1][1])
+    comma = _QUOTED_DECIMAL_COMMA if delimiter == "," else _DECIMAL_COMMA
+    has_comma = any(comma.fullmatch(cell) for _, row in rows for cell in row)
+    named = [f"#{place + 1}" if is_numbered[place] else _bare(name) for place, name in enumerate(names)]
+    return Layout(delimiter, has_comma, line, tuple(named))
+
+
+def is_table(text: str) -> bool:
+    """Return whether some line has two numbers or dates, or the first line names something that is read."""
+    lines = [line for _, line in islice(_lines(text), _LOOKED_AT)]
+    parts = [_split(line, _delimiter([line])) for line in lines]
+    is_named = any(map(quantity_of, parts[0])) if parts else False
+    return is_named or any(map(_has_values, parts))
 
 
 def with_dates_named(layout: Layout, text: str, mapped: Collection[str]) -> Layout:
     """Return a layout whose column of times is called `timestamp` where it holds dates, unless it is `mapped`."""
     _, cells = next(layout.rows(text), (0, []))
     names = [
-        "timestamp" if name.lower() in _TIMES and name not in mapped and _DATE.fullmatch(cell) else name
+        "timestamp" if bare_name(name)[0] in _TIMES and name not in mapped and looks_like_date(cell) else name
         for name, cell in zip(layout.names, cells, strict=False)
     ]
     return evolve(layout, names=(*names, *layout.names[len(names) :]))
@@ -87,9 +113,78 @@ def decimal(cell: str, layout: Layout) -> float:
     return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", plain))
 
 
-def _delimiter(line: str) -> str:
-    """Return what parts the columns of a line: tab, semicolon or comma, else white space."""
-    return next((mark for mark in "\t;," if mark in line), "")
+def _delimiter(lines: Sequence[str]) -> str:
+    """Return what parts the columns of a table by its names: a mark, else white space.
+
+    Two blanks or more do where names and dates with single blanks agree in their number of columns only so.
+    """
+    head, below = lines[0] if lines else "", next((line for line in lines[1:] if not _is_rule(line)), "")
+    mark = next((mark for mark in "\t;,|" if mark in head), "")
+    if mark or not below or len(head.split()) == len(below.split()):
+        return mark
+    is_alike = len(_split(head, _BLANKS)) == len(_split(below, _BLANKS)) > 1
+    return _BLANKS if is_alike else ""
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == _BLANKS:
+        return re.split(r"\s{2,}", line.strip())
+    return line.split(delimiter) if delimiter else line.split()
+
+
+def _first_of_table(lines: Sequence[str]) -> int:
+    """Return in which line the names stand: the first, or below lines about the table, whose columns are others.
+
+    The names are above the first line of numbers, units or rules between them aside.
+    """
+    marks = [_delimiter([line]) for line in lines]
+    parts = [_split(line, mark) for line, mark in zip(lines, marks, strict=True)]
+    below = next((row for row, cells in enumerate(parts) if _has_values(cells)), 0)
+    names = below - 1
+    while names > 0 and _is_below_names(parts[names]):
+        names -= 1
+    if names <= 0 or len(parts[names]) < 2:
+        return 0
+    return names if (marks[0], len(parts[0])) != (marks[below], len(parts[below])) else 0
+
+
+def _is_rule(line: str) -> bool:
+    return all(_RULE.fullmatch(part) for part in re.split(r"[\s|,;]+", line.strip(" |")))
+
+
+def _is_below_names(cells: Sequence[str]) -> bool:
+    """Return whether the cells of a line are rules or units, as they stand between names and numbers."""
+    given = [_unit(cell) for cell in cells if cell.strip()]
+    return bool(given) and all(cell == "-" or _RULE.fullmatch(cell) or cell.lower() in WRITTEN_UNITS for cell in given)
+
+
+def _unit(cell: str) -> str:
+    return cell.strip().strip("()[]")
+
+
+def _with_units(names: Sequence[str], below: Sequence[str]) -> list[str]:
+    """Return names with the units that stand below them, `x_ecef (km)`."""
+    units = [*map(_unit, below), *[""] * len(names)]
+    return [
+        f"{name} ({unit})" if unit.lower() in WRITTEN_UNITS else name for name, unit in zip(names, units, strict=False)
+    ]
+
+
+def _bare(name: str) -> str:
+    return name.strip().strip('"')
+
+
+def _is_number(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def _has_values(cells: Sequence[str]) -> bool:
+    """Return whether two of the first cells of a line are numbers or dates."""
+    return sum(map(_is_value, cells[:_HEAD])) >= 2
+
+
+def _is_value(cell: str) -> bool:
+    return _is_number(_bare(cell)) or looks_like_date(_bare(cell))
 
 
 def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> tuple[int, Sequence[str]]:
@@ -97,14 +192,14 @@ def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> tuple
     for comment in reversed(text.split("\n")[: line - 1]):
         bare = comment.strip().lstrip("#%/").strip()
         # A sentence has as many words as any table has columns: names are parted by blanks only where numbers are.
-        marks = dict.fromkeys(mark for mark in (delimiter, _delimiter(bare)) if mark or not delimiter)
+        marks = dict.fromkeys(mark for mark in (delimiter, _delimiter([bare])) if mark or not delimiter)
         for mark in marks:
             names = [name.strip() for name in (bare.split(mark) if mark else bare.split())]
             if len(names) == count and comment.strip().startswith(_COMMENTS):
                 return line - 1, names
     raise BadFileError(
-        f"line {line}: has numbers and no line of names above it; the first line names the columns, like time_s,"
-        " x_ecef_m, y_ecef_m, z_ecef_m"
+        f"line {line}: has numbers and no line of names above it; name the columns in a first line, like time_s,"
+        " x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s: '#1', x_ecef_m: '#2', …}"
     )
 
 
@@ -117,8 +212,8 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def _cells(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the cells of each line that is neither empty nor a comment, with its number."""
-    if not delimiter:
-        yield from ((number, line.split()) for number, line in _lines(text))
+    if not delimiter.strip(" "):
+        yield from ((number, _split(line, delimiter)) for number, line in _lines(text))
         return
     reader = csv.reader(io.StringIO(text), delimiter=delimiter, strict=True)
     try:

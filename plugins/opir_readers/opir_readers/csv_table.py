@@ -1,6 +1,7 @@
 """Tables of states as text: a line of column names with units, then one state per line."""
 
 import math
+import re
 from collections.abc import Mapping
 from itertools import chain, islice
 
@@ -13,8 +14,10 @@ from opir_core.plugin import BadFileError, StateTable
 from opir_readers.columns import (
     ALTITUDE,
     BURNING,
+    CELESTIAL,
     DATE,
     PLACES,
+    SCALES,
     TIME,
     VELOCITIES,
     Column,
@@ -26,10 +29,19 @@ from opir_readers.configs_of_sites import SiteConfig
 from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
 from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
-from opir_readers.states import MOST_BURNS, LineOf, require_order, require_places, require_velocities
+from opir_readers.frames import to_ecef
+from opir_readers.json_text import table_of_json
+from opir_readers.states import MOST_BURNS, LineOf, require_angles, require_order, require_places, require_velocities
+from opir_readers.time_systems import utc_s
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
+
+#: Elapsed times and times of the day, 00:01:10.5 or T+00:01:10.
+_CLOCK = re.compile(r"T?\s*([+-]?)(\d{1,3}):(\d\d):(\d\d(?:\.\d*)?)", re.IGNORECASE)
+
+#: A date without a time, which begins its day.
+_DAY = re.compile(r"[\d./-]{8,10}")
 
 #: The most names of columns that are listed.
 _LISTED = 6
@@ -44,18 +56,18 @@ def csv_table(
 ) -> StateTable:
     """Return the table of a text whose time 0 is the scene time `start_s`; dates count from the scene's epoch.
 
-    Columns, in any order, parted by commas, semicolons, tabs or blanks: the time; the place, as ECEF or as geodetic
-    latitude, longitude and height, or from a launch point `site`; perhaps the velocity; and is_burning: 1 where the
-    plume radiates from this line's time to the next, else 0. Names have their units (`opir_readers.columns`), or
-    `columns` maps quantities to names. Lines that begin with #, % or // are comments. A time that occurs twice in a row
-    marks a point where the motion is not smooth, as a change of stages. Raises `BadFileError`.
+    Columns, in any order, parted by commas, semicolons, tabs, bars or blanks: the time; the place, as ECEF, as geodetic
+    latitude, longitude and height, in EME2000 or TEME, or from a launch point `site`; perhaps the velocity; and
+    is_burning: 1 where the plume radiates from this line's time to the next, else 0. Names have their units
+    (`opir_readers.columns`), or `columns` maps quantities to names. Lines that begin with #, % or // are comments. A
+    time that occurs twice in a row marks a point where the motion is not smooth, as a change of stages. JSON is read as
+    the table of its records. Raises `BadFileError`.
     """
-    mapped = columns or {}
-    layout = with_dates_named(layout_of(text), text, mapped.values())
+    mapped, text = columns or {}, table_of_json(text) or text
+    layout = with_dates_named(layout_of(text, mapped.values()), text, mapped.values())
     known = columns_of(layout.names, layout.line, mapped)
-    values = _values(text, layout, known)
-    has_dates = TIME not in known
-    values[TIME] = values[DATE] - epoch_us * 1e-6 if has_dates else values[TIME] + start_s
+    values, has_dates = _with_times(_values(text, layout, known), known, layout, text)
+    values[TIME] += -epoch_us * 1e-6 if has_dates else start_s
     count = len(values[TIME])
     if count < 2:
         raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
@@ -69,12 +81,19 @@ def csv_table(
     require_places(position, line_of)
     velocity = _velocities(values, position)
     require_velocities(velocity, line_of)
+    group = place_group(known)
+    if group in CELESTIAL:
+        if not has_dates:
+            raise BadFileError(f"line {layout.line}: positions along inertial axes need dates: a column timestamp")
+        moving = np.zeros_like(position) if velocity is None else velocity
+        position, moving = to_ecef(CELESTIAL[group], position, moving, epoch_us, time_s)
+        velocity = None if velocity is None else moving
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     if run[-1] > MOST_BREAKS:
         raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
     names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
-    frame = _FRAMES[place_group(known)]
+    frame = _FRAMES[group]
     return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, has_dates, frame)
 
 
@@ -92,6 +111,8 @@ _FRAMES = dict(
             "latitude, longitude, height above WGS 84",
             "east, north and up from the launch point",
             "distance downrange and height from the launch point",
+            "EME2000",
+            "TEME",
         ),
         strict=True,
     )
@@ -101,7 +122,7 @@ _FRAMES = dict(
 def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteConfig | None) -> FloatArray:
     """Return ECEF positions (n, 3), m."""
     group = place_group(values)
-    if group == PLACES[0]:
+    if group == PLACES[0] or group in CELESTIAL:
         return np.stack([values[name] for name in group], axis=1)
     if group == PLACES[2]:
         return Site.of(config, "east, north and up count from the launch point").of_local(
@@ -112,12 +133,7 @@ def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteCo
         site = Site.of(config, "distances downrange count from the launch point", with_azimuth=True)
         return site.of_downrange(values["downrange"], height)
     latitude, longitude = values["lat"], values["lon"]
-    for row in np.flatnonzero((np.abs(latitude) > 0.5 * math.pi) | (np.abs(longitude) > 2.0 * math.pi)).tolist():
-        places = math.degrees(latitude[row]), math.degrees(longitude[row])
-        raise BadFileError(
-            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
-            " swapped, or the units others?"
-        )
+    require_angles(latitude, longitude, line_of)
     return geodetic_to_ecef(latitude, longitude, height)
 
 
@@ -125,7 +141,9 @@ def _heights(values: Mapping[str, FloatArray], config: SiteConfig | None) -> Flo
     """Return heights above the ellipsoid (n,)."""
     if "height" in values:
         return values["height"]
-    return values[ALTITUDE] + Site.of(config, "altitudes count from the launch point").height_m
+    is_place = "lat" in values
+    way = ", or for heights above the ellipsoid set columns: {height_m: …} with their name" if is_place else ""
+    return values[ALTITUDE] + Site.of(config, f"altitudes count from the launch point{way}").height_m
 
 
 def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> FloatArray | None:
@@ -165,6 +183,24 @@ def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
     return burns_s
 
 
+def _with_times(
+    values: dict[str, FloatArray], known: Mapping[str, Column], layout: Layout, text: str
+) -> tuple[dict[str, FloatArray], bool]:
+    """Return the columns with their times, s since 1970 for dates and else as they count, and whether they are dates.
+
+    A time of the day beside a date is added to it; other seconds beside dates count.
+    """
+    scale = next((name for name in SCALES if name in known), None)
+    if TIME in known:
+        _, cells = next(layout.rows(text), (0, []))
+        is_clock = DATE in known and ":" in cells[known[TIME].place] and ":" not in cells[known[DATE].place]
+        return (values | {TIME: values[DATE] + values[TIME]} if is_clock else values), is_clock
+    if DATE in known or scale is None:
+        return values | {TIME: values[DATE]}, True
+    since = values[scale] + SCALES[scale]
+    return values | {TIME: np.array([utc_s(at, "GPS") for at in since]) if scale == "gps_time" else since}, True
+
+
 def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
     """Return the columns by quantity, in SI units and radians: read at once where all are plain numbers, else line by
     line, to say what is not."""
@@ -181,6 +217,8 @@ def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str,
 
 def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:
     """Return the numbers (n, columns) below the names, or None where something else stands there."""
+    if layout.has_decimal_comma and layout.delimiter == ",":
+        return None
     lines = layout.plain_lines(text)
     first = next(lines, None)
     if first is None:
@@ -190,7 +228,7 @@ def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> Fl
     try:
         values = np.loadtxt(
             chain([first], lines),
-            delimiter=layout.delimiter or None,
+            delimiter=layout.delimiter.strip(" ") or None,
             comments=None,
             quotechar='"',
             ndmin=2,
@@ -212,7 +250,12 @@ def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: in
 
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
     if column.quantity == DATE:
-        return unix_ns(cell, f"line {line}: {column.name}") * 1e-9
+        moment = f"{cell.strip()} 00:00" if _DAY.fullmatch(cell.strip()) else cell
+        return unix_ns(moment, f"line {line}: {column.name}") * 1e-9
+    clock = _CLOCK.fullmatch(cell.strip()) if column.quantity == TIME else None
+    if clock:
+        hours, minutes, seconds = (float(clock[number]) for number in (2, 3, 4))
+        return (-1.0 if clock[1] == "-" else 1.0) * (3600.0 * hours + 60.0 * minutes + seconds)
     why = ""
     try:
         value = decimal(cell, layout)

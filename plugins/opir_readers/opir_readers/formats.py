@@ -56,10 +56,13 @@ def _csv(config: ReadCsvConfig, context: ReaderContext) -> StateTable:
 
 
 def _is_csv(text: str) -> bool:
+    from opir_readers.csv_layout import is_table
     from opir_readers.likeness import likeness
 
     others = (*TRAJECTORIES[1:], *DETECTIONS, *FLIGHTS, *ORBITS)
-    return not (_OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others))
+    if _OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others):
+        return False
+    return is_table(text) or not text.strip()
 
 
 def _oem(config: ReadOemConfig, context: ReaderContext) -> StateTable:
@@ -77,7 +80,7 @@ def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
 TRAJECTORIES = (
     FileReader(
         name="csv",
-        summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks",
+        summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks, or JSON records",
         config=ReadCsvConfig,
         build=_csv,
         recognises=_is_csv,
@@ -107,7 +110,7 @@ META_STOP
     ),
     FileReader(
         name="stk",
-        summary="STK ephemeris (.e): Fixed, J2000, ICRF or TEMEOfDate, or latitude, longitude, altitude",
+        summary="STK ephemeris (.e), Earth-fixed, inertial or of date, or latitude, longitude, altitude",
         build=_stk,
         recognises=lambda text: text.lstrip().lower().startswith("stk.v."),
         example="""stk.v.4.3

@@ -16,6 +16,7 @@ _HEADS = (
     (r"(?i)h1\s+crd\b", "ILRS laser ranges (CRD), which have no trajectory"),
     (r"\s{0,5}[\d.]+\s+\S.*RINEX VERSION", "RINEX"),
     (r"(?i)<!doctype html|<html", "a web page"),
+    (r"(<\?xml[^>]*>\s*)?<!DOCTYPE", "XML with a document type, which is not read: leave out the line <!DOCTYPE …>"),
     (r"%PDF", "PDF"),
     (r"PK", "a ZIP file, a KMZ or a spreadsheet: unpack it, or export CSV"),
     (r"(CDF|\x89?HDF)", "HDF5"),
@@ -26,6 +27,8 @@ _HEADS = (
 
 def likeness(text: str) -> str:
     """Return what a text looks like, "" where nothing is known of it."""
+    if "\n$$SOE" in text:
+        return "a table of JPL Horizons: give its lines between $$SOE and $$EOE below a line of names, as CSV"
     head = text.lstrip("\ufeff \t\r\n")
     for pattern, words in _HEADS:
         match = re.match(pattern, text) or re.match(pattern, head)
@@ -43,5 +46,9 @@ def _of_json(text: str) -> str:
     except (ValueError, RecursionError):
         return "JSON that is cut off, or several lines of it"
     value = value[0] if isinstance(value, list) and value else value
+    if isinstance(value, dict) and value.get("id") == "document":
+        return "CZML: export the trajectory as STK ephemeris (.e), OEM or CSV"
+    if isinstance(value, dict) and value.get("type") in ("Feature", "FeatureCollection"):
+        return "GeoJSON, whose places have no times: export GPX, KML with times or CSV"
     keys = list(value)[:_SHOWN] if isinstance(value, dict) else []
     return f"JSON with the keys {', '.join(map(str, keys))}" if keys else "JSON"

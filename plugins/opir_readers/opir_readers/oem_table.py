@@ -1,8 +1,8 @@
 """Orbit Ephemeris Messages: CCSDS 502.0-B-3, section 5, in the keyword form (KVN).
 
-Accepted are states in UTC, UT1, TAI, GPS, TT and TDB, in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in
-TEME and TOD, of date or of REF_FRAME_EPOCH, and in EME2000 (J2000; also used for GCRF and ICRF, which differ from it by
-0.02 arcseconds); other frames and time systems are rejected by name. Covariances are left out.
+Accepted are states in UTC, UT1, TAI, GPS, TT and TDB, in the Earth-fixed frames ITRF (any realisation), TDR, GRC and
+TIRS, in TEME, TOD, MOD and CIRS, of date or of REF_FRAME_EPOCH, and in EME2000 (J2000; also used for GCRF and ICRF,
+which differ from it by 0.02 arcseconds); other frames and time systems are rejected by name. Covariances are left out.
 The library `oem`, a reference in the tests, needs astropy and reports most errors without line and remedy.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from attrs import Factory, define
 
 from opir_core.plugin import BadFileError, StateTable
-from opir_readers.frames import FRAME_NAMES, frame_of, to_ecef
+from opir_readers.frames import FRAME_NAMES, frame_of, is_of_epoch, to_ecef
 from opir_readers.states import require_order, require_places, require_velocities
 from opir_readers.time_systems import SYSTEMS, unix_s
 
@@ -137,6 +137,8 @@ def require_meta(segments: list[Segment], number: int) -> None:
     if not frame_of(meta["REF_FRAME"]):
         known = ", ".join(FRAME_NAMES)
         raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of {known}")
+    if is_of_epoch(meta["REF_FRAME"]) and not meta.get("REF_FRAME_EPOCH"):
+        raise BadFileError(f"line {number}: REF_FRAME is {meta['REF_FRAME']!r} and REF_FRAME_EPOCH is missing")
 
 
 def _state(words: list[str], number: int, system: str) -> list[float]:

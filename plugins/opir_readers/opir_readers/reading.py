@@ -9,6 +9,8 @@ from attrs import fields_dict, frozen
 
 from opir_core.plugin import BadFileError, FileReader, ReaderContext
 from opir_core.scene import file_bytes, text_of
+from opir_readers.csv_layout import is_table
+from opir_readers.json_text import table_of_json
 from opir_readers.likeness import likeness
 from opir_readers.parquet_text import MAGIC, text_of_parquet
 
@@ -25,10 +27,20 @@ _BINARY = (
     (b"\x89HDF", "is HDF5 or netCDF 4, which is not read: export CSV"),
     (b"CDF\x01", "is netCDF, which is not read: export CSV"),
     (b"CDF\x02", "is netCDF, which is not read: export CSV"),
+    (b"MATLAB 5.0", "is a MATLAB file: export CSV (writetable)"),
+    (b"\xd0\xcf\x11\xe0", "is an Excel or Word file: export CSV"),
+    (b"\x93NUMPY", "is a NumPy array: export CSV (numpy.savetxt with header=…)"),
+    (b"SQLite format", "is an SQLite database: export a table as CSV"),
+    (_GZIP, "is compressed twice: unpack it once"),
     (b"DAF/SPK", "is a SPICE kernel, which is not read: export its states as OEM"),
     (b"%PDF", "is PDF, which is not read"),
     (b"\x89PNG", "is a picture"),
 )
+
+
+#: Bytes that no text has, and the least share of others in it.
+_CONTROLS = bytes([*range(9), *range(14, 26), *range(28, 32), 127])
+_LEAST_TEXT = 0.99
 
 
 @frozen
@@ -60,10 +72,22 @@ def file_text(path: str) -> FileText:
     kind = next((words for head, words in _BINARY if content.startswith(head)), "")
     if kind:
         raise BadFileError(kind)
+    return FileText(_decoded(content), digest)
+
+
+def _decoded(content: bytes) -> str:
+    """Return the text of bytes: UTF-8, UTF-16 with its mark or, as spreadsheets on Windows save it, Windows-1252."""
     try:
-        return FileText(text_of(content), digest)
+        return text_of(content)
     except ValueError as error:
-        raise BadFileError(str(error)) from error
+        if content[1:2] == b"\0" == content[3:4]:
+            raise BadFileError("is UTF-16 without a byte-order mark; save it as UTF-8") from error
+        if len(content.translate(None, _CONTROLS)) < _LEAST_TEXT * len(content) or b"\0" in content:
+            raise BadFileError("is binary, not text; export CSV, or a format that is read") from error
+        try:
+            return text_of(content.decode("cp1252").encode())
+        except ValueError:
+            raise BadFileError(str(error)) from error
 
 
 def _unpacked(content: bytes) -> bytes:
@@ -92,12 +116,14 @@ def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None)
     found = [reader for reader in readers if reader.recognises(text)]
     if len(found) > 1:
         names = " and ".join(reader.name for reader in found)
-        raise BadFileError(f"may be for several readers, {names}; say which")
+        raise BadFileError(f"may be for several readers, {names}; say which with --as NAME, or format: NAME in a scene")
     if not found:
-        like = likeness(text)
+        table = table_of_json(text)
+        if table is not None and any(reader.recognises(table) for reader in readers):
+            return reader_of(table, readers)
+        like = likeness(text) or ("a table of text" if is_table(text) else "text without lines of numbers")
         summaries = "; ".join(f"{reader.name} ({reader.summary})" for reader in readers)
-        looks = f": it looks like {like}" if like else ""
-        raise BadFileError(f"is of no format that is read{looks}; read are {summaries}")
+        raise BadFileError(f"is of no format that is read: it looks like {like}; read are {summaries}")
     return found[0]
 
 

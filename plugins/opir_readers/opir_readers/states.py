@@ -47,6 +47,16 @@ def require_places(position_m: FloatArray, line_of: LineOf) -> None:
         raise BadFileError(f"line {line_of(row)}: the position is {place}; check its units")
 
 
+def require_angles(latitude_rad: FloatArray, longitude_rad: FloatArray, line_of: LineOf) -> None:
+    """Raise `BadFileError` for a latitude beyond 90°, or a longitude beyond 360°."""
+    for row in np.flatnonzero((np.abs(latitude_rad) > 0.5 * np.pi) | (np.abs(longitude_rad) > 2.0 * np.pi)).tolist():
+        places = np.degrees([latitude_rad[row], longitude_rad[row]]).tolist()
+        raise BadFileError(
+            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
+            " swapped, or the units others?"
+        )
+
+
 def require_velocities(velocity_m_s: FloatArray | None, line_of: LineOf) -> None:
     """Raise `BadFileError` for a velocity above that of light."""
     if velocity_m_s is None:

@@ -14,45 +14,47 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
-from opir_readers.frames import to_ecef
-from opir_readers.states import require_order, require_places, require_velocities
+from opir_readers.frames import frame_of, is_of_epoch, to_ecef
+from opir_readers.states import require_angles, require_order, require_places, require_velocities
 from opir_readers.time_systems import tai_less_utc_s, utc_s
 
 Known = TypeVar("Known")
 
 _UNIX = datetime(1970, 1, 1)
 
-#: The frames of STK that are read, and what `ecef_state` calls them.
-_FRAMES = {
-    "fixed": "ITRF",
-    "j2000": "EME2000",
-    "icrf": "EME2000",
-    "inertial": "EME2000",
-    "temeofdate": "TEME",
-    "teme": "TEME",
-    "trueofdate": "TOD",
-    "temeofepoch": "TEME",
-    "trueofepoch": "TOD",
-}
-
 _UNITS_M = {"meters": 1.0, "kilometers": 1e3, "feet": 0.3048, "nauticalmiles": 1852.0}
 
-#: The kinds of states: whether they are geodetic, and the numbers of a line with the time.
+#: The first word of a line that begins states, of an ephemeris or an attitude.
+_KIND_WORD = re.compile(r"(?im)^\s*((?:Ephemeris|Attitude)\w*Time\S*)")
+
+_SYSTEMS = "Fixed, J2000, ICRF, TEMEOfDate, TrueOfDate, MeanOfDate, TEMEOfEpoch, TrueOfEpoch and MeanOfEpoch"
+
+#: The kinds of states: their coordinates, and the numbers of a line with the time. Rates of angles are not read.
 _KINDS = {
-    "ephemeristimepos": (False, 4),
-    "ephemeristimeposvel": (False, 7),
-    "ephemeristimeposvelacc": (False, 10),
-    "ephemerisllatimepos": (True, 4),
+    "ephemeristimepos": ("cartesian", 4),
+    "ephemeristimeposvel": ("cartesian", 7),
+    "ephemeristimeposvelacc": ("cartesian", 10),
+    "ephemerisllatimepos": ("geodetic", 4),
+    "ephemerisllatimeposvel": ("geodetic", 7),
+    "ephemerisllrtimepos": ("geocentric", 4),
+    "ephemerisllrtimeposvel": ("geocentric", 7),
+}
+_KIND_NAMES = "EphemerisTimePos[Vel[Acc]], EphemerisLLATimePos[Vel] and EphemerisLLRTimePos[Vel]"
+_FRAMES_OF_COORDINATES = {
+    "geodetic": "latitude, longitude, height above WGS 84",
+    "geocentric": "geocentric latitude, longitude, distance from the Earth's centre",
 }
 
 
 def stk_table(text: str, epoch_us: int) -> StateTable:
     """Return the table of an ephemeris for a scene epoch in microseconds of UTC since 1970; raises `BadFileError`."""
     keywords, kind, lines, rows = _parts(text)
-    is_geodetic, _ = _KINDS[kind]
+    coordinates, _ = _KINDS[kind]
     unit_m = _chosen(_UNITS_M, "DistanceUnit", keywords.get("distanceunit", "Meters"))
     system = keywords.get("coordinatesystem", "Fixed")
-    frame = _chosen(_FRAMES, "CoordinateSystem", system)
+    frame = frame_of(system)
+    if not frame:
+        raise BadFileError(f"CoordinateSystem is {system}; export the ephemeris in one of {_SYSTEMS}")
     if keywords.get("centralbody", "Earth").lower() != "earth":
         raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
     values = np.array(rows)
@@ -61,28 +63,31 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     if not time_s[-1] > time_s[0]:
         raise BadFileError(f"line {lines[-1]}: all states have the same time")
     with np.errstate(over="ignore"):
-        values[:, 1:7] *= 1.0 if is_geodetic else unit_m
-    position, velocity = _states(values, is_geodetic, unit_m)
+        position, velocity = _states(values, coordinates, unit_m)
+    if coordinates != "cartesian":
+        require_angles(*np.radians(values[:, 1:3].T), lines.__getitem__)
     require_places(position, lines.__getitem__)
     require_velocities(velocity, lines.__getitem__)
     moving = np.zeros_like(position) if velocity is None else velocity
-    frame_s = (
-        _moment_s(keywords, "CoordinateSystemEpoch") - epoch_us * 1e-6 if system.lower().endswith("ofepoch") else None
-    )
+    frame_s = _moment_s(keywords, "CoordinateSystemEpoch") - epoch_us * 1e-6 if is_of_epoch(system) else None
     turned, rate = to_ecef(frame, position, moving, epoch_us, time_s, frame_s)
     burns_s = np.array([[time_s[0], time_s[-1]]])
     # A time that stands twice ends a segment and begins the next one.
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
-    words = "latitude, longitude, height above WGS 84" if is_geodetic else system
+    words = _FRAMES_OF_COORDINATES.get(coordinates, system)
     own = None if velocity is None else rate
     return StateTable(time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words)
 
 
-def _states(values: FloatArray, is_geodetic: bool, unit_m: float) -> tuple[FloatArray, FloatArray | None]:
-    if is_geodetic:
-        latitude, longitude = np.radians(values[:, 1]), np.radians(values[:, 2])
-        return geodetic_to_ecef(latitude, longitude, values[:, 3] * unit_m), None
-    return values[:, 1:4], values[:, 4:7] if values.shape[1] >= 7 else None
+def _states(values: FloatArray, coordinates: str, unit_m: float) -> tuple[FloatArray, FloatArray | None]:
+    """Return positions and velocities (n, 3), m and m/s."""
+    if coordinates == "cartesian":
+        return values[:, 1:4] * unit_m, values[:, 4:7] * unit_m if values.shape[1] >= 7 else None
+    latitude, longitude, third = np.radians(values[:, 1]), np.radians(values[:, 2]), values[:, 3] * unit_m
+    if coordinates == "geodetic":
+        return geodetic_to_ecef(latitude, longitude, third), None
+    level = third * np.cos(latitude)
+    return np.stack([level * np.cos(longitude), level * np.sin(longitude), third * np.sin(latitude)], axis=1), None
 
 
 def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
@@ -97,7 +102,10 @@ def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]
         else:
             keywords[words[0].lower()] = " ".join(words[1:])
     if not kind:
-        raise BadFileError(f"has no states of a kind that is read: {', '.join(sorted(_KINDS))}")
+        own = next((word for word in _KIND_WORD.findall(text)), "")
+        raise BadFileError(f"has states of the kind {own or 'none'}; read are {_KIND_NAMES}")
+    if keywords.get("timeformat", "EpSec").lower() not in ("epsec", "epochseconds"):
+        raise BadFileError(f"TimeFormat is {keywords['timeformat']}; export times in seconds from the epoch (EpSec)")
     if len(rows) < 2:
         raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
     return keywords, kind, lines, rows

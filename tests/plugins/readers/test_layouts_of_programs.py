@@ -1,6 +1,7 @@
 """Layouts that real programs write, each written anew: what is read of them, or why they are refused."""
 
 import gzip
+import math
 
 import numpy as np
 import pytest
@@ -191,6 +192,14 @@ def test_exponents_of_fortran_are_read():
         (b"PK\x03\x04\x00\x00\xfb", "a ZIP file, a KMZ or a spreadsheet"),
         (b"\x89HDF\r\n\x1a\n", "HDF5 or netCDF 4"),
         (gzip.compress(b"PAR1\x15\x04", mtime=0), "is no whole Parquet file"),
+        (b"MATLAB 5.0 MAT-file, Platform: PCWIN64\x00\x01IM", "is a MATLAB file: export CSV"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "is an Excel or Word file: export CSV"),
+        (b"\x93NUMPY\x01\x00v\x00" + bytes(99), "is a NumPy array: export CSV"),
+        (b"SQLite format 3\x00" + bytes(99), "is an SQLite database"),
+        (gzip.compress(gzip.compress(b"time_s"), mtime=0), "is compressed twice"),
+        (bytes(range(256)) * 9, "is binary, not text"),
+        (b"\x80\x04\x95" + bytes(60), "is binary, not text"),
+        ("time_s,x".encode("utf-16-le"), "is UTF-16 without a byte-order mark; save it as UTF-8"),
     ],
 )
 def test_what_is_no_text_is_named(tmp_path, content, reported):
@@ -207,6 +216,12 @@ def test_what_is_no_text_is_named(tmp_path, content, reported):
         ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
         ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
         ("H1 CPF  2  AIU 2018  6 13\n", "ILRS predictions (CPF)"),
+        ("*****\n Target body name: X\n$$SOE\n2461132.0, A.D., 1, 2\n$$EOE\n", "a table of JPL Horizons"),
+        ('[{"id": "document", "version": "1.0"}, {"id": "a", "position": {}}]', "looks like CZML: export"),
+        ('{"type": "FeatureCollection", "features": []}', "looks like GeoJSON, whose places have no times"),
+        ('<?xml version="1.0"?>\n<!DOCTYPE oem>\n<oem/>', "XML with a document type, which is not read"),
+        ("Dear colleague,\n\nthe trajectory is attached.\n", "looks like text without lines of numbers"),
+        ("x = load('a.csv');\nplot(x(:, 1), x(:, 2))\n", "looks like text without lines of numbers"),
         ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
     ],
 )
@@ -223,3 +238,25 @@ def test_what_is_not_read_is_named(text, reported):
 def test_an_oem_whose_header_is_out_of_order_has_one_reader():
     text = "COMMENT first\nCCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-04-01T00:00:00\n"
     assert reader_of(text, READERS).name == "oem"
+
+
+#: Directions of X and Y angles of GMAT, "Tracking data types": from the zenith X towards east (south), then Y towards
+#: north (east).
+@pytest.mark.parametrize(
+    ("kind", "x_deg", "y_deg", "azimuth_deg", "elevation_deg"),
+    [
+        ("XEYN", 0.0, 0.0, None, 90.0),
+        ("XEYN", 30.0, 0.0, 90.0, 60.0),
+        ("XEYN", -30.0, 0.0, 270.0, 60.0),
+        ("XEYN", 0.0, 50.0, 0.0, 40.0),
+        ("XSYE", 30.0, 0.0, 180.0, 60.0),
+        ("XSYE", -30.0, 0.0, 0.0, 60.0),
+        ("XSYE", 0.0, 50.0, 90.0, 40.0),
+        ("XEYN", 135.0, 0.0, 90.0, -45.0),
+    ],
+)
+def test_gimbal_angles_of_a_tdm(kind, x_deg, y_deg, azimuth_deg, elevation_deg):
+    (row, *_) = tdm_rows(KVN.replace("RADEC", kind).replace("10.5", str(x_deg)).replace("-4.25", str(y_deg)))
+    assert row["elevation_deg"] == pytest.approx(elevation_deg, abs=1e-9)
+    if azimuth_deg is not None:
+        assert math.remainder(row["azimuth_deg"] - azimuth_deg, 360.0) == pytest.approx(0.0, abs=1e-9)

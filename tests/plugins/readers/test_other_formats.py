@@ -93,13 +93,32 @@ def test_geodetic_places_of_stk_are_those_of_proj():
     np.testing.assert_allclose(stk_table(text, EPOCH_US).position_m, expected, rtol=0.0, atol=1e-3)
 
 
+def test_kinds_of_stk_with_angles_and_rates_have_the_places_of_those_without():
+    """A geocentric latitude and a distance from the centre are those of the place; rates of angles are left."""
+    where = np.array([[34.73, -120.57, 100.0], [34.731, -120.571, 900.0]])
+    place = np.column_stack(Transformer.from_crs("EPSG:4979", "EPSG:4978").transform(*where.T))
+    distance = np.linalg.norm(place, axis=1)
+    centric = np.column_stack([np.degrees(np.arcsin(place[:, 2] / distance)), where[:, 1], distance])
+    for kind, rows in (("EphemerisLLATimePosVel", where), ("EphemerisLLRTimePos", centric)):
+        rates = np.ones((2, 3)) if kind.endswith("Vel") else np.ones((2, 0))
+        rows = np.column_stack([[0.0, 5.0], rows, rates]).tolist()
+        lines = "\n".join(" ".join(map(repr, row)) for row in rows)
+        table = stk_table(STK.format(frame="Fixed", unit="Meters", kind=kind, count=2, lines=lines), EPOCH_US)
+        np.testing.assert_allclose(table.position_m, place, rtol=0.0, atol=1e-3)
+        assert table.velocity_m_s is None
+
+
 @pytest.mark.parametrize(
     ("text", "reported"),
     [
-        (stk(frame="MeanOfDate"), "CoordinateSystem is MeanOfDate; read are fixed, j2000"),
+        (stk(frame="B1950"), "CoordinateSystem is B1950; export the ephemeris in one of Fixed, J2000"),
         (stk(unit="Cubits"), "DistanceUnit is Cubits; read are meters"),
         (stk(kind="EphemerisTimePosVelAcc"), "line 11: has 7 values; a state has 10"),
-        (stk(kind="CovarianceTimePos"), "has no states of a kind that is read"),
+        (stk(kind="CovarianceTimePos"), "has states of the kind none; read are EphemerisTimePos"),
+        (stk(kind="EphemerisMSLLLATimePos"), "has states of the kind EphemerisMSLLLATimePos; read are"),
+        (stk(kind="EphemerisTimePos(3)Vel(3)Thrust"), "of the kind EphemerisTimePos(3)Vel(3)Thrust; read are"),
+        (stk(kind="TimeFormat ISO-YMD\nEphemerisTimePosVel"), "TimeFormat is ISO-YMD; export times in seconds"),
+        (stk(kind="EphemerisLLATimePosVel"), "line 11: latitude -5600 and longitude -2600 deg are no place"),
         (stk().replace("Earth", "Moon"), "CentralBody is Moon; only Earth is taken"),
         (stk().replace("1 Apr 2026", "2026-04-01"), "ScenarioEpoch is '2026-04-01 12:00:30.500000'; a time like"),
         (stk().replace("-5600.0", "x"), "line 11: '0.0 x"),

@@ -1,15 +1,19 @@
 """Tables as the world writes them are read to the same states, or refused with the way to read them."""
 
+import json
+
 import numpy as np
 import pytest
 from opir_readers.csv_table import csv_table
+from opir_readers.formats import READERS
+from opir_readers.frames import to_ecef
+from opir_readers.reading import file_text, reader_of
 from pyproj import Transformer
 
 from opir_core.errors import SceneError
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin import BadFileError
 from opir_core.reading import scene_from_mapping
-from opir_core.scene import text_of
 
 PLACES_M = np.array(
     [[-2643878.3, -4579331.6, 3566636.9], [-2644469.0, -4580354.6, 3567568.0], [-2646240.8, -4583423.6, 3570361.6]]
@@ -43,10 +47,29 @@ def written(delimiter=",", decimal=".", end="\n", names=NAMES, head="", comment=
         written(delimiter=",", end=",\n", names=NAMES).encode(),
         written().replace("\n", "\n\n# between\n").encode(),
         written().replace(",", " , ").encode(),
+        written(delimiter="|").encode(),
+        written(names=["TIME_S", "X_ECEF_KM", "Y_Ecef_km", "z_ecef_km"]).encode(),
+        written(names=["time [s]", "x_ecef (km)", "y_ecef [km]", "z_ecef [ km ]"]).encode(),
+        written(head="Exported by a simulator\nRun,17\n\n").encode(),
+        written()
+        .replace("time_s,x_ecef_km,y_ecef_km,z_ecef_km", "time,x_ecef,y_ecef,z_ecef\n[s],[km],[km],[km]")
+        .encode(),
+        written(delimiter="  ").replace("z_ecef_km\n", "z_ecef_km\n------  ---- ---- ----\n").encode(),
+        "\n".join(
+            ",".join(f'"{cell}"' for cell in line.split(";")) for line in written(";", ",").split("\n")[:-1]
+        ).encode(),
+        written(head="Bahn über Süd\n\n").encode("cp1252"),
+        json.dumps([dict(zip(NAMES, row, strict=True)) for row in ROWS]).encode(),
+        json.dumps({"of": "one", "states": [dict(zip(NAMES, row, strict=True)) for row in ROWS]}).encode(),
+        json.dumps(dict(zip(NAMES, zip(*ROWS, strict=True), strict=True))).encode(),
+        "".join(json.dumps(dict(zip(NAMES, row, strict=True))) + "\n" for row in ROWS).encode(),
     ],
 )
-def test_the_same_states_written_otherwise_are_the_same(content):
-    table = csv_table(text_of(content), 5.0)
+def test_the_same_states_written_otherwise_are_the_same(tmp_path, content):
+    (tmp_path / "states").write_bytes(content)
+    text = file_text(str(tmp_path / "states")).text
+    assert reader_of(text, READERS).name == "csv"
+    table = csv_table(text, 5.0)
     np.testing.assert_allclose(table.position_m, PLACES_M, rtol=0.0, atol=1e-3)
     assert table.time_s.tolist() == [5.0, 15.0, 25.0]
 
@@ -119,6 +142,43 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
             "line 2: latitude 134.7 and longitude 30 deg are no place; are the two swapped",
         ),
         ("time_s,lat,lon\n0,34.7,30\n", {}, "lacks the column height_m"),
+        (
+            "t,pos_x,pos_y,pos_z\n0,7e6,0,0\n",
+            {},
+            '{time_s: "t", x_ecef_m: "pos_x", y_ecef_m: "pos_y", z_ecef_m: "pos_z"}',
+        ),
+        (
+            "elapsed_time_sec,geodetic_latitude_deg,longitude_deg,altitude_km\n0,1,2,3\n",
+            {},
+            'lat_deg: "geodetic_latitude_deg", lon_deg: "longitude_deg", height_km: "altitude_km"}',
+        ),
+        (
+            "t [s],ECEF X [km],ECEF Y [km],ECEF Z [km],Vx (km/sec),Vy (km/sec),Vz (km/sec)\n0,7000,0,0,1,2,3\n",
+            {},
+            'z_ecef_km: "ECEF Z [km]", vx_ecef_km_s: "Vx (km/sec)"',
+        ),
+        (
+            "time,x_eci_km,y_eci_km,z_eci_km\n0,7000,0,0\n",
+            {},
+            "along inertial axes: with dates, set columns: {x_eme2000_km: X",
+        ),
+        (
+            "time_s,x_teme_km,y_teme_km,z_teme_km\n0,7000,0,0\n1,7000,0,0\n",
+            {},
+            "line 1: positions along inertial axes need dates",
+        ),
+        (
+            "time_s,lat,lon,altitude\n0,34.7,30,0\n1,34.7,30,1\n",
+            {},
+            "or for heights above the ellipsoid set columns: {height_m",
+        ),
+        ("04/01/2026 12:00:00,1,2,3\n", {}, "name the columns in a first line"),
+        (
+            "time,x_ecef,y_ecef,z_ecef\n04/01/2026 12:00:00,7e6,0,0\n",
+            {},
+            "line 2: timestamp is '04/01/2026 12:00:00', no date",
+        ),
+        ("time_s,x_ecef (furlong),y_ecef_m,z_ecef_m\n0,7e6,0,0\n", {}, "lacks the column x_ecef_m"),
     ],
 )
 def test_tables_that_are_none_are_reported_with_the_way_to_read_them(text, columns, reported):
@@ -150,3 +210,94 @@ def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, reported):
     with pytest.raises(SceneError) as refused:
         compile_plan(scene_from_mapping({**scene, "targets": [target]}))
     assert reported in str(refused.value)
+
+
+EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z, MJD 61131.5
+
+
+@pytest.mark.parametrize(
+    ("names", "times"),
+    [
+        ("time", ["2026-04-01T12:00:10Z", "2026-04-01T12:00:20Z"]),
+        ("epoch", ["20260401T120010Z", "20260401T120020Z"]),
+        ("utc", ["2026/04/01 12:00:10", "2026/4/1 12:00:20"]),
+        ("utc", ["01.04.2026 12:00:10", "1.4.2026 12:00:20"]),
+        ("utc", ["2026/091/12:00:10.000", "2026:091:12:00:20"]),
+        ("utc", ["1 April 2026 12:00:10.000", "2026-Apr-01 12:00:20"]),
+        ("Time (UTCG)", ["1 Apr 2026 12:00:10.000", "1 Apr 2026 12:00:20.000"]),
+        ("timestamp", ["2026-04-01 14:00:10+02:00", "2026-04-01T05:00:20-0700"]),
+        ("unix_time", ["1775044810", "1775044820.0"]),
+        ("unix_time_ms", ["1775044810000", "1775044820000"]),
+        ("gps_time", ["1459080028", "1459080038"]),
+        ("MJD", ["61131.500115740740", "61131.500231481481"]),
+        ("jd", ["2461132.00011574074", "2461132.00023148148"]),
+        ("date,time", ["2026-04-01,12:00:10", "2026-04-01,12:00:20"]),
+        ("date,time_s", ["01.04.2026,12:00:10.0", "01.04.2026,12:00:20.0"]),
+    ],
+)
+def test_dates_are_read_as_they_are_written(names, times):
+    rows = [f"{time},{','.join(map(str, place))}" for time, place in zip(times, PLACES_M, strict=False)]
+    table = csv_table("\n".join([f"{names},x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    assert table.has_dates
+    np.testing.assert_allclose(table.time_s, [10.0, 20.0], rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("clocks", [("00:00:10", "0:00:20.0"), ("T+00:00:10", "T+00:00:20"), ("10", "20")])
+def test_elapsed_times_count_from_the_start(clocks):
+    rows = [f"{time},{','.join(map(str, place))}" for time, place in zip(clocks, PLACES_M, strict=False)]
+    table = csv_table("\n".join(["time,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    assert not table.has_dates
+    assert table.time_s.tolist() == [15.0, 25.0]
+
+
+def test_seconds_count_where_dates_stand_beside_them():
+    rows = [f"{time},2026-04-01T12:00:00Z,{','.join(map(str, place))}" for time, place in enumerate(PLACES_M)]
+    table = csv_table("\n".join(["time_s,epoch,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    assert table.time_s.tolist() == [5.0, 6.0, 7.0]
+
+
+@pytest.mark.parametrize("delimiter", [",", " "])
+def test_columns_without_names_are_mapped_by_their_numbers(delimiter):
+    text = written(delimiter).split("\n", 1)[1]
+    table = csv_table(text, 0.0, {name: f"#{place + 1}" for place, name in enumerate(NAMES)})
+    np.testing.assert_allclose(table.position_m, PLACES_M, rtol=0.0, atol=1e-3)
+    assert table.line_of(0) == 1
+    named = csv_table(written(delimiter), 0.0, {"x_ecef_km": "#2"})
+    np.testing.assert_array_equal(named.position_m, table.position_m)
+
+
+REPORT = """       Time (UTCG)              x (km)          y (km)          z (km)
+------------------------    ------------    ------------    ------------
+ 1 Apr 2026 12:00:00.000    -2643.878300    -4579.331600     3566.636900
+ 1 Apr 2026 12:00:10.000    -2644.469000    -4580.354600     3567.568000
+"""
+SHIP = """Sat.UTCGregorian           Sat.EarthFixed.X        Sat.EarthFixed.Y        Sat.EarthFixed.Z
+01 Apr 2026 12:00:00.000   -2643.8783              -4579.3316              3566.6369
+01 Apr 2026 12:00:10.000   -2644.469               -4580.3546              3567.568
+"""
+
+
+@pytest.mark.parametrize(("text", "form"), [(REPORT, "{} (km)"), (SHIP, "Sat.EarthFixed.{}")])
+def test_reports_whose_columns_stand_two_blanks_apart(text, form):
+    axes = "xyz" if "km" in form else "XYZ"
+    mapped = {f"{axis.lower()}_ecef_km": form.format(axis) for axis in axes}
+    with pytest.raises(BadFileError) as refused:
+        csv_table(text, 0.0)
+    assert f'x_ecef_km: "{mapped["x_ecef_km"]}"' in str(refused.value) or "x_ecef_m" in str(refused.value)
+    table = csv_table(text, 0.0, mapped, epoch_us=EPOCH_US)
+    np.testing.assert_allclose(table.position_m, PLACES_M[:2], rtol=0.0, atol=1e-3)
+    assert table.time_s.tolist() == [0.0, 10.0]
+
+
+@pytest.mark.parametrize(("name", "frame"), [("eme2000", "EME2000"), ("teme", "TEME")])
+def test_inertial_columns_are_turned_as_an_oem_in_their_frame(name, frame):
+    state = np.array([[7e6, 1e5, -2e5, 10.0, 7500.0, 30.0], [6.99e6, 1.75e5, -1.997e5, -70.0, 7499.0, 31.0]])
+    names = [f"{rate}{axis}_{name}" for rate in ("", "v") for axis in "xyz"]
+    rows = [
+        f"2026-04-01T12:00:{10 * row:02d}Z,{','.join(map(repr, values))}" for row, values in enumerate(state.tolist())
+    ]
+    table = csv_table("\n".join([",".join(["time", *names]), *rows]), 0.0, epoch_us=EPOCH_US)
+    place, velocity = to_ecef(frame, state[:, :3], state[:, 3:], EPOCH_US, np.array([0.0, 10.0]))
+    np.testing.assert_allclose(table.position_m, place, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(table.velocity_m_s, velocity, rtol=0.0, atol=1e-9)
+    assert table.frame == frame

@@ -76,7 +76,7 @@ def test_one_of_several_tracks_is_asked_for():
     [
         (gpx_table, gpx().replace("<time>2026-04-01T12:00:10.500000Z</time>", ""), "line 5: this trkpt has no time"),
         (gpx_table, gpx().replace("34.74", "north"), "line 5: lat is 'north', not a finite number"),
-        (gpx_table, gpx().replace("34.74", "95"), "line 5: latitude 95 and longitude -120.58 are no place"),
+        (gpx_table, gpx().replace("34.74", "95"), "line 5: latitude 95 and longitude -120.58 deg are no place"),
         (gpx_table, gpx().replace("</gpx>", ""), "line 8: is not XML: no element found"),
         (gpx_table, "<!DOCTYPE a [<!ENTITY b 'c'>]>\n<gpx/>", "has a document type, which is not read"),
         (kml_table, kml("relativeToGround"), "altitudeMode is relativeToGround; export absolute heights"),
@@ -217,3 +217,10 @@ def test_what_is_wrong_with_an_sp3_orbit_is_reported(text, reported):
     with pytest.raises(BadFileError) as refused:
         sp3_table(text, EPOCH_US, None)
     assert reported in str(refused.value)
+
+
+def test_a_point_without_a_height_is_refused():
+    """At height 0 it would fly along the ellipsoid."""
+    text = gpx()
+    with pytest.raises(BadFileError, match=r"line 4: this trkpt has no ele, its height"):
+        gpx_table(text[: text.index("<ele>")] + text[text.index("</ele>") + 6 :], EPOCH_US, None)

@@ -228,3 +228,12 @@ def test_places_from_a_launch_point_in_a_table():
         csv_table(text, 0.0)
     with pytest.raises(BadFileError, match=r"set site\.azimuth_deg"):
         csv_table("time_s,downrange_km,height_km\n0,0,0\n60,30,20\n", 0.0, {}, SiteConfig(lat_deg=1.0, lon_deg=2.0))
+
+
+@pytest.mark.parametrize("name", ["time", "velocity", "altitude", "meco"])
+def test_a_number_beyond_the_largest_is_none(name):
+    rows = [{"time": t, "velocity": 20 * t, "altitude": t * t / 100} for t in range(30)]
+    rows[9][name] = 10**400
+    table = webcast_table("\n".join(map(json.dumps, rows)), Site.of(CONFIG, ""), None, None, 0.0)
+    assert np.isfinite(table.position_m).all()
+    assert table.burns_s[0, 1] <= table.time_s[-1]

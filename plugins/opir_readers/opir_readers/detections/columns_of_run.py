@@ -14,10 +14,10 @@ from opir_core.errors import nearest_names
 from opir_core.geometry import line_of_sight
 from opir_core.plugin import BadFileError, Sensor
 from opir_core.random_streams import id_key, uuid8_words
-from opir_readers.celestial_frames import ecef_state
 from opir_readers.detections.numbers import finite, number_of_row, place_of, shown, vector_of_row
 from opir_readers.detections.times import unix_ns
 from opir_readers.detections.truth import truth_of
+from opir_readers.frames import frame_of, to_ecef
 
 Row = Mapping[str, Any]
 
@@ -138,14 +138,22 @@ def _directions(rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epo
             _require_angles(given, second, _DIRECTIONS[way][1])
             is_local = way == 1
             found = line_of_sight(origin[own], first, second) if is_local else _vectors(first, second)
-        if way >= 2:
-            found, _ = ecef_state("EME2000", found, np.zeros_like(found), epoch_us, time_s[own])
-        vectors[own] = found
+        vectors[own] = _earth_fixed(given, found, epoch_us, time_s[own]) if way >= 2 else found
     with np.errstate(over="ignore"):
         length = np.sqrt((vectors * vectors).sum(axis=1))
     for place in np.flatnonzero(~((length > 0.0) & (length < np.inf))).tolist():
         raise BadFileError(f"{place_of(rows[place])}its line of sight has no direction")
     return np.asarray(vectors / length[:, None])
+
+
+def _earth_fixed(rows: Sequence[Row], vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) in ECEF of those in the frames that rows name, J2000 where they name none."""
+    names = np.array([str(row.get("reference_frame", "EME2000")) for row in rows])
+    turned = np.empty_like(vectors)
+    for name in np.unique(names).tolist():
+        own = np.flatnonzero(names == name)
+        turned[own], _ = to_ecef(frame_of(name), vectors[own], np.zeros((len(own), 3)), epoch_us, time_s[own])
+    return turned
 
 
 def _way(row: Row) -> int:

@@ -93,7 +93,7 @@ DETECTIONS = (
     ),
     FileReader(
         name="tdm",
-        summary="CCSDS Tracking Data Message, KVN or XML: angles of the types AZEL and RADEC",
+        summary="CCSDS Tracking Data Message, KVN or XML: angles of the types AZEL, RADEC, XEYN and XSYE",
         yields="detections",
         build=_tdm,
         recognises=_is_tdm,

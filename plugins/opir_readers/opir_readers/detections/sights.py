@@ -14,6 +14,7 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError
 from opir_readers.columns import ANGLES, LENGTHS, TIMES, Column, unit_of
 from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
+from opir_readers.json_text import table_of_json
 
 Row = Mapping[str, Any]
 
@@ -68,6 +69,8 @@ _SYNONYMS = {
 
 def is_of_sights(text: str) -> bool:
     """Return whether the names of a table's columns have a direction from a sensor."""
+    if text.lstrip()[:1] in ("{", "[", "<"):
+        return False
     try:
         names = layout_of(text).names
     except BadFileError:
@@ -91,7 +94,8 @@ def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Sequenc
 
     `columns` maps quantities with units to names of columns; others are known by their own names.
     """
-    layout = with_dates_named(layout_of(text), text, columns.values())
+    text = table_of_json(text) or text
+    layout = with_dates_named(layout_of(text, columns.values()), text, columns.values())
     known = _columns(layout, columns)
     rows = [_row(known, layout, cells, line, start_s) for line, cells in layout.rows(text)]
     if not rows:

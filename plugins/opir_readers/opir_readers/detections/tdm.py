@@ -1,9 +1,11 @@
 """Tracking Data Messages: CCSDS 503.0-B-2, KVN or XML; of each segment the angles of one sensor.
 
-Accepted are angles of the type AZEL, RADEC in EME2000, J2000, ICRF and GCRF, in the time systems that OEM may have.
+Accepted are angles of the types AZEL, XEYN and XSYE at the sensor, and RADEC in EME2000, ICRF, TEME and other frames
+that an OEM may have, in its time systems.
 Other quantities (ranges, Doppler, magnitudes) are left out.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,13 +16,15 @@ from opir_readers.detections.numbers import finite
 from opir_readers.detections.tdm_segments import ANGLES, TdmSegment
 from opir_readers.detections.tdm_xml import is_tdm_xml, segments_of_xml
 from opir_readers.detections.times import date_text, unix_ns
+from opir_readers.frames import frame_of, is_of_epoch
 from opir_readers.time_systems import SYSTEMS, utc_s
 
 FIRST_KEYWORD = "CCSDS_TDM_VERS"
 
 _HEAD = re.compile(rf"(\s*(COMMENT[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
-_EQUINOX = ("EME2000", "J2000", "ICRF", "GCRF")
-_KEYS = {"AZEL": ("azimuth_deg", "elevation_deg"), "RADEC": ("right_ascension_deg", "declination_deg")}
+_CELESTIAL = "EME2000, J2000, ICRF, GCRF, TEME, TOD, MOD and CIRS"
+_LOCAL = ("azimuth_deg", "elevation_deg")
+_KEYS = {"AZEL": _LOCAL, "XEYN": _LOCAL, "XSYE": _LOCAL, "RADEC": ("right_ascension_deg", "declination_deg")}
 
 
 def is_tdm(text: str) -> bool:
@@ -74,25 +78,35 @@ def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
 def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     if not segment.angles:
         return
-    names, system = _KEYS[_kind(segment)], segment.meta.get("TIME_SYSTEM", "UTC").upper()
+    kind, system = _kind(segment), segment.meta.get("TIME_SYSTEM", "UTC").upper()
     if system not in SYSTEMS:
         raise BadFileError(
             f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of {', '.join(SYSTEMS)}"
         )
     target = segment.target()
+    common = {"sensor_id": segment.sensor, **({} if target is None else {"target_id": target})}
+    if kind == "RADEC":
+        common["reference_frame"] = segment.meta.get("REFERENCE_FRAME", "EME2000")
     for time, pair in segment.angles.items():
         line = next(iter(pair.values()))[1]
         if len(pair) < 2:
             raise BadFileError(f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two angles")
         angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ANGLES]
         angles = [angle + _correction(segment, number) for number, angle in enumerate(angles, 1)]
-        yield {
-            "line": line,
-            "timestamp": _utc_text(time, line, system),
-            "sensor_id": segment.sensor,
-            **dict(zip(names, angles, strict=True)),
-            **({} if target is None else {"target_id": target}),
-        }
+        angles = _of_gimbals(kind, *angles) if kind in ("XEYN", "XSYE") else angles
+        directions = dict(zip(_KEYS[kind], angles, strict=True))
+        yield {"line": line, "timestamp": _utc_text(time, line, system), **directions, **common}
+
+
+def _of_gimbals(kind: str, x_deg: float, y_deg: float) -> list[float]:
+    """Return azimuth and elevation, deg, of the angles of an antenna with two horizontal axes.
+
+    X turns from the zenith towards east (XEYN) or south (XSYE), Y from there towards north or east.
+    """
+    x, y = math.radians(x_deg), math.radians(y_deg)
+    first, second, up = math.cos(y) * math.sin(x), math.sin(y), math.cos(y) * math.cos(x)
+    east, north = (first, second) if kind == "XEYN" else (second, -first)
+    return [math.degrees(math.atan2(east, north)) % 360.0, math.degrees(math.asin(max(min(up, 1.0), -1.0)))]
 
 
 def _utc_text(time: str, line: int, system: str) -> str:
@@ -107,9 +121,9 @@ def _kind(segment: TdmSegment) -> str:
     kind = segment.meta.get("ANGLE_TYPE", "").upper()
     if kind not in _KEYS:
         raise BadFileError(f"line {segment.line}: ANGLE_TYPE is {kind or 'missing'}; read are {' and '.join(_KEYS)}")
-    frame = segment.meta.get("REFERENCE_FRAME", "EME2000").upper()
-    if kind == "RADEC" and frame not in _EQUINOX:
-        raise BadFileError(f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {', '.join(_EQUINOX)}")
+    frame = segment.meta.get("REFERENCE_FRAME", "EME2000")
+    if kind == "RADEC" and (frame_of(frame) in ("", "ITRF") or is_of_epoch(frame)):
+        raise BadFileError(f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {_CELESTIAL}")
     if segment.meta.get("TIMETAG_REF", "RECEIVE").upper() != "RECEIVE":
         raise BadFileError(f"line {segment.line}: TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is read")
     return kind

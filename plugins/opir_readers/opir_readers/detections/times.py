@@ -7,8 +7,26 @@ import numpy as np
 from opir_core.plugin import BadFileError
 from opir_readers.detections.numbers import shown
 
+_TIME = r"(?P<clock>\d\d:\d\d(:\d\d)?(\.\d{1,12})?)\s*(?P<zone>(Z|UTC|[+-]\d\d:?\d\d)?)"
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?(\.\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?", re.I)
-_WORDS = re.compile(r"(\d{1,2}) ([A-Za-z]{3}) (\d{4}) (\d\d:\d\d:\d\d(\.\d{1,12})?)")
+
+#: Other ways to write a date, by the parts that they name: 01 Apr 2026, 2026/04/01, 20260401T120000, 2026/091/12:00,
+#: 2026:091:12:00; with points the day comes first.
+_OTHERS = tuple(
+    re.compile(pattern + _TIME, re.I)
+    for pattern in (
+        r"(?P<day>\d{1,2})[ -](?P<word>[a-z]{3,9})[ -](?P<year>\d{4}) ",
+        r"(?P<year>\d{4})[ -](?P<word>[a-z]{3})[ -](?P<day>\d\d) ",
+        r"(?P<year>\d{4})/(?P<month>\d\d?)/(?P<day>\d\d?)[T ]",
+        r"(?P<day>\d\d?)\.(?P<month>\d\d?)\.(?P<year>\d{4})[T ]",
+        r"(?P<year>\d{4})[/:](?P<of_year>\d{3})[/:T ]",
+    )
+)
+_BASIC = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)?(.*)", re.I)
+
+#: Day and month, or month and day: only the writer knows.
+_AMBIGUOUS = re.compile(r"\d{1,2}/\d{1,2}/\d{2,4}\b.*")
+_LIKE = re.compile(r"\d{4}-\d\d?-\d\d?\b.*")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NS = 1_000_000_000
 
@@ -21,7 +39,9 @@ def unix_ns(value: object, what: str) -> int:
     """
     match = _DATE.fullmatch(_in_digits(value.strip())) if isinstance(value, str) else None
     if match is None:
-        raise BadFileError(f"{what} is {shown(value)}, no date like 2026-04-01T12:00:00.123Z")
+        is_ambiguous = isinstance(value, str) and _AMBIGUOUS.fullmatch(value.strip())
+        why = ": it may be day/month or month/day" if is_ambiguous else ""
+        raise BadFileError(f"{what} is {shown(value)}, no date like 2026-04-01T12:00:00.123Z{why}")
     day, minute, second, fraction, zone = match.groups()
     try:
         moment = _day(day) + np.timedelta64(_seconds(minute, second), "s")
@@ -36,12 +56,32 @@ def unix_ns(value: object, what: str) -> int:
     return since_s * _NS + int(decimals)
 
 
+def looks_like_date(text: str) -> bool:
+    """Return whether a text is a date that is read, or one that is refused as a date.
+
+    >>> looks_like_date("01 Apr 2026 12:00:00"), looks_like_date("04/01/2026"), looks_like_date("12.5")
+    (True, True, False)
+    """
+    bare = text.strip()
+    return _DATE.fullmatch(_in_digits(bare)) is not None or any(kind.fullmatch(bare) for kind in (_AMBIGUOUS, _LIKE))
+
+
 def _in_digits(text: str) -> str:
-    """Return `01 Apr 2026 12:00:00` as `2026-04-01T12:00:00`, other texts as they are."""
-    match = _WORDS.fullmatch(text)
-    if match is None or match[2].lower() not in _MONTHS:
+    """Return `01 Apr 2026 12:00:00` as `2026-04-01T12:00:00`, and so other ways to write it; else the text as it is."""
+    basic = _BASIC.fullmatch(text)
+    if basic:
+        year, month, day, hour, minute, second, rest = basic.groups("00")
+        return f"{year}-{month}-{day}T{hour}:{minute}:{second}{rest}"
+    match = next(filter(None, (form.fullmatch(text) for form in _OTHERS)), None)
+    if match is None:
         return text
-    return f"{match[3]}-{_MONTHS.index(match[2].lower()) + 1:02d}-{int(match[1]):02d}T{match[4]}"
+    parts = match.groupdict()
+    word = parts.get("word", "jan")[:3].lower()
+    if word not in _MONTHS:
+        return text
+    month = int(parts.get("month") or _MONTHS.index(word) + 1)
+    day = parts["of_year"] if "of_year" in parts else f"{month:02d}-{int(parts['day']):02d}"
+    return f"{parts['year']}-{day}T{parts['clock']}{parts['zone']}"
 
 
 def _day(text: str) -> np.datetime64:

@@ -12,7 +12,7 @@ import numpy as np
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.detections.times import unix_ns
-from opir_readers.states import require_order, require_places
+from opir_readers.states import require_angles, require_order, require_places
 from opir_readers.xml_nodes import XmlNode, xml_root
 
 _POINTS = ("trkpt", "rtept", "wpt")
@@ -56,7 +56,11 @@ def _gpx_points(track: XmlNode) -> Sequence[Point]:
             if not time:
                 raise BadFileError(f"line {node.line}: this {kind} has no time; export the track with times")
             angles = [_number(node.attributes.get(name, ""), node.line, name) for name in ("lat", "lon")]
-            height = _number(node.text_of("ele") or "0", node.line, "ele")
+            if not node.text_of("ele"):
+                raise BadFileError(
+                    f"line {node.line}: this {kind} has no ele, its height; export the track with heights"
+                )
+            height = _number(node.text_of("ele"), node.line, "ele")
             points.append((node.line, unix_ns(time, f"line {node.line}: time"), angles[0], angles[1], height))
     return points
 
@@ -94,10 +98,10 @@ def _chosen(tracks: Sequence[tuple[str, Sequence[Point]]], wanted: str | None, k
     found = [(name, points) for name, points in tracks if points and wanted in (None, name)]
     if len(found) == 1:
         return found[0][1]
-    names = ", ".join(name or "without a name" for name, _ in tracks) or "none"
+    names = ", ".join(name or "one without a name" for name, _ in tracks) or "none"
     if not found:
         which = "with points" if wanted is None else repr(wanted)
-        raise BadFileError(f"has no {kind} {which}; it has {names}")
+        raise BadFileError(f"has no {kind} {which}; its tracks: {names}")
     raise BadFileError(f"has several tracks; say which with object: {names}")
 
 
@@ -108,8 +112,7 @@ def _table(points: Sequence[Point], epoch_us: int, frame: str, notes: tuple[str,
     lines = [point[0] for point in kept]
     time_s = np.array([(point[1] - epoch_us * 1000) * 1e-9 for point in kept])
     angles = np.radians([[point[2], point[3]] for point in kept])
-    for row in np.flatnonzero((np.abs(angles[:, 0]) > 0.5 * np.pi) | (np.abs(angles[:, 1]) > 2.0 * np.pi)).tolist():
-        raise BadFileError(f"line {lines[row]}: latitude {kept[row][2]:g} and longitude {kept[row][3]:g} are no place")
+    require_angles(angles[:, 0], angles[:, 1], lines.__getitem__)
     require_order(time_s, lines.__getitem__, may_repeat=False)
     with np.errstate(over="ignore", invalid="ignore"):
         position = geodetic_to_ecef(angles[:, 0], angles[:, 1], np.array([point[4] for point in kept]))

@@ -12,6 +12,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -137,14 +138,10 @@ def _take(value: Any, points: list[Mapping[str, Any]], events: dict[str, float],
     elif "time" in value and known[1] is not None:
         points.append(value)
     else:
-        events |= {
-            name: float(time)
-            for name, time in value.items()
-            if isinstance(time, int | float) and not isinstance(time, bool) and name in _EVENTS
-        }
         for each in value.values():
             _take(each, points, events, depth + 1)
-    events |= {name: float(value[name]) for name in _EVENTS if isinstance(value.get(name), int | float)}
+    named = {name: _number(value.get(name)) for name in _EVENTS}
+    events |= {name: time_s for name, time_s in named.items() if math.isfinite(time_s)}
 
 
 _EVENTS = {name for pair in _BURNS for name in pair if name}
@@ -159,7 +156,10 @@ def _numbers(points: Sequence[Mapping[str, Any]], speed: str) -> tuple[FloatArra
 
 
 def _number(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    """Return a number of JSON, nan for anything else and for integers beyond the largest number."""
+    with suppress(OverflowError):
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    return math.nan
 
 
 def _of_csv(text: str) -> tuple[FloatArray, FloatArray, FloatArray]:
