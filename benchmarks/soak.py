@@ -4,7 +4,8 @@
 
 `opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch requested every minute
 of scene time, a viewer of the stream, and two outputs with a spool: a pipe that another process reads, and a topic of a
-mock broker. Every half minute or so a fault of some seconds: the broker is gone, stopped, slow or refuses events, the
+mock broker, or of Apache Kafka (`--apache`; Java and Maven are needed). Every half minute or so a fault of some
+seconds: the broker is gone, stopped, slow or refuses events (of Apache Kafka: it is killed, ended or stopped), the
 reader of the pipe is stopped, or no file of the service can grow. After SIGTERM every event that the service reports as
 delivered must have arrived. `--write` writes the page, the samples as CSV and, where matplotlib is installed, a plot.
 """
@@ -28,23 +29,33 @@ from typing import Any
 
 import numpy as np
 from attrs import asdict, fields, frozen
-from soak_faults import PARTITIONS, Faults, PipeReader, TopicReader, descriptors, file_mib, mock_broker, rss_mib
+from soak_faults import (
+    BrokerFaults,
+    Faults,
+    PipeReader,
+    TopicReader,
+    apache_kafka,
+    descriptors,
+    file_mib,
+    mock_kafka,
+    rss_mib,
+)
 
 PAGE = """# Soak test
 
 Does the service run for long without leaks or lost events, whatever fails around it? {answer}: {minutes:g} minutes of
-`opir serve --speed max --loop`, {laps} laps of a scene of 5 minutes, {given} events to each of two outputs, {faults}
-faults.
+`opir serve --speed {speed} --loop`, {laps} laps of a scene of 5 minutes, {given} events to each of two outputs,
+{faults} faults.
 
 | criterion | result | met |
 |---|---|---|
 {rows}
 
-![Memory, spool file, waiting events and events read, by minute](soak.svg)
+![Memory, spool file, waiting events and events read, by minute]({name}.svg)
 
-Both outputs, a pipe and a Kafka topic, have a spool of 8 MiB that holds the run when it is full. A launch is requested
-every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}:
-{kinds}.{machine} Samples: [soak.csv](soak.csv).
+Both outputs, a pipe and a topic of {broker}, have a spool of 8 MiB that holds the run when it is full. A launch is
+requested every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of
+seed {seed}: {kinds}.{machine} Samples: [{name}.csv]({name}.csv).
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
 warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: histories of
@@ -98,6 +109,8 @@ CALM_S = 45.0
 WARM_UP, WARM_UP_LAPS = 0.25, 2
 #: How much memory may grow from the first to the last quarter of what follows the warm-up.
 FLAT = 0.02
+#: How late, s, a run may be that says that it is ready.
+LATE_S = 5.0
 #: Connections come and go with faults.
 DESCRIPTORS = 2
 COUNTED = re.compile(r"(\d+) (?:delivered|spooled|dropped)")
@@ -187,28 +200,40 @@ def sampled(process: int, port: int, spools: Sequence[Path], out: int, began_s: 
     )
 
 
-def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
-    """Run it; return samples, answers to triggers by status, and how it ended."""
-    broker = mock_broker()
-    broker.tell("topic", "soak", PARTITIONS)
+def scene_with(folder: Path, address: str) -> Path:
+    """Write the scene with its pipe and the address of its broker, and return its path."""
     os.mkfifo(folder / "pipe")
-    scene = folder / "scene.yaml"
-    names = {"PIPE": folder / "pipe", "SPOOL": folder / "spool", "BROKER": broker.address}
     text = SCENE
-    for name, value in names.items():
+    for name, value in {"PIPE": folder / "pipe", "SPOOL": folder / "spool", "BROKER": address}.items():
         text = text.replace(name, str(value))
+    scene = folder / "scene.yaml"
     scene.write_text(text, encoding="utf-8")
-    pipe, topic = PipeReader(folder / "pipe"), TopicReader(broker.address, "soak")
-    command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--speed", "max", "--loop", "--port", "0"]
+    return scene
+
+
+def soaked(arguments: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Run it before a broker; return what was found."""
+    with (apache_kafka if arguments.apache else mock_kafka)(folder, "soak") as (address, broker_faults):
+        return soaked_before(address, broker_faults, arguments, folder)
+
+
+def soaked_before(
+    address: str, broker_faults: BrokerFaults, arguments: argparse.Namespace, folder: Path
+) -> dict[str, Any]:
+    """Run it; return samples, answers to triggers by status, and how it ended."""
+    scene = scene_with(folder, address)
+    pipe, topic = PipeReader(folder / "pipe"), TopicReader(address, "soak")
+    command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--loop", "--port", "0"]
+    command += ["--speed", arguments.speed]
     service = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    faults = Faults(seed, service.pid, broker, pipe)
+    faults = Faults(arguments.seed, service.pid, broker_faults, pipe)
     try:
         assert service.stdout is not None
         port = int(service.stdout.readline().rpartition(":")[2])
         limit_tracks(port)
         viewer = Viewer(port)
         spools = [folder / f"spool-{kind}" for kind in ("pipe", "topic")]
-        samples, triggers = watched(service.pid, port, spools, (pipe, topic, faults), minutes * 60)
+        seen = watched(service.pid, port, spools, (pipe, topic, faults), arguments.minutes * 60)
         status = balanced(port)
         service.send_signal(signal.SIGTERM)
         began_s = time.monotonic()
@@ -222,15 +247,14 @@ def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
         service.kill()
         faults.end()
         pipe.close()
-        broker.close()
     return {
-        "samples": samples,
-        "triggers": triggers,
+        **seen,
         "output": output,
         "stop_s": stop_s,
         "code": service.returncode,
         "out": (pipe.lines, topic.messages),
         "repeated": (pipe.repeated, topic.repeated),
+        "disordered": topic.disordered,
         "reader_error": topic.error,
         "unbalanced": [sink["unbalanced"] for sink in status["sinks"]],
         "faults": faults.counts,
@@ -240,16 +264,22 @@ def soaked(minutes: float, seed: int, folder: Path) -> dict[str, Any]:
 
 def watched(
     process: int, port: int, spools: Sequence[Path], parts: tuple[PipeReader, TopicReader, Faults], for_s: float
-) -> tuple[list[Sample], dict[int, int]]:
-    """Sample, trigger and let things fail until the time is over, the last minute without faults."""
+) -> dict[str, Any]:
+    """Sample, trigger and let things fail until the time is over, the last minute without faults.
+
+    Returns the samples, the answers to triggers by status, and how late, s, the run was at most while it was ready.
+    """
     pipe, topic, faults = parts
     began_s = time.monotonic()
     samples: list[Sample] = []
     triggers: dict[int, int] = {}
+    late_s = 0.0
     trigger_due_s, sample_due_s = 0.0, began_s
     while (at_s := time.monotonic() - began_s) < for_s:
         faults.step() if at_s < for_s - CALM_S else faults.end()
-        scene_s = asked(port, "GET", "/status")[1]["clock"]["time_s"]
+        status = asked(port, "GET", "/status")[1]
+        scene_s = status["clock"]["time_s"]
+        late_s = max(late_s, status["clock"]["late_s"] if status["health"]["ready"] else 0.0)
         if scene_s >= trigger_due_s and faults.now is None:
             trigger_due_s = scene_s + TRIGGER_S
             answer, body = asked(port, "POST", "/trigger", LAUNCH)
@@ -262,7 +292,7 @@ def watched(
             samples.append(sampled(process, port, spools, out, began_s, faults.now or ""))
             print(samples[-1], flush=True)
         time.sleep(0.05)
-    return samples, triggers
+    return {"samples": samples, "triggers": triggers, "late_s": late_s}
 
 
 def quarters(values: Sequence[float], figure: Callable[[Sequence[float]], Any]) -> tuple[float, float]:
@@ -291,6 +321,8 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
          and not any(dropped) and found["reader_error"] is None),
         ("repeated events", f"{found['repeated'][0]} in the pipe, {found['repeated'][1]} in the topic",
          found["repeated"][0] == 0),
+        ("each sensor's events in order", f"{found['disordered']} after a later one", found["disordered"] == 0),
+        ("at most 5 s late while ready", f"{found['late_s']:.2f} s", found["late_s"] <= LATE_S),
         ("launches accepted", f"{counted(found['triggers'])}", all(code < 500 for code in found["triggers"])),
         ("SIGTERM stops it within 5 s", f"{found['stop_s']:.1f} s, exit code {found['code']}",
          found["stop_s"] < 5.0 and found["code"] == 0),
@@ -317,19 +349,23 @@ def counted(answers: dict[int, int]) -> str:
     return ", ".join(f"{count} × status {code}" for code, count in answers.items())
 
 
-def page(found: dict[str, Any], minutes: float, seed: int, machine: str) -> str:
+def page(found: dict[str, Any], arguments: argparse.Namespace, name: str) -> str:
     """Return the page."""
+    machine = arguments.machine
     last = found["samples"][-1]
     rows, met = verdict(found)
     return PAGE.format(
         answer="Yes" if met else "No",
-        minutes=minutes,
+        minutes=arguments.minutes,
+        speed=arguments.speed,
+        broker="Apache Kafka 4.1" if arguments.apache else "a mock Kafka broker",
+        name=name,
         laps=last.lap,
         given=last.given,
         faults=sum(found["faults"].values()),
         rows="\n".join(rows),
         trigger_s=TRIGGER_S,
-        seed=seed,
+        seed=arguments.seed,
         kinds=", ".join(f"{name} ({count} times)" for name, count in found["faults"].items()),
         machine=f" {machine}" if machine else "",
         warm_up=100 * WARM_UP,
@@ -379,18 +415,20 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1, help="seed of the faults")
     parser.add_argument("--machine", default="", metavar="WORDS", help="a sentence on the machine, for the page")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write soak.md, soak.csv and soak.svg to FOLDER")
+    parser.add_argument("--speed", default="max", help="as of opir serve")
+    parser.add_argument("--apache", action="store_true", help="Apache Kafka instead of a mock broker")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write a page, its CSV and its plot to FOLDER")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = soaked(arguments.minutes, arguments.seed, Path(folder))
+        found = soaked(arguments, Path(folder))
     lines, met = verdict(found)
     print(found["output"], found["faults"], *lines, "met" if met else "NOT MET", sep="\n")
     if arguments.write:
-        text = page(found, arguments.minutes, arguments.seed, arguments.machine)
-        (arguments.write / "soak.md").write_text(text, encoding="utf-8")
-        write_csv(found["samples"], arguments.write / "soak.csv")
+        name = "soak_apache" if arguments.apache else "soak"
+        (arguments.write / f"{name}.md").write_text(page(found, arguments, name), encoding="utf-8")
+        write_csv(found["samples"], arguments.write / f"{name}.csv")
         with contextlib.suppress(ImportError):
-            plot(found["samples"], arguments.write / "soak.svg")
+            plot(found["samples"], arguments.write / f"{name}.svg")
     return 0 if met else 1
 
 

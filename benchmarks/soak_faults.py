@@ -9,9 +9,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+import kafka_cluster
+from kafka_broker import MockBroker
 
 #: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then: batches are compressed, for
 #: two sensors see most of it, and a fault of 12 s at full speed fills their partitions otherwise.
@@ -71,13 +76,14 @@ class PipeReader:
 class TopicReader:
     """A thread that consumes a topic from its beginning; `messages` are counted once, `repeated` those that came again.
 
-    A consumer that is too late for the broker's memory fails: `error` says so.
+    `disordered` are messages that came for the first time after a later one of their sensor. A consumer that is too
+    late for the broker's memory fails: `error` says so.
     """
 
     def __init__(self, address: str, topic: str) -> None:
         from confluent_kafka import OFFSET_BEGINNING, Consumer, TopicPartition
 
-        self.messages = self.repeated = 0
+        self.messages = self.repeated = self.disordered = 0
         self.error: str | None = None
         settings = {
             "bootstrap.servers": address,
@@ -95,17 +101,21 @@ class TopicReader:
 
     def _read(self) -> None:
         recent: dict[str, None] = {}
+        latest: dict[str, str] = {}
         while not self._is_over.is_set():
             for message in self._consumer.consume(2000, 0.2):
                 if message.error() is not None:
                     if "offset" in str(message.error()).lower():
                         self.error = str(message.error())
                     continue
-                name = json.loads(message.value())["detection_id"]
+                event = json.loads(message.value())
+                name, sensor, timestamp = event["detection_id"], event["sensor_id"], event["timestamp"]
                 if name in recent:
                     self.repeated += 1
                     continue
                 self.messages += 1
+                self.disordered += timestamp < latest.get(sensor, "")
+                latest[sensor] = timestamp
                 recent[name] = None
                 if len(recent) > _REMEMBERED:
                     for old in list(recent)[: _REMEMBERED // 2]:
@@ -117,25 +127,25 @@ class TopicReader:
         self._consumer.close()
 
 
+#: How each kind of fault begins and ends, by its name.
+FaultKinds = dict[str, tuple[Callable[[], Any], Callable[[], Any]]]
+#: Returns those of a broker, which may draw.
+BrokerFaults = Callable[[random.Random], FaultKinds]
+
+
 class Faults:
     """Faults of random kind and duration, one at a time, each followed by a time without."""
 
-    def __init__(self, seed: int, process: int, broker: Any, reader: PipeReader) -> None:
-        self._dice, self._process, self._broker, self._reader = random.Random(seed), process, broker, reader
-        self.counts: dict[str, int] = dict.fromkeys(self._kinds(), 0)
+    def __init__(self, seed: int, process: int, broker_faults: BrokerFaults, reader: PipeReader) -> None:
+        self._rng, self._process, self._reader = random.Random(seed), process, reader
+        self._kinds = {**broker_faults(self._rng), **self._own_kinds()}
+        self.counts: dict[str, int] = dict.fromkeys(self._kinds, 0)
         self.now: str | None = None
         self._end: Callable[[], None] = lambda: None
         self._next_s = time.monotonic() + 20.0
 
-    def _kinds(self) -> dict[str, tuple[Callable[[], Any], Callable[[], Any]]]:
-        """Return how each fault begins and ends."""
-        tell, heal = self._broker.tell, self._broker.heal
-        codes = lambda: tell("error", PRODUCE, *[self._dice.choice(CODES)] * 200)  # noqa: E731
+    def _own_kinds(self) -> FaultKinds:
         return {
-            "broker gone": (lambda: tell("down"), heal),
-            "broker stopped (SIGSTOP)": (self._broker.freeze, self._broker.thaw),
-            "broker slow": (lambda: tell("slow", 2000), heal),
-            "broker refuses": (codes, heal),
             "reader stopped (SIGSTOP)": (self._reader.stop, self._reader.go_on),
             "disk takes nothing (EFBIG)": (lambda: self._limit(4096), lambda: self._limit(resource.RLIM_INFINITY)),
         }
@@ -150,13 +160,13 @@ class Faults:
             return
         if self.now is not None:
             self.end()
-            self._next_s = time.monotonic() + self._dice.uniform(10.0, 25.0)
+            self._next_s = time.monotonic() + self._rng.uniform(10.0, 25.0)
             return
-        self.now = self._dice.choice(list(self.counts))
-        begin, self._end = self._kinds()[self.now]
+        self.now = self._rng.choice(list(self.counts))
+        begin, self._end = self._kinds[self.now]
         begin()
         self.counts[self.now] += 1
-        self._next_s = time.monotonic() + self._dice.uniform(2.0, 12.0)
+        self._next_s = time.monotonic() + self._rng.uniform(2.0, 12.0)
 
     def end(self) -> None:
         """End the present fault."""
@@ -165,12 +175,36 @@ class Faults:
             self.now = None
 
 
-def mock_broker() -> Any:
-    """Return a mock broker in a process of its own."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-    from kafka_broker import MockBroker
+@contextmanager
+def mock_kafka(_folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
+    """Yield the address and the faults of librdkafka's mock broker, in a process of its own, with a topic."""
+    broker = MockBroker()
+    broker.tell("topic", topic, PARTITIONS)
 
-    return MockBroker()
+    def faults(rng: random.Random) -> FaultKinds:
+        return {
+            "broker gone": (lambda: broker.tell("down"), broker.heal),
+            "broker stopped (SIGSTOP)": (broker.freeze, broker.thaw),
+            "broker slow": (lambda: broker.tell("slow", 2000), broker.heal),
+            "broker refuses": (lambda: broker.tell("error", PRODUCE, *[rng.choice(CODES)] * 200), broker.heal),
+        }
+
+    with closing(broker):
+        yield broker.address, faults
+
+
+@contextmanager
+def apache_kafka(folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
+    """Yield the address and the faults of Apache Kafka, one node, with a topic."""
+    with kafka_cluster.cluster(folder / "kafka") as cluster:
+        cluster.topic(PARTITIONS, name=topic)
+        (node,) = cluster.nodes
+        kinds: FaultKinds = {
+            "broker killed (SIGKILL)": (lambda: node.stop(signal.SIGKILL), node.start),
+            "broker ended (SIGTERM)": (node.stop, node.start),
+            "broker stopped (SIGSTOP)": (lambda: node.send(signal.SIGSTOP), lambda: node.send(signal.SIGCONT)),
+        }
+        yield cluster.address, lambda _rng: kinds
 
 
 def descriptors(process: int) -> int:

@@ -1,12 +1,12 @@
-"""Runs, exports, reports, studies and imports through power cuts: what was there before, or what is new, whole."""
+"""Runs, exports, reports, studies, imports through power cuts and kills: the files before or the new ones, whole."""
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import pytest
-from power_cuts import Recording, can_record, power_cuts, record
+from power_cuts import PowerCut, Recording, can_record, kills, power_cuts, record
 from study_scene import PERIOD, SCENE
 
 from opir_core.cli.main import main
@@ -103,11 +103,11 @@ def recorded(stage: Stage) -> tuple[Recording, dict[str, bytes], dict[str, bytes
     return recording, before, contents(stage.disk)
 
 
-def require_old_or_new(stage: Stage, cuts: int) -> set[bool]:
-    """Return whether the new files were there after some cuts; fail if neither they nor those before were."""
+def require_old_or_new(stage: Stage, interrupted: Callable[[Recording], Iterable[PowerCut]]) -> set[bool]:
+    """Return whether the new files were there after interruptions; fail if neither they nor those before were."""
     recording, old, new = recorded(stage)
     known, found_new = parts(stage.disk), set[bool]()
-    for cut in power_cuts(recording, range(cuts)):
+    for cut in interrupted(recording):
         place = cut.make(stage.scratch / "cut")
         finish(place)
         found = contents(place)
@@ -132,7 +132,7 @@ def require_resumable(stage: Stage, seeds: Sequence[int]) -> None:
 def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage: Callable[[str], Stage]) -> None:
     of_run = stage("run")
     assert main(of_run.arguments(1)) == 0
-    assert require_old_or_new(of_run, FEW) == {True, False}
+    assert require_old_or_new(of_run, lambda calls: power_cuts(calls, range(FEW))) == {True, False}
 
 
 @pytest.mark.slow
@@ -142,7 +142,19 @@ def test_files_are_old_or_new_after_a_power_cut(stage: Callable[[str], Stage], n
     of_command = stage(name)
     if not is_first:
         assert main(of_command.arguments(1)) == 0
-    assert require_old_or_new(of_command, CUTS) == {True, False}
+    assert require_old_or_new(of_command, lambda calls: power_cuts(calls, range(CUTS))) == {True, False}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_files_are_old_or_new_after_a_kill_at_any_call(
+    stage: Callable[[str], Stage], name: str, is_first: bool
+) -> None:
+    of_command = stage(name)
+    if not is_first:
+        assert main(of_command.arguments(1)) == 0
+    assert require_old_or_new(of_command, kills) == {True, False}
 
 
 @pytest.mark.slow

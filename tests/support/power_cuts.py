@@ -27,7 +27,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from attrs import Factory, define, field, frozen
+from attrs import Factory, define, evolve, field, frozen
 
 OPEN, WRITE, SYNC, TRUNCATE, RENAME, UNLINK, MKDIR, RMDIR = range(1, 9)
 #: A file whose writes are notes of the process, which are never lost.
@@ -130,6 +130,22 @@ def power_cuts(recording: Recording, seeds: Iterable[int]) -> Iterator[PowerCut]
         done = count
         at_s = calls[min(count, len(calls) - 1)].time_s
         yield PowerCut(seed, count, at_s, disk.after_cut(random.Random(f"cut {seed}")), tuple(disk.notes))
+
+
+def kills(recording: Recording) -> Iterator[PowerCut]:
+    """Yield what SIGKILL leaves at each call, before it and in the middle of a write: all that was written till then.
+
+    The kernel keeps what a process has written, whether it was synced or not.
+    """
+    disk = _Disk(recording)
+    for count, call in enumerate(recording.calls):
+        if call.kind == SYNC:
+            continue
+        yield PowerCut(count, count, call.time_s, disk.tree(), tuple(disk.notes))
+        if call.kind == WRITE and disk.is_of_a_file(call):
+            disk.do(evolve(call, content=call.content[: len(call.content) // 2]))
+            yield PowerCut(count, count, call.time_s, disk.tree(), tuple(disk.notes))
+        disk.do(call)
 
 
 def _calls(log: bytes) -> Iterator[Call]:
@@ -241,6 +257,10 @@ class _Disk:
             self._sync(node)
         else:
             node.pending.append((call.offset, call.content if call.kind == WRITE else None))
+
+    def is_of_a_file(self, call: Call) -> bool:
+        """Return whether a call is of a file of the disk, not of the notes."""
+        return self._by_inode[call.inode] is not self._notes
 
     def after_cut(self, rng: random.Random) -> dict[str, bytes | None]:
         """Return what a power cut now leaves."""
