@@ -112,7 +112,7 @@ def whole_run(folder: Path, *seeds: int) -> int:
     return events
 
 
-def batch_killed(dice: random.Random, folder: Path, stand: Stand) -> Found:
+def batch_killed(rng: random.Random, folder: Path, stand: Stand) -> Found:
     """A batch run over another one, ended by a signal at a random moment."""
     import json
 
@@ -121,25 +121,25 @@ def batch_killed(dice: random.Random, folder: Path, stand: Stand) -> Found:
     place.write_text(json.dumps({**scene(folder, 2), "outputs": []}), encoding="utf-8")
     words = ("run", str(place), "--out", str(folder / "e.jsonl"), "--truth", str(folder / "e.truth.jsonl"))
     number = stand.plain.born(folder.with_name("log"), *words)
-    time.sleep(dice.uniform(0.0, 1.0))
+    time.sleep(rng.uniform(0.0, 1.0))
     if is_alive(number):
-        os.kill(number, dice.choice([signal.SIGKILL, signal.SIGTERM, signal.SIGINT]))
+        os.kill(number, rng.choice([signal.SIGKILL, signal.SIGTERM, signal.SIGINT]))
     until(lambda: not is_alive(number))
     return Found(whole_run(folder, 1, 2))
 
 
-def batch_failing_disk(dice: random.Random, folder: Path, _stand: Stand) -> Found:
+def batch_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Found:
     """A batch run over another one, on a disk that fails."""
     run_into(folder, 1)
     with FailingDisk(folder) as disk:
-        disk.fail_at(dice.randint(1, 30), fault(dice), lasts=dice.random() < 0.5)
+        disk.fail_at(rng.randint(1, 30), fault(rng), lasts=rng.random() < 0.5)
         message = message_of(lambda: run_into(folder, 2))
         disk.heal()
     return Found(whole_run(folder, *((2,) if message is None else (1, 2))))
 
 
-def fault(dice: random.Random) -> int:
-    return dice.choice([*ERRORS, SHORT])
+def fault(rng: random.Random) -> int:
+    return rng.choice([*ERRORS, SHORT])
 
 
 def message_of(work: Callable[[], Any]) -> str | None:
@@ -150,31 +150,31 @@ def message_of(work: Callable[[], Any]) -> str | None:
     return None
 
 
-def spool_sink(path: Path, carrier: Any, dice: random.Random) -> TransportSink:
+def spool_sink(path: Path, carrier: Any, rng: random.Random) -> TransportSink:
     damage = salvaged_at_start(path)
-    journal = Journal(str(path), 64 * MIB, survives_power_cut=dice.random() < 0.5)
-    policy = Policy(when_full=dice.choice(["refuse", "drop-oldest", "drop-newest", "wait"]), wait_s=0.05, stall_s=0.2)
+    journal = Journal(str(path), 64 * MIB, survives_power_cut=rng.random() < 0.5)
+    policy = Policy(when_full=rng.choice(["refuse", "drop-oldest", "drop-newest", "wait"]), wait_s=0.05, stall_s=0.2)
     return TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy, damage)
 
 
-def spool_failing_disk(dice: random.Random, folder: Path, _stand: Stand) -> Found:
+def spool_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Found:
     """Five lives of an output with a spool on a disk that fails at random calls."""
     arrived: dict[str, None] = {}
     given: list[str] = []
     reported, first = 0, 0
     with FailingDisk(folder) as disk:
         for life in range(6):
-            kinds = dice.choice([WRITING, (WRITE,), (SYNC,), (READ,), (*WRITING, READ)])
-            disk.fail_at(dice.randint(1, 120), fault(dice), lasts=dice.random() < 0.3, kinds=kinds)
+            kinds = rng.choice([WRITING, (WRITE,), (SYNC,), (READ,), (*WRITING, READ)])
+            disk.fail_at(rng.randint(1, 120), fault(rng), lasts=rng.random() < 0.3, kinds=kinds)
             disk.heal() if life == 5 else None
-            carrier = Holding(dice.choice(["take", "take", "hold"]) if life < 5 else "take")
+            carrier = Holding(rng.choice(["take", "take", "hold"]) if life < 5 else "take")
             try:
-                sink = spool_sink(folder / "spool", carrier, dice)
+                sink = spool_sink(folder / "spool", carrier, rng)
             except SinkError:
                 continue
             before = len(given)
-            for _ in range(dice.randint(1, 6)):
-                rows = dice.randint(1, 200)
+            for _ in range(rng.randint(1, 6)):
+                rows = rng.randint(1, 200)
                 given += ids_of(window(rows, first))
                 message = message_of(lambda: sink.write(window(rows, first)))  # noqa: B023
                 first += rows
@@ -199,7 +199,7 @@ def compared(given: list[str], arrived: dict[str, None], reported: int) -> Found
     return Found(len(given), reported, max(0, missing - reported))
 
 
-def spool_damaged(dice: random.Random, folder: Path, _stand: Stand) -> Found:
+def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Found:
     """A spool with bits flipped between two runs."""
     path, given = folder / "spool", ids_of(window(2000))
     journal = Journal(str(path), 64 * MIB)
@@ -207,11 +207,11 @@ def spool_damaged(dice: random.Random, folder: Path, _stand: Stand) -> Found:
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(100, 100 * number))))
     journal.close()
     content = bytearray(path.read_bytes())
-    for _ in range(dice.choice([1, 8, 64])):
-        content[dice.randrange(4096, len(content))] ^= 1 << dice.randrange(8)
+    for _ in range(rng.choice([1, 8, 64])):
+        content[rng.randrange(4096, len(content))] ^= 1 << rng.randrange(8)
     path.write_bytes(content)
     carrier = Holding()
-    delivery = spool_sink(path, carrier, dice).close()
+    delivery = spool_sink(path, carrier, rng).close()
     assert delivery.delivered == len(carrier.ids) == delivery.recovered - delivery.dropped
     found = compared(given, dict.fromkeys(carrier.ids), delivery.dropped)
     # How many events a damaged batch had may be damaged too: that it is damaged is reported, and its file kept.
@@ -219,7 +219,7 @@ def spool_damaged(dice: random.Random, folder: Path, _stand: Stand) -> Found:
     return Found(found.events, found.reported + found.missing)
 
 
-def kafka_faults(dice: random.Random, folder: Path, stand: Stand) -> Found:
+def kafka_faults(rng: random.Random, folder: Path, stand: Stand) -> Found:
     """Four lives of the Kafka sink with a spool; the broker comes, goes, is slow, refuses or freezes."""
     broker, first = stand.broker, 0
     topic = broker.topic()
@@ -227,12 +227,12 @@ def kafka_faults(dice: random.Random, folder: Path, stand: Stand) -> Found:
         policy = Policy(wait_s=1.0, stall_s=0.5 if life < 3 else 15.0, retry_s=0.3)
         broker.heal() if life == 3 else None
         sink = kafka_broker.kafka_sink(broker.address, topic, folder / "spool", policy)
-        for _ in range(dice.randint(1, 5)):
-            broker_fault(dice, broker) if life < 3 else None
-            for _ in range(dice.randint(1, 5)):
+        for _ in range(rng.randint(1, 5)):
+            broker_fault(rng, broker) if life < 3 else None
+            for _ in range(rng.randint(1, 5)):
                 sink.write(window(20, first))
                 first += 20
-                time.sleep(dice.uniform(0.0, 0.1))
+                time.sleep(rng.uniform(0.0, 0.1))
         delivery = sink.close()
         assert delivery.dropped == 0, delivery
     broker.heal()
@@ -241,23 +241,23 @@ def kafka_faults(dice: random.Random, folder: Path, stand: Stand) -> Found:
     return Found(first)
 
 
-def broker_fault(dice: random.Random, broker: Any) -> None:
-    kind = dice.choice(["down", "up", "slow", "error", "fatal", "none"])
+def broker_fault(rng: random.Random, broker: Any) -> None:
+    kind = rng.choice(["down", "up", "slow", "error", "fatal", "none"])
     if kind in ("down", "up"):
         broker.tell(kind)
     elif kind == "slow":
-        broker.tell("slow", dice.choice([0, 100, 2500]))
+        broker.tell("slow", rng.choice([0, 100, 2500]))
     elif kind in ("error", "fatal"):
         codes = [29] if kind == "fatal" else [2, 5, 6, 7, 19, -1]
-        broker.tell("error", kafka_broker.PRODUCE, *[dice.choice(codes)] * dice.choice([1, 5, 30]))
+        broker.tell("error", kafka_broker.PRODUCE, *[rng.choice(codes)] * rng.choice([1, 5, 30]))
 
 
-def service_faults(dice: random.Random, _folder: Path, stand: Stand) -> Found:
+def service_faults(rng: random.Random, _folder: Path, stand: Stand) -> Found:
     """A service with two outputs through launches, settings, restarts, kills, and faults of broker and disk."""
     service = WatchedService(stand.faulty, stand.broker)
     try:
         for _ in range(10):
-            service_step(dice, service, stand.broker)
+            service_step(rng, service, stand.broker)
             service.observe()
         service.close()
     finally:
@@ -265,24 +265,22 @@ def service_faults(dice: random.Random, _folder: Path, stand: Stand) -> Found:
     return Found(2 * sum(service.given.values()), sum(service.lost.values()))
 
 
-def service_step(dice: random.Random, service: WatchedService, broker: Any) -> None:
+def service_step(rng: random.Random, service: WatchedService, broker: Any) -> None:
     def restart(end: Callable[[], None]) -> None:
         end()
         service.start()
 
     steps: list[Callable[[], Any]] = [
-        lambda: broker_fault(dice, broker),
-        lambda: service.fail_disk(
-            dice.randint(1, 40), fault(dice), dice.random() < 0.5, dice.choice([WRITING, (READ,)])
-        ),
+        lambda: broker_fault(rng, broker),
+        lambda: service.fail_disk(rng.randint(1, 40), fault(rng), rng.random() < 0.5, rng.choice([WRITING, (READ,)])),
         service.heal_disk,
         lambda: restart(service.kill),
         lambda: restart(service.stop),
         lambda: time.sleep(0.5),
     ]
     if not service.is_faulty:
-        steps += [service.launch, lambda: service.configure(dice.choice([1000.0, 5000.0]), dice.choice(["a", "b"]))]
-    dice.choice(steps)()
+        steps += [service.launch, lambda: service.configure(rng.choice([1000.0, 5000.0]), rng.choice(["a", "b"]))]
+    rng.choice(steps)()
 
 
 KINDS: dict[str, Callable[[random.Random, Path, Stand], Found]] = {
@@ -317,14 +315,14 @@ def campaign(minutes: float, seed: int, only: str, first: int) -> tuple[dict[str
     return rows, failures
 
 
-def tried(name: str, dice: random.Random, row: Row, stand: Stand, number: int) -> list[str]:
+def tried(name: str, rng: random.Random, row: Row, stand: Stand, number: int) -> list[str]:
     """Make one trial; return its failure, if it failed."""
     row.tried += 1
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "folder"
         folder.mkdir()
         try:
-            found = KINDS[name](dice, folder, stand)
+            found = KINDS[name](rng, folder, stand)
         except Exception as error:
             place = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(place.filename).name}, line {place.lineno}"

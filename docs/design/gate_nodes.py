@@ -15,26 +15,26 @@ from opir_photons.detection.band_rules import RatioGates
 TRIES, LOOKS, ERROR = 300, 400, 1e-11
 
 
-def random_rule(dice: np.random.Generator, others: int) -> RatioGates:
+def random_rule(rng: np.random.Generator, others: int) -> RatioGates:
     """Return a rule of thresholds and ratios from mild to steep; some gates have one side."""
-    lower = np.exp(dice.uniform(np.log(0.01), np.log(10.0), others)) * (dice.random(others) < 0.8)
-    upper = np.exp(dice.uniform(np.log(0.3), np.log(30.0), others)) + 1.5 * lower
-    upper[dice.random(others) < 0.2] = np.inf
-    threshold, coincidence = dice.uniform(3.0, 7.0), dice.uniform(2.0, 4.0)
+    lower = np.exp(rng.uniform(np.log(0.01), np.log(10.0), others)) * (rng.random(others) < 0.8)
+    upper = np.exp(rng.uniform(np.log(0.3), np.log(30.0), others)) + 1.5 * lower
+    upper[rng.random(others) < 0.2] = np.inf
+    threshold, coincidence = rng.uniform(3.0, 7.0), rng.uniform(2.0, 4.0)
     return RatioGates(threshold, coincidence, np.array([0.0, *lower]), np.array([np.inf, *upper]))
 
 
-def random_looks(dice: np.random.Generator, rule: RatioGates) -> tuple[np.ndarray, np.ndarray]:
+def random_looks(rng: np.random.Generator, rule: RatioGates) -> tuple[np.ndarray, np.ndarray]:
     """Return signals and noise of looks, most of them on an edge of a gate."""
-    reference = rule.threshold + np.exp(dice.uniform(-2.0, 4.0, LOOKS)) - dice.uniform(0.0, 7.0, LOOKS)
-    noise = np.exp(dice.uniform(-1.0, 1.0, (LOOKS, len(rule.lower))))
+    reference = rule.threshold + np.exp(rng.uniform(-2.0, 4.0, LOOKS)) - rng.uniform(0.0, 7.0, LOOKS)
+    noise = np.exp(rng.uniform(-1.0, 1.0, (LOOKS, len(rule.lower))))
     snr = np.tile(np.maximum(reference, 0.0)[:, None], len(rule.lower))
     for band in rule.others:
         steep = noise[:, 0] / noise[:, band]
         edges = [np.full(LOOKS, rule.coincidence), rule.lower[band] * steep * reference]
         edges.append(rule.upper[band] * steep * reference if np.isfinite(rule.upper[band]) else edges[1])
-        chosen = np.array(edges)[dice.integers(0, 3, LOOKS), np.arange(LOOKS)]
-        snr[:, band] = np.maximum(chosen + dice.normal(0.0, 3.0, LOOKS), 0.0)
+        chosen = np.array(edges)[rng.integers(0, 3, LOOKS), np.arange(LOOKS)]
+        snr[:, band] = np.maximum(chosen + rng.normal(0.0, 3.0, LOOKS), 0.0)
     return snr, noise
 
 
@@ -49,11 +49,11 @@ def integrals(rule: RatioGates, panels: gate_integrals.GatePanels, count: int) -
 
 def main() -> None:
     """Print the widths."""
-    dice = np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     widths, errors = list[np.ndarray](), list[np.ndarray]()
     for attempt in range(TRIES):
-        rule = random_rule(dice, 1 + attempt % 2)
-        snr, noise = random_looks(dice, rule)
+        rule = random_rule(rng, 1 + attempt % 2)
+        snr, noise = random_looks(rng, rule)
         near = rule.margins(snr, rule.slopes(noise))[:, 1:] < gate_integrals._FAR
         panels = gate_integrals.panels_of(gate_integrals.looks_of(rule, snr, noise, near))
         exact = integrals(rule, panels, 96)

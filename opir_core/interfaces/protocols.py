@@ -346,7 +346,7 @@ class DetectionProbability(PluginPart):
         return None
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
         raise NotImplementedError

@@ -140,16 +140,16 @@ def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> 
 
 @pytest.mark.slow
 def test_the_broker_flaps(mock: Any, spool: Path) -> None:
-    topic, dice = mock.topic(), random.Random(5)
+    topic, rng = mock.topic(), random.Random(5)
     sink = kafka_sink(mock.address, topic, spool)
     over = threading.Event()
 
     def flap() -> None:
         while not over.is_set():
             mock.tell("down")
-            time.sleep(0.15 * dice.random())
+            time.sleep(0.15 * rng.random())
             mock.tell("up")
-            time.sleep(0.3 * dice.random())
+            time.sleep(0.3 * rng.random())
 
     flapping = threading.Thread(target=flap)
     flapping.start()

@@ -125,10 +125,10 @@ def orders(needed: Sequence[str], others: Sequence[str]) -> Iterator[list[str]]:
     """Yield what is installed, in order: the least, each pair in both orders, and by chance."""
     everything = [*needed, *others]
     yield from (list(needed), everything, everything[::-1])
-    dice = random.Random(20260401)
+    rng = random.Random(20260401)
     for _ in range(2):
-        chosen = [*needed, *(other for other in others if dice.random() < 0.5)]
-        dice.shuffle(chosen)
+        chosen = [*needed, *(other for other in others if rng.random() < 0.5)]
+        rng.shuffle(chosen)
         yield chosen
 
 

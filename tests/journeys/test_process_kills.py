@@ -96,7 +96,7 @@ def killed(number: int) -> None:
 def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nursery, tmp_path: Path) -> None:
     scene, log, lines = tmp_path / "scene.yaml", tmp_path / "log", tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "40"), encoding="utf-8")
-    dice, seen = random.Random(KILLS), []
+    rng, seen = random.Random(KILLS), []
     with kafka_broker.broker() as broker:
         topic = broker.topic()
         kafka = {"bootstrap_servers": broker.address, "topic": topic, **kafka_broker.BRISK}
@@ -109,7 +109,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
             until(lambda: log.exists() and "http://" in log.read_text(encoding="utf-8"))
             viewer = Viewer(int(log.read_text(encoding="utf-8").splitlines()[0].split(":")[3]))
             until(viewer.ids)
-            time.sleep(0.2 * dice.random())
+            time.sleep(0.2 * rng.random())
             if life < KILLS:
                 killed(number)
                 viewer.join()
@@ -134,11 +134,11 @@ def test_a_run_that_is_killed_and_started_again_is_whole(nurse: Nursery, tmp_pat
     spool = tmp_path / "spool"
     sink = {"jsonl": {"path": str(lines), "spool": {"path": str(spool)}}}
     words = ("run", str(scene), "--set", f"outputs=[{json.dumps(sink)}]")
-    dice = random.Random(RUNS)
+    rng = random.Random(RUNS)
     for _ in range(RUNS):
         number = nurse.born(log, *words)
         until(lambda: spool.exists() or not is_alive(number))  # noqa: B023 - read before the next is born
-        time.sleep(0.1 * dice.random())
+        time.sleep(0.1 * rng.random())
         killed(number) if is_alive(number) else None
     number = nurse.born(log, *words)
     until(lambda: not is_alive(number))

@@ -42,12 +42,12 @@ def killed_at_random(module: str, function: str, folder: Path, moments: int, lon
     folk = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
     assert folk.stdin is not None
     assert folk.stdout is not None
-    dice, first = random.Random(moments), 0
+    rng, first = random.Random(moments), 0
     for _ in range(moments):
         folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
         number = int(within(120.0, folk.stdout.readline))
         until(lambda: next_number(folder / "taken") > first)  # noqa: B023
-        time.sleep(longest_s * dice.random())
+        time.sleep(longest_s * rng.random())
         os.kill(number, signal.SIGKILL)
         until(lambda: not is_alive(number))  # noqa: B023 - read before the next is born
         first = next_number(folder / "taken")

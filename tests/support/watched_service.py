@@ -168,12 +168,12 @@ class WatchedService:
         """Flip bits of the spool of a service that was stopped, behind its first page; return whether there is more."""
         import random
 
-        path, dice = self.disk / name, random.Random(seed)
+        path, rng = self.disk / name, random.Random(seed)
         content = bytearray(path.read_bytes())
         if len(content) <= 8192 or path.with_name(f"{name}-wal").exists():
             return False
         for _ in range(flips):
-            content[dice.randrange(4096, len(content))] ^= 1 << dice.randrange(8)
+            content[rng.randrange(4096, len(content))] ^= 1 << rng.randrange(8)
         path.write_bytes(content)
         return True
 

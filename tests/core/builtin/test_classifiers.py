@@ -21,7 +21,7 @@ MATRIX = {
 }
 
 
-class FakeDice:
+class FakeDraws:
     """The numbers it was given, one a row."""
 
     def __init__(self, numbers):
@@ -60,7 +60,7 @@ def sightings_of(sensor, target):
 
 
 def reported(classifier, sensor, target, numbers):
-    codes = classifier.reported_type(sightings_of(sensor, target), FakeDice(numbers))
+    codes = classifier.reported_type(sightings_of(sensor, target), FakeDraws(numbers))
     assert codes.dtype == np.uint8
     return [REPORTED_TYPES[code] for code in codes]
 
@@ -90,7 +90,7 @@ def test_types_are_reported_as_often_as_the_matrix_says(true_type_name):
     classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor()]))
     numbers = np.random.default_rng([11, len(true_type_name)]).random(rows)
     target = [TARGET_TYPES.index(true_type_name)] * rows
-    codes = classifier.reported_type(sightings_of([0] * rows, target), FakeDice(numbers))
+    codes = classifier.reported_type(sightings_of([0] * rows, target), FakeDraws(numbers))
     for code, name in enumerate(REPORTED_TYPES):
         low, high = binom.interval(0.999, rows, MATRIX[true_type_name].get(name, 0.0))
         assert low <= np.count_nonzero(codes == code) <= high
@@ -148,6 +148,6 @@ def test_matrices_are_checked_when_they_are_read():
 
 def test_the_null_classifiers():
     context, sightings = context_of([a_sensor({})]), sightings_of([0, 0, 0], [2, 0, 1])
-    no_dice = FakeDice([])
-    assert true_type(NoConfig(), context).reported_type(sightings, no_dice).tolist() == [2, 0, 1]
-    assert no_answer(NoConfig(), context).reported_type(sightings, no_dice).tolist() == [UNKNOWN_TYPE] * 3
+    no_draws = FakeDraws([])
+    assert true_type(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [2, 0, 1]
+    assert no_answer(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [UNKNOWN_TYPE] * 3

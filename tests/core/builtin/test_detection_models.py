@@ -18,7 +18,7 @@ from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
 from opir_core.scene.scene import TARGET_TYPES
 
 
-class FakeDice:
+class FakeDraws:
     """Numbers that depend on a row's sensor and target, the purpose and the number of words; it counts its calls."""
 
     def __init__(self, sensor, target):
@@ -71,25 +71,25 @@ def test_constant_gives_each_sensors_probability_by_type():
 def test_without_band_confirmation_every_band_confirms_and_nothing_is_drawn():
     model = constant_detection(ConstantConfig(), context_of([a_sensor(1), a_sensor(3), a_sensor(8)]))
     exposures = looks([0, 1, 2, 1], [0, 0, 1, 2])
-    dice = FakeDice(exposures.sensor, exposures.target)
-    measured = model.measure(exposures, dice)
+    rng = FakeDraws(exposures.sensor, exposures.target)
+    measured = model.measure(exposures, rng)
     assert measured.bands.tolist() == [0b1, 0b111, 0xFF, 0b111]
     assert measured.bands.dtype == np.uint8
     assert np.isnan(measured.snr).all()
-    assert dice.calls == []
+    assert rng.calls == []
 
 
 def test_band_confirmation_0_leaves_the_first_band():
     model = constant_detection(ConstantConfig(band_confirmation=0.0), context_of([a_sensor(3)]))
     exposures = looks([0] * 5, [0] * 5)
-    assert model.measure(exposures, FakeDice(exposures.sensor, exposures.target)).bands.tolist() == [1] * 5
+    assert model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands.tolist() == [1] * 5
 
 
 @given(st.integers(min_value=1, max_value=8), st.floats(min_value=0.0, max_value=1.0))
 def test_at_least_one_band_confirms_and_none_that_the_sensor_lacks(count, band_confirmation):
     model = constant_detection(ConstantConfig(band_confirmation=band_confirmation), context_of([a_sensor(count)]))
     exposures = looks([0] * 9, [0, 1, 2] * 3)
-    bands = model.measure(exposures, FakeDice(exposures.sensor, exposures.target)).bands
+    bands = model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands
     assert ((bands >= 1) & (bands < 1 << count)).all()
 
 
@@ -101,7 +101,7 @@ def test_bands_confirm_as_often_as_they_should(band_confirmation):
         ConstantConfig(band_confirmation=band_confirmation), context_of([a_sensor(3)], ["ICBM"] * rows)
     )
     exposures = looks([0] * rows, range(rows))
-    bands = model.measure(exposures, FakeDice(exposures.sensor, exposures.target)).bands
+    bands = model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands
     others = 1.0 - (1.0 - band_confirmation) ** 2
     chances = {
         0: band_confirmation + (1.0 - band_confirmation) * (1.0 - others),
@@ -117,17 +117,17 @@ def test_a_row_draws_the_same_whatever_else_is_in_the_scene():
     config = ConstantConfig(band_confirmation=0.5)
     few, many = context_of([a_sensor(2)]), context_of([a_sensor(2), a_sensor(5), a_sensor(1)])
     alone, crowd = looks([0, 0, 0], [0, 1, 2]), looks([1, 0, 2, 0, 1, 0], [0, 0, 1, 1, 2, 2])
-    first = constant_detection(config, few).measure(alone, FakeDice(alone.sensor, alone.target)).bands
-    second = constant_detection(config, many).measure(crowd, FakeDice(crowd.sensor, crowd.target)).bands
+    first = constant_detection(config, few).measure(alone, FakeDraws(alone.sensor, alone.target)).bands
+    second = constant_detection(config, many).measure(crowd, FakeDraws(crowd.sensor, crowd.target)).bands
     assert first.tolist() == second[crowd.sensor == 0].tolist()
 
 
 def test_as_many_words_are_drawn_as_the_sensors_have_bands():
     exposures = looks([0, 1, 0], [0, 0, 1])
-    dice = FakeDice(exposures.sensor, exposures.target)
+    rng = FakeDraws(exposures.sensor, exposures.target)
     context = context_of([a_sensor(2), a_sensor(3), a_sensor(7)])
-    constant_detection(ConstantConfig(band_confirmation=0.5), context).measure(exposures, dice)
-    assert dice.calls == [("bands", 2), ("bands", 3)]
+    constant_detection(ConstantConfig(band_confirmation=0.5), context).measure(exposures, rng)
+    assert rng.calls == [("bands", 2), ("bands", 3)]
 
 
 def test_a_missing_probability_is_said_before_the_run():
@@ -156,10 +156,10 @@ def test_always_and_never_need_no_probabilities():
     always, never = (make(NoConfig(), context_of([sensor])) for make in (always_detection, never_detection))
     assert always.pair_probability(exposures.sensor, exposures.target).tolist() == [1.0, 1.0]
     assert never.pair_probability(exposures.sensor, exposures.target).tolist() == [0.0, 0.0]
-    dice = FakeDice(exposures.sensor, exposures.target)
-    assert always.measure(exposures, dice).bands.tolist() == [3, 3]
-    assert never.measure(looks([], []), dice).bands.tolist() == []
-    assert dice.calls == []
+    rng = FakeDraws(exposures.sensor, exposures.target)
+    assert always.measure(exposures, rng).bands.tolist() == [3, 3]
+    assert never.measure(looks([], []), rng).bands.tolist() == []
+    assert rng.calls == []
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), "all", True])

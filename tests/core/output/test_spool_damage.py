@@ -97,10 +97,10 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 20))])
 def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
-    content, dice = bytearray(spool.read_bytes()), random.Random(seed)
-    pages = sorted({dice.randrange(len(content)) // 4096 for _ in range(3)} - {0})
+    content, rng = bytearray(spool.read_bytes()), random.Random(seed)
+    pages = sorted({rng.randrange(len(content)) // 4096 for _ in range(3)} - {0})
     for _ in range(64):
-        content[4096 * dice.choice(pages or [1]) + dice.randrange(4096)] ^= 1 << dice.randrange(8)
+        content[4096 * rng.choice(pages or [1]) + rng.randrange(4096)] ^= 1 << rng.randrange(8)
     spool.write_bytes(content)
     reported, ids = sent_from(spool)
     whole = ids_of(window(BATCHES * ROWS))

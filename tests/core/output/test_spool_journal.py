@@ -99,9 +99,9 @@ def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(tmp_
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(200, 200 * number))))
     journal.close()
     damaged = bytearray(path.read_bytes())
-    dice = random.Random(seed)
+    rng = random.Random(seed)
     for _ in range(8):
-        damaged[dice.randrange(len(damaged))] ^= 1 << dice.randrange(8)
+        damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
     path.write_bytes(damaged)
     whole = set(ids_of(window(800)))
     carrier = Holding()

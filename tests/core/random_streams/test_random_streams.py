@@ -145,8 +145,8 @@ def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direc
     """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all (Bonferroni)."""
     words, none = raw(60_000, seed=4), np.zeros(0, dtype=np.int64)
     rows = np.arange(len(words))
-    dice = WindowNumbers(PairStreams(1, []), none, none, none).of(rows, rows, words)
-    spun = [*dice.normals("measurement", 5).T, *dice.normals("other", 5).T]
+    rng = WindowNumbers(PairStreams(1, []), none, none, none).of(rows, rows, words)
+    spun = [*rng.normals("measurement", 5).T, *rng.normals("other", 5).T]
     known = [*normal_pairs(words), *spun]
     for column in spun:
         assert stats.kstest(column, "norm").pvalue > 0.001 / 142
@@ -155,9 +155,9 @@ def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direc
         # Spearman's rank correlation of each pair of columns.
         correlation = np.corrcoef(stats.rankdata(values, axis=1))
         assert np.abs(correlation[np.triu_indices(len(known), 1)]).max() < most
-    part = dice.take(slice(100, 200)).normals("measurement", 5)
-    assert np.array_equal(part, dice.normals("measurement", 5)[100:200])
-    assert np.array_equal(part[:, :2], dice.normals("measurement", 2)[100:200])
+    part = rng.take(slice(100, 200)).normals("measurement", 5)
+    assert np.array_equal(part, rng.normals("measurement", 5)[100:200])
+    assert np.array_equal(part[:, :2], rng.normals("measurement", 2)[100:200])
 
 
 def test_a_window_hands_out_the_same_numbers_whichever_rows_ask_first() -> None:

@@ -34,7 +34,7 @@ class Radiometer(CertainDetection):
 
     bands: int = 2
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         rows = len(exposures)
         sigma_rad = 1e-6 * (1.0 + exposures.scan)
         return Measured(np.ones(rows, np.uint8), np.ones(rows), sigma_rad, np.full((rows, self.bands), 1e-9))

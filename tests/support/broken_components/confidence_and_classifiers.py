@@ -63,15 +63,15 @@ def writes_to_its_input(confidence: FloatArray, sightings: ClassifierInputs) -> 
 class UnknownCodes(ConfusionClassifier):
     """Codes of types that do not exist."""
 
-    def pair_type(self, sensor: Any, target: Any, dice: RandomDraws) -> Any:
+    def pair_type(self, sensor: Any, target: Any, rng: RandomDraws) -> Any:
         return np.full(len(sensor), 9, dtype=np.uint8)
 
 
 class ThreeStates(ConfusionClassifier):
     """One type for the pair, another for the detection."""
 
-    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> Any:
-        return (super().reported_type(sightings, dice) + 1) % 4
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> Any:
+        return (super().reported_type(sightings, rng) + 1) % 4
 
 
 def classifier_build(made: type[ConfusionClassifier]) -> Callable[..., Any]:

@@ -145,7 +145,7 @@ class NeedsWhatItDenies(Changed):
 class Bandless(Changed):
     """No band confirms."""
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         return Measured(np.zeros(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
 
@@ -153,7 +153,7 @@ class Bandless(Changed):
 class SnrByRank(Changed):
     """The SNR is the place in the call."""
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64))
 
 
@@ -161,8 +161,8 @@ class SnrByRank(Changed):
 class DrawsAgain(Changed):
     """The SNR is drawn from the numbers that decided the detection."""
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
-        return Measured(np.ones(len(exposures), dtype=np.uint8), dice.uniforms("detection")[:, 0])
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
+        return Measured(np.ones(len(exposures), dtype=np.uint8), rng.uniforms("detection")[:, 0])
 
 
 @detection_mutant("tired", "test_detections_occur_at_the_stated_rate")
@@ -209,7 +209,7 @@ class OtherResponse(Changed):
         ones = np.ones((len(exposures), 1))
         return Response(ones[:, 0], ones, ones)
 
-    def measure_response(self, response: Response, sensor: Any, dice: RandomDraws, probability: Any = None) -> Measured:
+    def measure_response(self, response: Response, sensor: Any, rng: RandomDraws, probability: Any = None) -> Measured:
         return Measured(np.ones(len(sensor), dtype=np.uint8), response.snr[:, 0])
 
 
@@ -239,7 +239,7 @@ class DateWatcher(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("global-dice", "test_clock_network_and_global_random_state_are_not_used")
+@detection_mutant("global-rng", "test_clock_network_and_global_random_state_are_not_used")
 class GlobalDice(Changed):
     """Draws from numpy's global generator."""
 
@@ -288,7 +288,7 @@ class AfraidOfTheEmpty(Changed):
 class InfinitelyClear(Changed):
     """An infinite SNR, over the pole."""
 
-    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
+    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         over = np.abs(exposures.target_ecef_m[:, 2]) > 6.3e6
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.where(over, np.inf, 5.0))
 
