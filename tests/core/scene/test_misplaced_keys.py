@@ -102,14 +102,14 @@ def test_a_constellation_chooses_its_model_itself() -> None:
     assert of_a_fleet.endswith("and 2 more, and this is SCANNER")
 
 
-def test_a_likely_slip_is_told_first() -> None:
+def test_a_likely_slip_is_reported_first() -> None:
     sensors = [{**SCANNER, "row": 2}]
     assert complaints(fake_host(Eyes()), sensors=sensors) == ["sensors[0].row: unknown key; did you mean rows?"]
     tracker = {"model": "arc", "windows_s": 2}
     assert complaints(fake_host(), tracker=tracker) == ["tracker.windows_s: unknown key; did you mean window_s?"]
 
 
-def test_a_key_in_other_letters_is_told() -> None:
+def test_a_key_in_other_letters_is_reported() -> None:
     tracker = {"model": "arc", "WINDOW_S": 2}
     assert complaints(fake_host(), tracker=tracker) == ["tracker.WINDOW_S: unknown key; did you mean window_s?"]
 
@@ -134,7 +134,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     assert rows["thrust.tilt_s"].default_text == "120"
 
 
-def test_an_exact_key_of_another_model_is_told_beside_the_slip() -> None:
+def test_an_exact_key_of_another_model_is_reported_beside_the_slip() -> None:
     mapping = {"targets": [{**good_mapping()["targets"][0], "file": "x.csv"}]}
     (words,) = complaints(Host.discover(allowed=["readers"]), **mapping, **CORE)
     assert words == (
