@@ -41,8 +41,11 @@ _EMISSION_MARGIN_S = 0.01
 #: Upper bound on the velocity of Earth-fixed points at the heights of targets, m/s.
 _GROUND_M_S = 600.0
 
-#: Up to this many pairs are all candidates, and are searched one by one for ambiguities.
+#: Up to this many pairs are searched one by one for ambiguities.
 FEW_PAIRS = 128
+
+#: Up to this many pairs of tracks and lines are all candidates: bins would take longer than gating them.
+_ALL_PAIRS = 512
 
 
 @frozen(eq=False, repr=False)
@@ -79,10 +82,8 @@ def candidates(
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines of pairs that may pass the gate, a superset of the gated pairs."""
     count, number = len(predicted.root), len(lines.time_s)
-    if count == 1 and number <= FEW_PAIRS:
-        return np.zeros(number, dtype=np.int64), np.arange(number)
-    if count * number <= FEW_PAIRS:
-        return divmod(np.arange(count * len(lines)), max(len(lines), 1))
+    if count * number <= _ALL_PAIRS:
+        return divmod(np.arange(count * number), max(number, 1))
     sensor, which = np.unique(lines.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts
@@ -174,17 +175,15 @@ def _keys(place: IntArray, bins: IntArray) -> IntArray:
     return ((place << _BITS | bins[:, 0]) << _BITS | bins[:, 1]) << _BITS | bins[:, 2]
 
 
+#: What the keys of a bin's 9 columns of neighbours differ by from its own: bins are numbered from 1.
+_COLUMNS = np.array([[(dx << 2 * _BITS) + (dy << _BITS)] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
+
+
 def _touching_rows(keys: IntArray, place: IntArray, bins: IntArray) -> tuple[IntArray, IntArray]:
     """Return entries and rows of the sorted keys in touching bins: a run of three for each of 9 columns."""
-    starts, stops = [], []
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            here = bins + np.array([dx, dy, 0])
-            key = _keys(place, here)
-            starts.append(np.searchsorted(keys, key - 1, side="left"))
-            stops.append(np.searchsorted(keys, key + 1, side="right"))
-    start, stop = np.concatenate(starts), np.concatenate(stops)
-    length = stop - start
+    key = (_keys(place, bins) + _COLUMNS).ravel()
+    start = np.searchsorted(keys, key - 1, side="left")
+    length = np.searchsorted(keys, key + 1, side="right") - start
     entry = np.repeat(np.tile(np.arange(len(place)), 9), length)
     cluster = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length) + np.repeat(start, length)
     return entry, cluster

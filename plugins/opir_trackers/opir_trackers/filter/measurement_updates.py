@@ -66,8 +66,12 @@ def moment_matched(
     weight: FloatArray, mean: tuple[FloatArray, ...], root: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment matching."""
-    center = sum((weight[:, [k]] * mean[k] for k in range(len(mean))), np.zeros_like(mean[0]))
-    scale = np.sqrt(weight)
-    sides = [inverse_root(root[k]) * scale[:, k, None, None] for k in range(len(mean))]
-    shifts = [((mean[k] - center) * scale[:, [k]])[:, :, None] for k in range(len(mean))]
-    return center, information_root(np.concatenate([*sides, *shifts], axis=2))
+    count, size = mean[0].shape
+    means, scale = np.array(mean), np.sqrt(weight).T
+    center = np.add.reduce(weight.T[:, :, None] * means)
+    # A single root has a faster inverse.
+    inverse = [inverse_root(each) for each in root] if count == 1 else inverse_root(np.concatenate(root))
+    sides = np.reshape(inverse, (len(root), count, size, size)) * scale[:, :, None, None]
+    shifts = (means - center) * scale[:, :, None]
+    wide = sides.transpose(1, 2, 0, 3).reshape(count, size, len(root) * size)
+    return center, information_root(np.concatenate([wide, shifts.transpose(1, 2, 0)], axis=2))

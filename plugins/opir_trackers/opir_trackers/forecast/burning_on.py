@@ -37,13 +37,13 @@ class Steering(Columns):
     steer_phase: FloatArray
 
     def leads(self, time_s: FloatArray) -> FloatArray:
-        """Return the angles (n,), rad, at times since ignition (n,)."""
+        """Return the angles (..., n), rad, at times since ignition (..., n)."""
         part = (time_s - self.rise_s) / self.over_s
         lead: FloatArray = self.steer_rad * np.sin(self.steer_rate * time_s + self.steer_phase)
         lead[part <= 0.0] = 0.0
         # Most have pitched over.
-        rows = np.flatnonzero((part > 0.0) & (part < 1.0))
-        lead[rows] += self.lead_rad[rows] * np.sin(np.pi * part[rows]) ** 2
+        turns = ((part > 0.0) & (part < 1.0)).nonzero()
+        lead[turns] += self.lead_rad[turns[-1]] * np.sin(np.pi * part[turns]) ** 2
         return lead
 
 
@@ -111,103 +111,97 @@ def flown_on(
     # Components are rows here: numbers that are added lie side by side.
     state = np.ascontiguousarray(state[:, :6].T)
     for stage in range(STAGES):
-        length = burns.burn_s[:, stage]
-        rows = np.flatnonzero(length > 0.0)
+        rows = np.flatnonzero(burns.burn_s[:, stage] > 0.0)
         if not len(rows):
             continue
-        part = _Thrust(burns, steering.take(rows), rows, stage)
-        here, when = state[:, rows], now[rows]
-        dark = burns.start_s[rows, stage] - when
-        if np.count_nonzero(dark > 1e-9):
-            here = _step(here, when, dark, part, None)
-        when = burns.start_s[rows, stage]
-        for number in range(STEPS):
-            start, end = _SHARES[number : number + 2]
-            here = _step(
-                here, when + start * length[rows], (end - start) * length[rows], part, tilt[stage, number, rows]
-            )
+        start_s, length_s = burns.start_s[rows, stage], burns.burn_s[rows, stage]
+        here, dark_s = state[:, rows], start_s - now[rows]
+        if np.count_nonzero(dark_s > 1e-9):
+            here = _step(here, dark_s, _NO_PUSHES)
+        thrust = _Thrust(burns, steering.take(rows), rows, stage)
+        for number, share in enumerate(np.diff(_SHARES).tolist()):
+            here = _step(here, share * length_s, thrust.pushes(number, tilt[stage, number, rows]))
             least[rows] = np.minimum(least[rows], np.sqrt(_dot(here[:3], here[:3])))
         state[:, rows] = here
-        now[rows] = when + length[rows]
+        now[rows] = start_s + length_s
     return np.ascontiguousarray(state.T), now, least
 
 
+#: The thrust of particles (p,) at a time, m/s²: along the velocity, downwards from it and sidewards; None in the dark.
+_Push = tuple[FloatArray, FloatArray, FloatArray]
+
+_NO_PUSHES = (None, None, None)
+
+#: Starts, middles and ends of the steps as shares of a burn.
+_NODES = np.interp(np.arange(2 * STEPS + 1), np.arange(0, 2 * STEPS + 1, 2), _SHARES)[:, None]
+
+
 class _Thrust:
-    """The thrust of some particles in one stage."""
+    """The thrust of some particles in one stage, at its nodes."""
 
     def __init__(self, burns: RemainingBurns, steering: Steering, rows: IntArray, stage: int) -> None:
-        self.size, self.growth = burns.acceleration_m_s2[rows, stage], burns.growth_per_s[rows, stage]
-        self.start, self.since, self.steering = burns.start_s[rows, stage], burns.since_s[rows], steering
+        since_s = _NODES * burns.burn_s[rows, stage]
+        self._lead = steering.leads(burns.since_s[rows] + burns.start_s[rows, stage] + since_s)
+        left = np.maximum(1.0 - burns.growth_per_s[rows, stage] * since_s, _LEAST_MASS)
+        self._size = burns.acceleration_m_s2[rows, stage] / left
 
-    def at(self, time_s: FloatArray, tilt: FloatArray, aside: FloatArray) -> "_Push":
-        """Return what of the thrust no state changes; `aside` (p,) is the tangent of the tilt sidewards."""
-        lead = np.tan(self.steering.leads(self.since + time_s) + tilt[:, 0])
-        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), _LEAST_MASS)
-        return _Push(size, lead, aside, 1.0 + lead * lead + aside * aside)
-
-
-@frozen(eq=False)
-class _Push:
-    """The size of the thrust (p,), and its tangents downwards and sidewards from the velocity."""
-
-    size: FloatArray
-    lead: FloatArray
-    aside: FloatArray
-    square: FloatArray
-
-    def force(self, state: FloatArray) -> FloatArray:
-        """Return the specific force (3, p)."""
-        place, velocity = state[:3], state[3:].copy()
-        velocity[0] += EARTH_ROTATION_RAD_S * place[1]
-        velocity[1] -= EARTH_ROTATION_RAD_S * place[0]
-        square = _dot(velocity, velocity) + 1e-6
-        side = _cross(velocity, place)
-        across = np.sqrt(_dot(side, side)) + 1e-3
-        # v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
-        down = velocity * _dot(velocity, place) - place * square
-        size = self.size / np.sqrt(square * self.square)
-        speed = np.sqrt(square)
-        force: FloatArray = (
-            size * velocity + (size * self.lead / across) * down + (size * self.aside * speed / across) * side
-        )
-        return force
+    def pushes(self, step: int, tilt: FloatArray) -> Sequence[_Push]:
+        """Return the thrust at start, middle and end of a step, with tilts (p, 2) from the program."""
+        nodes = slice(2 * step, 2 * step + 3)
+        down, side = np.tan(self._lead[nodes] + tilt[:, 0]), np.tan(tilt[:, 1])
+        along = self._size[nodes] / np.sqrt(1.0 + down * down + side * side)
+        return list(zip(along, along * down, along * side, strict=True))
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return scalar products (p,) of vectors (3, p)."""
-    (x, y, z), (u, v, w) = one, other
-    product: FloatArray = x * u + z * w + y * v
+    product: FloatArray = np.add.reduce(one * other)
     return product
 
 
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return cross products (3, p): `np.cross` takes three times as long."""
-    (x, y, z), (u, v, w) = one, other
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+#: Axes in cyclic order, from which those after and before each one are slices.
+_CYCLE = np.array([0, 1, 2, 0, 1])
 
 
-def _step(
-    state: FloatArray, time_s: FloatArray, step_s: FloatArray, thrust: _Thrust, tilt: FloatArray | None
-) -> FloatArray:
-    """Return states (6, p) after a step of the classical method of Runge and Kutta; without a tilt, in the dark."""
+def _rates(there: FloatArray, push: _Push | None) -> FloatArray:
+    """Return the rates (6, p) of states (6, p).
 
-    def rates(there: FloatArray, push: _Push | None) -> FloatArray:
-        place = there[:3]
-        square = np.sum(place * place, axis=0)
-        pull = place * (-EARTH_MU_M3_S2 / (square * np.sqrt(square)))
-        if push is not None:
-            pull = pull + push.force(there)
-        return np.concatenate([there[3:], pull])
+    v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
+    """
+    place, rates = there[:3], np.empty_like(there)
+    rates[:3] = there[3:]
+    square = _dot(place, place)
+    pull = -EARTH_MU_M3_S2 / (square * np.sqrt(square))
+    if push is None:
+        np.multiply(place, pull, out=rates[3:])
+        return rates
+    places, air = place.take(_CYCLE, axis=0), there[3:].take(_CYCLE, axis=0)
+    air[::3] += EARTH_ROTATION_RAD_S * place[1]
+    air[1::3] -= EARTH_ROTATION_RAD_S * place[0]
+    velocity = air[:3]
+    side = air[1:4] * places[2:] - air[2:] * places[1:4]
+    climb, square = _dot(velocity, place), _dot(velocity, velocity) + 1e-6
+    speed, across = np.sqrt(square), np.sqrt(_dot(side, side)) + 1e-3
+    along, down, aside = push
+    down = down / (speed * across)
+    np.multiply(velocity, along / speed + down * climb, out=rates[3:])
+    rates[3:] += place * (pull - down * square)
+    rates[3:] += side * (aside / across)
+    return rates
 
-    times = time_s, time_s + 0.5 * step_s, time_s + step_s
-    pushes: Sequence[_Push | None] = (None, None, None)
-    if tilt is not None:
-        aside = np.tan(tilt[:, 1])
-        pushes = [thrust.at(when, tilt, aside) for when in times]
+
+def _step(state: FloatArray, step_s: FloatArray, pushes: Sequence[_Push | None]) -> FloatArray:
+    """Return states (6, p) after a step of the classical method of Runge and Kutta."""
     start, middle, end = pushes
-    first = rates(state, start)
-    second = rates(state + 0.5 * step_s * first, middle)
-    third = rates(state + 0.5 * step_s * second, middle)
-    fourth = rates(state + step_s * third, end)
-    after: FloatArray = state + step_s / 6.0 * (first + 2.0 * (second + third) + fourth)
-    return after
+    half_s = 0.5 * step_s
+    first = _rates(state, start)
+    second = _rates(state + half_s * first, middle)
+    third = _rates(state + half_s * second, middle)
+    fourth = _rates(state + step_s * third, end)
+    second += third
+    second += second
+    second += first
+    second += fourth
+    second *= step_s / 6.0
+    second += state
+    return second
