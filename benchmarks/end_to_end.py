@@ -27,7 +27,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from end_to_end_page import ALL, write_page
-from opir_scoring.errors import ground_error
 from opir_studies.differences import RunAnswers, answers_of, differences
 from opir_studies.knobs import Knob, knobs_of
 from opir_studies.tuning import overrides_at
@@ -131,18 +130,9 @@ def row_of(
     knob: str, level: str, default: bool, took: float, found: RunAnswers, reference: RunAnswers
 ) -> dict[str, str]:
     """Return a row of the CSV file, without its scene."""
-    errors = {**differences(found, reference), "from_truth_km": from_truth_km(found)}
+    errors = {**differences(found, reference), "from_truth_km": found.from_truth["impact_km"]}
     row = {"knob": knob, "level": level, "default": str(int(default)), "processor_s": f"{took:.3f}"}
     return row | {each: f"{value:.4g}" for each, value in errors.items()}
-
-
-def from_truth_km(run: RunAnswers) -> float:
-    """Return the error of the last predicted impact points from the true ones, root mean square, km; nan for none."""
-    known = np.isfinite(run.impact[:, 0]) & np.isfinite(run.truth[:, 0])
-    if not known.any():
-        return float("nan")
-    here, there = (np.column_stack([each[known, :2], np.zeros(known.sum())]) for each in (run.impact, run.truth))
-    return 1e-3 * float(np.sqrt(np.mean(np.sum(ground_error(here, there) ** 2, axis=1))))
 
 
 def shown(override: str) -> str:

@@ -46,7 +46,7 @@ What does each accuracy setting cost a whole run, what does it buy, and are the 
 Each setting is varied alone and compared with its most exact level, with the same seed. Scenes: {scenes}.
 {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are
 processor time of whole processes. `leave out …` changes the physics: it shows what
-a part costs.
+a part costs.{not_run}
 
 All defaults against the most exact settings:
 
@@ -73,8 +73,10 @@ def write_page(folder: Path) -> None:
     ]
     lines.append(("processor time, defaults, s", *(f"{number(row['processor_s']):.1f}" for row in whole.values()), "–"))
     lines.append(("the same, most exact, s", *(f"{number(row['processor_s']):.1f}" for row in exact.values()), "–"))
+    not_run = [name for name in ERRORS if all(row["knob"] != name for row in table)]
     page = PAGE.format(
         answer=answer(table, whole),
+        not_run=f" Not run for this page: {', '.join(not_run)}." if not_run else "",
         scenes=", ".join(f"{name} ({count} launch{'es' if count != '1' else ''})" for name, count in counts.items()),
         duration=table[0]["duration_s"],
         table=markdown_table(("error of defaults", *(f"{name} ({counts[name]})" for name in whole), "bar"), lines),

@@ -72,9 +72,9 @@ def time_update(root: FloatArray, back: FloatArray, noise: FloatArray | None) ->
     if noise is None:
         return triangular(carried)
     count, size, width = noise.shape
-    rows = np.zeros((count, width + size, width + size))
-    rows.reshape(count, -1)[:, : width * (width + size) : width + size + 1] = 1.0
-    # The sign of the noise is of no account.
-    np.matmul(carried, noise, out=rows[:, width:, :width])
-    rows[:, width:, width:] = carried
+    rows = np.zeros((count, size + width, width + size))
+    # The sign of the noise is of no account. Large rows come first: below small ones they cost these their digits.
+    np.matmul(carried, noise, out=rows[:, :size, :width])
+    rows[:, :size, width:] = carried
+    rows.reshape(count, -1)[:, size * (width + size) :: width + size + 1] = 1.0
     return triangular(rows)[:, width:, width:]

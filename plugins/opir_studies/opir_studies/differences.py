@@ -18,6 +18,7 @@ from opir_scoring import (
     ownership,
     place_of,
     rows_in_force,
+    true_states_ecef,
 )
 
 from opir_core import Run
@@ -45,6 +46,9 @@ MEASURES: Mapping[str, str] = {
 #: Those of estimates: a scene without a tracker has none.
 OF_TRACKS = {"position_km", "launch_km", "impact_km", "region_contains", "impact_area"}
 
+#: Those whose truth is known: they are compared with it, too.
+OF_TRUTH = ("position_km", "launch_km", "impact_km")
+
 #: Those that are averaged as root mean squares over runs; the others are the largest, or the mean (`counts`, `type`).
 _ROOT_MEAN_SQUARES = {"position_km", "launch_km", "impact_km", "impact_area"}
 _MEANS = {"counts", "type", "region_contains"}
@@ -70,6 +74,8 @@ class RunAnswers:
     impact: FloatArray
     area_km2: FloatArray
     contained: FloatArray
+    #: Root mean square errors from the truth, by the names of `OF_TRUTH`; nan without an estimate.
+    from_truth: Mapping[str, float]
 
 
 def unanswered(answers: RunAnswers) -> set[str]:
@@ -95,10 +101,11 @@ def answers_of(run: Run) -> RunAnswers:
     detections, target = run.detections.take(mine), run.truth.target[mine]
     first_s = np.full(count, np.inf)
     np.minimum.at(first_s, target, detections.time_s)
-    truth = [place_of(each.get("impact"))[:2] for each in run.plan.targets.truth()]
+    truths = run.plan.targets.truth()
+    places, starts = (np.array([place_of(each.get(name)) for each in truths]) for name in ("impact", "launch"))
     launch, impact = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     area, contained = np.full(count, np.nan), np.full(count, np.nan)
-    ticks, states = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    ticks, states, off = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
     if len(run.tracks):
         evidence = evidence_of_run(run, run.plan)
         owners = ownership(evidence)
@@ -110,9 +117,12 @@ def answers_of(run: Run) -> RunAnswers:
         whose = owners.target[np.searchsorted(owners.track, run.tracks.track[every])]
         ticks = np.rint(run.tracks.tick_s[every] * 1e3).astype(np.int64) * count + whose
         states = run.tracks.state[every, :3]
-    places = np.array(truth, dtype=np.float64).reshape(-1, 2)
-    looks, probability = _probabilities(run, mine)
-    return RunAnswers(detections, looks, probability, first_s, places, ticks, states, launch, impact, area, contained)
+        off = states - true_states_ecef(run.plan, whose.astype(np.int32), run.tracks.tick_s[every])[:, :3]
+    places, starts = places.reshape(-1, 3), starts.reshape(-1, 3)
+    errors = np.linalg.norm(off, axis=1), _distances(launch, starts, np.nan), _distances(impact, places, np.nan)
+    from_truth = {name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)}
+    answers = (*_probabilities(run, mine), first_s, places[:, :2], ticks, states, launch, impact, area, contained)
+    return RunAnswers(detections, *answers, from_truth)
 
 
 def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
@@ -173,6 +183,11 @@ def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
     return {name: _over_runs(name, np.array([each[name] for each in found])) for name in MEASURES}
 
 
+def from_truth_over_runs(found: list[Mapping[str, float]]) -> dict[str, float]:
+    """Return the errors from the truth of several runs as one: root mean squares over those that have any."""
+    return {name: _rms_of_known(np.array([each[name] for each in found])) for name in OF_TRUTH}
+
+
 def _over_runs(name: str, values: FloatArray) -> float:
     if name in _MEANS:
         return float(abs(values.mean()))
@@ -195,11 +210,13 @@ def _both(ours: FloatArray, theirs: FloatArray) -> FloatArray:
     return np.where(known != wanted, np.inf, np.where(known, apart, 0.0))
 
 
-def _distances(ours: FloatArray, theirs: FloatArray) -> FloatArray:
-    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad; as `_both` where unknown."""
+def _distances(ours: FloatArray, theirs: FloatArray, of_one: float = np.inf) -> FloatArray:
+    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `of_one` where only one is
+    known, 0 where none is.
+    """
     known, wanted = np.isfinite(ours[:, 0]), np.isfinite(theirs[:, 0])
     pair = known & wanted
-    found = np.where(known != wanted, np.inf, 0.0)
+    found = np.where(known != wanted, of_one, 0.0)
     if pair.any():
         found[pair] = np.linalg.norm(ground_error(_ground(ours[pair]), _ground(theirs[pair])), axis=1)
     return found
@@ -216,6 +233,11 @@ def _share(contained: FloatArray) -> float:
 
 def _largest(values: FloatArray) -> float:
     return float(np.abs(values).max(initial=0.0))
+
+
+def _rms_of_known(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return _rms(known) if len(known) else math.nan
 
 
 def _rms(values: FloatArray) -> float:

@@ -2,15 +2,17 @@
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Mapping
 from shlex import quote
+from typing import Any
 
 from opir_core.cli import prints_on_standard_error, table
 from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
-from opir_studies.differences import MEASURES
-from opir_studies.tuning import Tuned, tune as tune_scene
+from opir_studies.differences import MEASURES, OF_TRUTH
+from opir_studies.tuning import Trial, Tuned, tune as tune_scene
 
 
 def tune(arguments: argparse.Namespace) -> int:
@@ -21,7 +23,7 @@ def tune(arguments: argparse.Namespace) -> int:
     wanted = wanted_of(arguments)
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
         found = tune_scene(arguments.scene, wanted, overrides=arguments.overrides, runs=arguments.runs)
-    sys.stdout.write((as_json(found) if arguments.json else as_text(arguments.scene, found, wanted)) + "\n")
+    sys.stdout.write((as_json(found, wanted) if arguments.json else as_text(arguments.scene, found, wanted)) + "\n")
     return 0 if found.meets else 2
 
 
@@ -45,36 +47,75 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
         [name, f"{bound:g}", f"{found.checked[name]:.2g}", f"{found.given.errors[name]:.2g}", MEASURES[name]]
         for name, bound in wanted.items()
     ]
-    chosen, given = found.chosen.time_s, found.given.time_s
-    levels = [
-        [knob.name, " ".join(knob.levels[level]) or "as in the scene", f"{level + 1} of {len(knob.levels)}"]
-        for knob, level in zip(found.knobs, found.chosen.levels, strict=True)
-    ]
+    chosen, given, exact = found.chosen.time_s, found.given.time_s, found.exact.time_s
     sets = " ".join(f"--set {quote(each)}" for each in found.overrides)
     cost = (
         f"{chosen:.2f} s a run, {chosen / given:.2f} of the scene's own settings ({given:.2f} s),"
-        f" {chosen / found.reference_s:.2f} of the most exact ({found.reference_s:.2f} s); processor time"
+        f" {chosen / exact:.2f} of the most exact ({exact:.2f} s); processor time"
     )
     return "\n\n".join(
         [
             cost,
             table(head, rows, numbers=(1, 2, 3)),
-            table(["setting", "chosen", "level, 1 is exact"], levels),
+            *_not_asked(found, wanted),
+            *_from_truth(found),
+            _levels(found),
             f"opir run {quote(scene)} {sets}" if found.meets else "no settings are within the errors on other seeds",
         ]
     )
 
 
-def as_json(found: Tuned) -> str:
+def _not_asked(found: Tuned, wanted: Mapping[str, float]) -> list[str]:
+    """Return the table of errors that were not asked for and are larger than with the scene's own settings, if any."""
+    head = ["not asked for, and larger", "these settings", "the scene's own", "what it is"]
+    rows = [
+        [name, f"{found.chosen.errors[name]:.2g}", f"{found.given.errors[name]:.2g}", MEASURES[name]]
+        for name in found.not_asked(wanted)
+    ]
+    return [table(head, rows, numbers=(1, 2))] if rows else []
+
+
+def _from_truth(found: Tuned) -> list[str]:
+    """Return the table of errors from the truth, if the scene has estimates whose truth is known."""
+    trials = (found.exact, found.chosen, found.given)
+    rows = [
+        [name, *(f"{each.from_truth[name]:.2g}" for each in trials)]
+        for name in OF_TRUTH
+        if math.isfinite(found.exact.from_truth[name])
+    ]
+    head = ["error from the truth", "most exact", "these settings", "the scene's own"]
+    return [table(head, rows, numbers=(1, 2, 3))] if rows else []
+
+
+def _levels(found: Tuned) -> str:
+    """Return the table of the chosen levels."""
+    rows = []
+    for knob, level, own in zip(found.knobs, found.chosen.levels, found.own_levels, strict=True):
+        chosen = " ".join(knob.levels[level]) or "as in the scene"
+        rows.append([knob.name, chosen, f"{level + 1} of {len(knob.levels)}", "none" if own is None else f"{own + 1}"])
+    return table(["setting", "chosen", "level, 1 is exact", "the scene's own level"], rows)
+
+
+def as_json(found: Tuned, wanted: Mapping[str, float]) -> str:
     """Return the choice as one JSON document."""
     return json.dumps(
         {
             "overrides": list(found.overrides),
             "meets": found.meets,
             "errors": dict(found.checked),
+            "not_asked": found.not_asked(wanted),
             "time_s": found.chosen.time_s,
-            "own_settings": {"time_s": found.given.time_s, "errors": dict(found.given.errors)},
-            "reference": {"time_s": found.reference_s},
+            "from_truth": _finite(found.chosen.from_truth),
+            "own_settings": _as_plain(found.given),
+            "reference": _as_plain(found.exact),
         },
         indent=2,
     )
+
+
+def _as_plain(trial: Trial) -> dict[str, Any]:
+    return {"time_s": trial.time_s, "errors": dict(trial.errors), "from_truth": _finite(trial.from_truth)}
+
+
+def _finite(errors: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in errors.items() if math.isfinite(value)}

@@ -2,33 +2,48 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from itertools import count, islice
 from statistics import median
 
 from attrs import evolve, field, frozen
 
-from opir_core import Run, Scene, compile_plan, run_of_plan
+from opir_core import Scene, compile_plan, reseeded, run_of_plan
 from opir_core.errors import Problem, SceneError, nearest
 from opir_core.plugin import Host
-from opir_core.reading import load_scene
-from opir_studies.differences import MEASURES, OF_TRACKS, RunAnswers, answers_of, differences, over_runs, unanswered
+from opir_core.reading import load_scene, scene_hash, scene_mapping
+from opir_studies.differences import (
+    MEASURES,
+    OF_TRACKS,
+    RunAnswers,
+    answers_of,
+    differences,
+    from_truth_over_runs,
+    over_runs,
+    unanswered,
+)
 from opir_studies.knobs import Knob, Overrides, knobs_of
 
 #: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like it need the rest.
 MARGIN = 0.5
 #: A coarser level must be cheaper by this share to be taken: processor times repeat to a few per cent.
 WORTH = 0.03
+#: An error that is larger by less than this is no other.
+MORE = 1.1
 #: Seeds of the check are this far from those of the choice.
 _OTHER_SEEDS = 1_000_000
 
 
 @frozen
 class Trial:
-    """Settings that were run: a level of each knob, processor time per run, s, and errors against the reference."""
+    """Settings that were run: a level of each knob, processor time per run, s, errors against the reference, and
+    those from the truth.
+    """
 
     levels: tuple[int, ...]
     time_s: float
     errors: Mapping[str, float]
+    from_truth: Mapping[str, float]
 
     def worst(self, wanted: Mapping[str, float]) -> float:
         """Return the largest error over what is wanted of it; 1 and less is within."""
@@ -37,16 +52,26 @@ class Trial:
 
 @frozen
 class Tuned:
-    """A choice: its overrides, what it costs, and its errors on seeds that it was not chosen on."""
+    """A choice: its overrides, what it costs, and its errors on seeds that it was not chosen on.
+
+    `given` are the scene's own settings, at `own_levels` of the knobs, None where that is none of the levels; `exact`
+    is the reference.
+    """
 
     overrides: Overrides
     chosen: Trial
     checked: Mapping[str, float]
     given: Trial
-    reference_s: float
+    own_levels: Sequence[int | None]
+    exact: Trial
     knobs: Sequence[Knob]
     alone: Sequence[Trial]
     meets: bool
+
+    def not_asked(self, wanted: Mapping[str, float]) -> list[str]:
+        """Return the errors that nobody asked for and that are larger than with the scene's own settings."""
+        rest = [name for name in MEASURES if name not in wanted]
+        return [name for name in rest if abs(self.chosen.errors[name]) > MORE * abs(self.given.errors[name])]
 
 
 def tune(path: str, errors: Mapping[str, float], *, overrides: Sequence[str] = (), runs: int = 3) -> Tuned:
@@ -58,70 +83,84 @@ def tune(path: str, errors: Mapping[str, float], *, overrides: Sequence[str] = (
     return tuned(Tuner(path, overrides=overrides, runs=runs), errors)
 
 
-def timed_run(scene: Scene, host: Host) -> tuple[Run, float]:
-    """Return the run of a scene and its processor time, s, from the plan on."""
+#: Answers of runs with some seeds, and the processor time of one run, s.
+Answered = tuple[list[RunAnswers], float]
+
+
+def timed_answers(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
+    """Return the answers of runs of a scene with these seeds, and the processor time of one, s, from the plan on.
+
+    The plan is made once; what runs of one plan share is computed in each, as in a run by itself.
+    """
     start = time.process_time()
-    run = run_of_plan(compile_plan(scene, host))
-    return run, time.process_time() - start
+    plan = compile_plan(evolve(scene, seed=seeds[0]), host)
+    planned_s, found, times = time.process_time() - start, list[RunAnswers](), list[float]()
+    for number, seed in enumerate(seeds):
+        own = evolve(reseeded(plan, seed) if number else plan, kept={})
+        start = time.process_time()
+        run = run_of_plan(own)
+        times.append(time.process_time() - start)
+        found.append(answers_of(run))
+    return found, planned_s + median(times)
 
 
-@frozen(eq=False)
+@frozen(eq=False, slots=False)
 class Tuner:
-    """A scene file with its knobs, and runs of it; answers of the reference are kept by seed."""
+    """A scene file with its knobs, and runs of it; trials and the answers of the reference are kept."""
 
     path: str
     overrides: Sequence[str] = ()
     runs: int = 3
     host: Host = field(factory=Host.discover)
-    simulate: Callable[[Scene, Host], tuple[Run, float]] = timed_run
-    on_run: Callable[[], None] = lambda: None
-    _references: dict[int, tuple[RunAnswers, float]] = field(factory=dict, init=False)
+    simulate: Callable[[Scene, Sequence[int], Host], Answered] = timed_answers
+    _references: dict[tuple[int, ...], Answered] = field(factory=dict, init=False)
+    _trials: dict[tuple[str, tuple[int, ...]], Trial] = field(factory=dict, init=False)
 
     def scene(self, extra: Overrides = ()) -> Scene:
         """Return the scene with more overrides, without outputs."""
         return evolve(load_scene(self.path, overrides=[*self.overrides, *extra], host=self.host), outputs=())
 
+    @cached_property
     def knobs(self) -> list[Knob]:
         """Return the knobs of the scene."""
         return knobs_of(self.scene())
 
-    def trial(self, knobs: Sequence[Knob], levels: Sequence[int], seeds: Sequence[int]) -> Trial:
+    def own_levels(self) -> list[int | None]:
+        """Return the level of each knob that the scene itself has; None where it has none of them."""
+        own, found = scene_mapping(self.scene()), list[int | None]()
+        for knob in self.knobs:
+            same = (n for n, level in enumerate(knob.levels) if scene_mapping(self.scene(level)) == own)
+            found.append(next(same, None))
+        return found
+
+    def trial(self, levels: Sequence[int], seeds: Sequence[int]) -> Trial:
         """Return the time and errors of levels over runs with these seeds."""
-        return self._trial(knobs, tuple(levels), overrides_at(knobs, levels), seeds)
+        return evolve(self._trial(overrides_at(self.knobs, levels), tuple(seeds)), levels=tuple(levels))
 
-    def as_given(self, knobs: Sequence[Knob], seeds: Sequence[int]) -> Trial:
+    def as_given(self, seeds: Sequence[int]) -> Trial:
         """Return the time and errors of the scene's own settings."""
-        return self._trial(knobs, (), (), seeds)
+        return self._trial((), tuple(seeds))
 
-    def reference_s(self, seeds: Sequence[int]) -> float:
-        """Return the processor time of a reference run, s, of seeds that were run."""
-        return median(self._references[seed][1] for seed in seeds)
+    def reference(self, seeds: Sequence[int]) -> Answered:
+        """Return the answers of the most exact settings with these seeds."""
+        key = tuple(seeds)
+        if key not in self._references:
+            self._references[key] = self.simulate(self.scene(self._exact()), key, self.host)
+        return self._references[key]
 
-    def _trial(
-        self, knobs: Sequence[Knob], levels: tuple[int, ...], overrides: Overrides, seeds: Sequence[int]
-    ) -> Trial:
-        scene, found, times = self.scene(overrides), [], []
-        for seed in seeds:
-            reference = self._reference(knobs, seed)
-            run, spent_s = self._run(evolve(scene, seed=seed))
-            found.append(differences(answers_of(run), reference))
-            times.append(spent_s)
-        return Trial(levels, median(times), over_runs(found))
+    def _exact(self) -> Overrides:
+        return overrides_at(self.knobs, [0] * len(self.knobs))
 
-    def reference(self, seed: int) -> RunAnswers:
-        """Return the answers of the reference run with a seed."""
-        return self._reference(self.knobs(), seed)
-
-    def _reference(self, knobs: Sequence[Knob], seed: int) -> RunAnswers:
-        if seed not in self._references:
-            scene = self.scene(overrides_at(knobs, [0] * len(knobs)))
-            run, spent_s = self._run(evolve(scene, seed=seed))
-            self._references[seed] = answers_of(run), spent_s
-        return self._references[seed][0]
-
-    def _run(self, scene: Scene) -> tuple[Run, float]:
-        self.on_run()
-        return self.simulate(scene, self.host)
+    def _trial(self, overrides: Overrides, seeds: tuple[int, ...]) -> Trial:
+        scene, exact = self.scene(overrides), self.reference(seeds)
+        key = scene_hash(scene), seeds
+        if key not in self._trials:
+            is_exact = overrides == self._exact()
+            found, time_s = exact if is_exact else self.simulate(scene, seeds, self.host)
+            errors = [differences(one, other) for one, other in zip(found, exact[0], strict=True)]
+            truth = from_truth_over_runs([each.from_truth for each in found])
+            self._trials[key] = Trial((), time_s, over_runs(errors), truth)
+        return self._trials[key]
 
 
 def overrides_at(knobs: Sequence[Knob], levels: Sequence[int]) -> Overrides:
@@ -138,41 +177,39 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
     check held; it does not where even the reference differs from itself, which it never does.
     """
     _check(wanted)
-    knobs, first = tuner.knobs(), tuner.scene().seed
+    knobs, first = tuner.knobs, tuner.scene().seed
     seeds = [first + number for number in range(tuner.runs)]
-    tuner.trial(knobs, [0] * len(knobs), seeds[:1])  # what is imported at the first use is not counted
-    _check_answered(tuner, wanted, first)
-    given = tuner.as_given(knobs, seeds)
+    tuner.simulate(tuner.scene(), seeds[:1], tuner.host)  # what is imported at the first use is not counted
+    _check_answered(tuner, wanted, seeds)
+    given = tuner.as_given(seeds)
     within = {name: MARGIN * bound for name, bound in wanted.items()}
-    alone = [_loosened(tuner, knobs, number, wanted, seeds) for number in range(len(knobs))]
+    alone = [_loosened(tuner, number, wanted, seeds) for number in range(len(knobs))]
     levels = [max(trials, key=lambda each: each.levels[number]).levels[number] for number, trials in enumerate(alone)]
-    chosen = tuner.trial(knobs, levels, seeds)
+    chosen = tuner.trial(levels, seeds)
     while chosen.worst(within) > 1.0 and any(levels):
         _tighten(levels, alone, within)
-        chosen = tuner.trial(knobs, levels, seeds)
+        chosen = tuner.trial(levels, seeds)
     for others in _fresh_seeds(first, tuner.runs):
-        checked = tuner.trial(knobs, levels, others)
+        checked = tuner.trial(levels, others)
         meets = checked.worst(wanted) <= 1.0
         if meets or not any(levels):
             break
         _tighten(levels, alone, within)
-        chosen = tuner.trial(knobs, levels, seeds)
+        chosen = tuner.trial(levels, seeds)
     tried_alone = tuple(each for trials in alone for each in trials)
-    overrides = overrides_at(knobs, levels)
-    return Tuned(overrides, chosen, checked.errors, given, tuner.reference_s(seeds), knobs, tried_alone, meets)
+    overrides, exact = overrides_at(knobs, levels), tuner.trial([0] * len(knobs), seeds)
+    return Tuned(overrides, chosen, checked.errors, given, tuner.own_levels(), exact, knobs, tried_alone, meets)
 
 
-def _loosened(
-    tuner: Tuner, knobs: Sequence[Knob], number: int, wanted: Mapping[str, float], seeds: Sequence[int]
-) -> list[Trial]:
+def _loosened(tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Sequence[int]) -> list[Trial]:
     """Return the trials of one knob alone that are within bounds and each cheaper than the one before."""
-    levels = [0] * len(knobs)
-    kept = [tuner.trial(knobs, levels, seeds)]
-    for level in range(1, len(knobs[number].levels)):
-        if not knobs[number].allows(level, wanted):
+    knob, levels = tuner.knobs[number], [0] * len(tuner.knobs)
+    kept = [tuner.trial(levels, seeds)]
+    for level in range(1, len(knob.levels)):
+        if not knob.allows(level, wanted):
             break
         levels[number] = level
-        trial = tuner.trial(knobs, levels, seeds)
+        trial = tuner.trial(levels, seeds)
         if trial.worst(wanted) > MARGIN:
             break
         if trial.time_s <= (1.0 - WORTH) * kept[-1].time_s:
@@ -197,9 +234,9 @@ def _fresh_seeds(first: int, runs: int) -> Sequence[list[int]]:
     return [[*islice(count(start + block * runs), runs)] for block in range(100)]
 
 
-def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seed: int) -> None:
-    """Refuse errors of what the scene does not tell, which no setting changes."""
-    lacking = unanswered(tuner.reference(seed))
+def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seeds: Sequence[int]) -> None:
+    """Refuse errors of what the scene has no answer to, which no setting changes."""
+    lacking = unanswered(tuner.reference(seeds)[0][0])
     tracker = f"its tracker is {tuner.scene().tracker.name}; name one that estimates it, e.g. --set tracker=imm, or "
     problems = [
         Problem(

@@ -1,6 +1,7 @@
 """`opir tune`: the settings it chooses are coarser for looser errors, and meet the error on scenes it never saw."""
 
 import json
+from collections.abc import Sequence
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -9,18 +10,20 @@ import numpy as np
 import pytest
 import yaml
 from attrs import evolve
+from opir_scoring import evidence_of_run, ownership
+from opir_scoring.errors import state_errors
 from opir_studies.differences import MEASURES, answers_of, differences, over_runs
 from opir_studies.knobs import knobs_of
-from opir_studies.tuning import Tuned, Tuner, overrides_at, tuned
+from opir_studies.tune_command import as_json, as_text
+from opir_studies.tuning import Answered, Tuned, Tuner, overrides_at, timed_answers, tuned
 from study_scene import SCENE
 
 import opir_core as opir
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
-from opir_core.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Scene
-from opir_core.simulation.run import Run
 
 #: With a stated noise: by default the light of the Earth hides plumes from DSP's long waves.
 DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "focal_plane": None, "nei_w_m2": 5e-13}
@@ -54,12 +57,12 @@ def written(folder: Path, scene: object) -> Path:
     return path
 
 
-def counted(scene: Scene, host: Host) -> tuple[Run, float]:
-    """Return a run with a cost that falls with every level, so that no choice depends on the machine."""
-    run = opir.simulate(scene, host)
+def counted(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
+    """Return answers with a cost that falls with every level, so that no choice depends on the machine."""
+    found = [answers_of(opir.simulate(evolve(scene, seed=seed), host)) for seed in seeds]
     detection = scene.detection.config
     looks = 20.0 if detection.exact else -np.log10(detection.probability_tolerance)
-    return run, 100.0 + 30.0 * looks + 50.0 * scene.light_time
+    return found, 100.0 + 30.0 * looks + 50.0 * scene.light_time
 
 
 @cache
@@ -214,3 +217,49 @@ def test_the_command_refuses_errors_that_it_does_not_know(
 ) -> None:
     assert main(["tune", str(path), "--error", words]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_replicates_of_a_plan_have_the_answers_of_single_runs() -> None:
+    scene, host = scene_from_mapping({**LIT, "duration_s": 20.0}), Host.discover()
+    found, time_s = timed_answers(scene, [4, 5], host)
+    for seed, each in zip((4, 5), found, strict=True):
+        alone = answers_of(opir.simulate(evolve(scene, seed=seed), host))
+        assert max(map(abs, differences(each, alone).values())) == 0.0
+        assert np.array_equal(each.detections.detection_id, alone.detections.detection_id)
+    assert time_s > 0.0
+
+
+@pytest.mark.slow
+def test_no_settings_are_run_twice(path: Path) -> None:
+    asked = []
+
+    def noted(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
+        asked.append((json.dumps(scene_mapping(scene), default=str), tuple(seeds)))
+        return counted(scene, seeds, host)
+
+    tuned(Tuner(str(path), runs=1, simulate=noted), {"p_d": 1e-3})
+    # The scene's own settings run once more, first and uncounted, for what is imported.
+    assert len(asked) - len(set(asked)) <= 1
+
+
+@pytest.mark.slow
+def test_what_was_not_asked_for_is_named_where_it_gets_worse(path: Path) -> None:
+    found = choice(path, counts=0.5)
+    assert "light_time=false" in found.overrides
+    assert {"line_of_sight_urad", "latency_s"} <= set(found.not_asked({"counts": 0.5}))
+    assert found.not_asked(dict.fromkeys(MEASURES, 1.0)) == []
+    text = as_text(str(path), found, {"counts": 0.5})
+    assert "not asked for, and larger" in text
+    assert "largest error of a measured line of sight" in text
+    assert "the scene's own level" in text
+    assert json.loads(as_json(found, {"counts": 0.5}))["not_asked"] == found.not_asked({"counts": 0.5})
+
+
+@pytest.mark.slow
+def test_errors_from_the_truth_are_those_of_score() -> None:
+    run = opir.simulate(scene_from_mapping({**SCENE, "tracker": "imm"}))
+    evidence = evidence_of_run(run, run.plan)
+    scored = state_errors(evidence, ownership(evidence)).position_m
+    assert len(scored) > 10
+    assert answers_of(run).from_truth["position_km"] == pytest.approx(1e-3 * np.sqrt(np.mean(scored**2)), rel=1e-9)

@@ -1,12 +1,12 @@
 """Cases of every public function that takes numbers, with references in 40 digits; what is left out, and why."""
 
-from exact_cases import chain, detection, flight, geometry, radiometry
+from exact_cases import chain, detection, estimation, flight, geometry, radiometry
 from exact_cases.measure import Bound, Case
 
 
 def every_case() -> list[Case]:
     """Return the cases of all functions."""
-    return [case for module in (geometry, flight, radiometry, detection, chain) for case in module.CASES]
+    return [case for module in (geometry, flight, radiometry, detection, estimation, chain) for case in module.CASES]
 
 
 def every_bound() -> list[Bound]:

@@ -13,7 +13,6 @@ from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
 from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.ellipses import containment_ellipse, sigmas
-from opir_core.geometry.sphere import great_circle_m
 from opir_core.geometry.vectors import angle_between_rad
 
 
@@ -204,18 +203,6 @@ def directed(direction):
     return [1 - x * x / low, -x * y / low, -sign * x, -sign * x * y / low, sign * (1 - y * y / low), -y, x, y, z]
 
 
-def great_circle(one, other):
-    (a, b), (c, d) = one, other
-    half = mp.sin((c - a) / 2) ** 2 + mp.cos(a) * mp.cos(c) * mp.sin((d - b) / 2) ** 2
-    return 2 * mp.mpf(6378137) * mp.asin(min(mp.mpf(1), mp.sqrt(half)))
-
-
-def _places(rng, n):
-    one = np.stack([draws.latitudes(rng, n), draws.angles(rng, n)], axis=1)
-    near = one + draws.log_uniform(rng, n, 1e-12, 1.0)[:, None] * rng.normal(size=(n, 2))
-    return one, np.clip(near, [-0.5 * np.pi, -np.inf], [0.5 * np.pi, np.inf])
-
-
 def between(one, other):
     return mp.atan2(
         norm(
@@ -396,7 +383,6 @@ CASES = (
         lambda d: tangent_axes(d).reshape(-1, 9),
         directed,
     ),
-    Case("geometry.sphere.great_circle_m", _places, great_circle_m, great_circle),
     Case(
         "geometry.vectors.angle_between_rad",
         lambda r, n: (draws.positions(r, n), draws.positions(r, n)),

@@ -53,6 +53,10 @@ def transfers(rng, n):
         1.0 + draws.log_uniform(rng, int(beside.sum()), 1e-12, 1e-2)[:, None] * rng.normal(size=(int(beside.sum()), 3))
     )
     second[beside] = near
+    opposite = rng.random(n) < 0.1
+    off = draws.log_uniform(rng, n, 1e-15, 1e-3)[:, None] * draws.directions(rng, n)
+    there = -rng.uniform(0.3, 3.0, (n, 1)) * (first + np.sqrt((first**2).sum(axis=1, keepdims=True)) * off)
+    second[opposite] = there[opposite]
     return first, second, draws.log_uniform(rng, n, 1.0, 1e6)
 
 
