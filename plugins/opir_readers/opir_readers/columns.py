@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from attrs import frozen
 
 from opir_core.plugin import BadFileError
+from opir_readers.time_systems import utc_s
 
 #: Units, by what follows an underscore in a name, in SI units and radians.
 TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
@@ -47,6 +48,9 @@ DATE = "timestamp"
 SCALES = {"unix_time": 0.0, "gps_time": 315_964_800.0, "mjd": -40_587.0 * 86_400.0, "jd": -2_440_587.5 * 86_400.0}
 _DATES = ("timestamp", "time_utc", "utc", "utc_time", "datetime", "date", "epoch", "utcgregorian")
 
+#: Times that count from a date: their units.
+SCALE_UNITS = {"unix_time": TIMES, "gps_time": TIMES, "mjd": {"": 86_400.0}, "jd": {"": 86_400.0}}
+
 #: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     TIME: TIMES,
@@ -57,9 +61,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     **dict.fromkeys((name for group in VELOCITIES for name in group), _SPEED),
     BURNING: {"": 1.0},
     DATE: {"": 1.0},
-    **dict.fromkeys(("unix_time", "gps_time"), TIMES),
-    "mjd": {"": 86_400.0},
-    "jd": {"": 86_400.0},
+    **SCALE_UNITS,
 }
 
 #: How like a known name an unknown one must be to be taken for a slip of the pen.
@@ -85,11 +87,16 @@ WRITTEN_UNITS = {
     "degree": "deg",
     "deg": "deg",
     "rad": "rad",
+    "arcsec": "arcsec",
+    "mrad": "mrad",
+    "urad": "urad",
+    "µrad": "urad",
     "s": "s",
     "sec": "s",
     "seconds": "s",
     "ms": "ms",
     "h": "h",
+    "hours": "h",
     "min": "min",
     "m": "m",
     "meters": "m",
@@ -128,18 +135,33 @@ def quantity_of(name: str) -> tuple[str, float] | None:
     >>> quantity_of("X_ECEF [km]")
     ('x_ecef', 1000.0)
     """
-    bare, unit = bare_name(name)
-    if bare.rpartition(".")[2] in _DATES:
+    if bare_name(name)[0].rpartition(".")[2] in _DATES:
         return DATE, 1.0
-    if unit and unit not in WRITTEN_UNITS:
-        return None
-    return unit_of(f"{bare}_{WRITTEN_UNITS[unit]}" if unit else bare, UNITS)
+    return unit_of(plain_name(name), UNITS)
+
+
+def plain_name(name: str) -> str:
+    """Return a name in lower case with its unit at its end, "" for one with another unit in brackets.
+
+    >>> plain_name("Azimuth (deg)")
+    'azimuth_deg'
+    """
+    bare, unit = bare_name(name)
+    if not unit:
+        return bare
+    return f"{bare}_{WRITTEN_UNITS[unit]}" if unit in WRITTEN_UNITS else ""
 
 
 def bare_name(name: str) -> tuple[str, str]:
     """Return a name in lower case without its unit in brackets, and that unit."""
     match = _WITH_UNIT.fullmatch(name.strip().lower())
     return (match[1], match[2]) if match else (name.strip().lower(), "")
+
+
+def unix_s_of_scale(scale: str, since_s: float) -> float:
+    """Return seconds of UTC since 1970 of a time that counts from the date of a scale."""
+    since = since_s + SCALES[scale]
+    return utc_s(since, "GPS") if scale == "gps_time" else since
 
 
 def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:

@@ -23,6 +23,7 @@ from opir_readers.columns import (
     Column,
     columns_of,
     place_group,
+    unix_s_of_scale,
     unread,
 )
 from opir_readers.configs_of_sites import SiteConfig
@@ -32,7 +33,6 @@ from opir_readers.flights.site import Site
 from opir_readers.frames import to_ecef
 from opir_readers.json_text import table_of_json
 from opir_readers.states import MOST_BURNS, LineOf, require_angles, require_order, require_places, require_velocities
-from opir_readers.time_systems import utc_s
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
@@ -197,8 +197,7 @@ def _with_times(
         return (values | {TIME: values[DATE] + values[TIME]} if is_clock else values), is_clock
     if DATE in known or scale is None:
         return values | {TIME: values[DATE]}, True
-    since = values[scale] + SCALES[scale]
-    return values | {TIME: np.array([utc_s(at, "GPS") for at in since]) if scale == "gps_time" else since}, True
+    return values | {TIME: np.array([unix_s_of_scale(scale, since_s) for since_s in values[scale].tolist()])}, True
 
 
 def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:

@@ -1,25 +1,42 @@
 """Tables of lines of sight as text: a line of column names with units, then one detection per line.
 
 Columns: the time, as a date or as seconds of the scene; the sensor's id; the direction, as azimuth and elevation at the
-sensor, as right ascension and declination, or as a vector in ECEF or EME2000; perhaps the sensor's place, the standard
-deviation, SNR, confidence, type, and the target that it was of, which scores alone read.
+sensor, azimuth from the south or zenith angle, as right ascension and declination, or as a vector in ECEF or EME2000;
+perhaps the sensor's place, the standard deviation, SNR, confidence, type, and the target that it was of, which scores
+alone read.
 """
 
+import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError
-from opir_readers.columns import ANGLES, LENGTHS, TIMES, Column, unit_of
+from opir_readers.columns import (
+    ANGLES,
+    LENGTHS,
+    PLACES,
+    SCALE_UNITS,
+    SCALES,
+    TIMES,
+    Column,
+    plain_name,
+    quantity_of,
+    unit_of,
+    unix_s_of_scale,
+)
 from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
+from opir_readers.detections.times import date_text
 from opir_readers.json_text import table_of_json
 
 Row = Mapping[str, Any]
 
 #: Directions in degrees, as events have them: a factor of 1 moves no digit. Standard deviations in microradians.
 _DEGREES = {"deg": 1.0, "rad": 180.0 / math.pi}
+_HOURS = _DEGREES | {"h": 15.0}
 _MICRORADIANS = {"urad": 1.0, "mrad": 1e3, "rad": 1e6, "deg": 1e6 * math.pi / 180.0, "arcsec": 1e6 * math.pi / 648000.0}
 _PLAIN = {"": 1.0}
 _VECTOR = ("los_x_ecef", "los_y_ecef", "los_z_ecef")
@@ -33,7 +50,9 @@ TEXTS = ("timestamp", "reported_at", "sensor_id", "target_id", "target_type", "d
 #: The units of each quantity, the first of them where none is named.
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": TIMES,
-    **dict.fromkeys(("azimuth", "elevation", "right_ascension", "declination"), _DEGREES),
+    **SCALE_UNITS,
+    **dict.fromkeys(("azimuth", "azimuth_from_south", "elevation", "zenith_angle", "declination"), _DEGREES),
+    "right_ascension": _HOURS,
     **dict.fromkeys((*_VECTOR, *_INERTIAL), _PLAIN),
     **dict.fromkeys(_PLACE, LENGTHS),
     "sensor_lat": ANGLES,
@@ -46,7 +65,15 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 
 #: How a line may give its direction, and where each goes in a row.
-_DIRECTIONS = (("azimuth", "elevation"), ("right_ascension", "declination"), _VECTOR, _INERTIAL)
+_DIRECTIONS = (
+    *itertools.product(("azimuth", "azimuth_from_south"), ("elevation", "zenith_angle")),
+    ("right_ascension", "declination"),
+    _VECTOR,
+    _INERTIAL,
+)
+
+#: Angles in hours or degrees, minutes and seconds.
+_SEXAGESIMAL = re.compile(r"([+-]?)(\d+)[: ](\d\d?)[: ](\d\d?(?:\.\d*)?)")
 
 #: Other names of the same columns, in lower case.
 _SYNONYMS = {
@@ -59,6 +86,8 @@ _SYNONYMS = {
     "az_deg": "azimuth_deg",
     "el_deg": "elevation_deg",
     "ra_deg": "right_ascension_deg",
+    "ra_h": "right_ascension_h",
+    "ra_hours": "right_ascension_h",
     "dec_deg": "declination_deg",
     "sigma_urad": "line_of_sight_sigma_urad",
     "target": "target_id",
@@ -68,7 +97,7 @@ _SYNONYMS = {
 
 
 def is_of_sights(text: str) -> bool:
-    """Return whether the names of a table's columns have a direction from a sensor."""
+    """Return whether the names of a table's columns have a direction from a sensor, and no place of a flight."""
     if text.lstrip()[:1] in ("{", "[", "<"):
         return False
     try:
@@ -76,7 +105,9 @@ def is_of_sights(text: str) -> bool:
     except BadFileError:
         return False
     found = {quantity for name in names if (quantity := _quantity(name)[0])}
-    return any(set(group) <= found for group in _DIRECTIONS)
+    places = {known[0] for name in names if (known := quantity_of(name))}
+    is_flight = any(set(group) <= places for group in PLACES)
+    return not is_flight and any(set(group) <= found for group in _DIRECTIONS)
 
 
 def sights_complaint(columns: Mapping[str, str] | None) -> str | None:
@@ -105,7 +136,8 @@ def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Sequenc
 
 def _quantity(name: str) -> tuple[str, float]:
     """Return the quantity that a column's name stands for and its unit; "" for none."""
-    return unit_of(_SYNONYMS.get(name.lower(), name), UNITS) or ("", 1.0)
+    plain = plain_name(name)
+    return unit_of(_SYNONYMS.get(plain, plain), UNITS) or ("", 1.0)
 
 
 def _columns(layout: Layout, given: Mapping[str, str]) -> dict[str, Column]:
@@ -136,7 +168,7 @@ def _is_same_with_unit(other: str, name: str) -> bool:
 
 
 def _require_whole(found: Mapping[str, Column], layout: Layout) -> None:
-    lacking = [] if "time" in found or "timestamp" in found else ["time_s (or timestamp)"]
+    lacking = [] if {"time", "timestamp", *SCALES} & found.keys() else ["time_s (or timestamp)"]
     if not any(set(group) <= found.keys() for group in _DIRECTIONS):
         ways = (
             "azimuth_deg and elevation_deg, or right_ascension_deg and declination_deg, or los_x_ecef, los_y_ecef and"
@@ -161,6 +193,9 @@ def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: in
     values = {
         name: _value(column, cells[column.place], layout, line) for name, column in known.items() if name not in TEXTS
     }
+    scale = next((name for name in SCALES if name in known), "")
+    if "timestamp" not in row and "time" not in known and scale:
+        row["timestamp"] = date_text(round(unix_s_of_scale(scale, _needed(values, scale, known, line)) * 1e9))
     if "timestamp" not in row:
         row["time_s"] = _needed(values, "time", known, line) + start_s
     _add_direction(row, values, known, line)
@@ -182,8 +217,11 @@ def _add_direction(
         row["line_of_sight_ecef"] = numbers
     elif group is _INERTIAL:
         row["line_of_sight_eme2000"] = numbers
+    elif group[0] == "right_ascension":
+        row |= dict(zip(("right_ascension_deg", "declination_deg"), numbers, strict=True))
     else:
-        row |= {f"{name}_deg": number for name, number in zip(group, numbers, strict=True)}
+        row["azimuth_deg"] = numbers[0] + (180.0 if group[0] == "azimuth_from_south" else 0.0)
+        row["elevation_deg"] = 90.0 - numbers[1] if group[1] == "zenith_angle" else numbers[1]
 
 
 def _add_figures(row: dict[str, Any], values: Mapping[str, float | None]) -> None:
@@ -202,10 +240,20 @@ def _needed(values: Mapping[str, float | None], name: str, known: Mapping[str, C
 def _value(column: Column, cell: str, layout: Layout, line: int) -> float | None:
     if not cell.strip():
         return None
+    parts = _SEXAGESIMAL.fullmatch(cell.strip()) if column.quantity in ("right_ascension", "declination") else None
     try:
-        value = decimal(cell, layout)
+        value = _of_parts(*parts.groups()) if parts else decimal(cell, layout)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
         raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number")
     return value * column.factor
+
+
+def _of_parts(sign: str, whole: str, minutes: str, seconds: str) -> float:
+    """Return the number of an angle in hours or degrees, minutes and seconds.
+
+    >>> _of_parts("-", "1", "30", "0")
+    -1.5
+    """
+    return (-1.0 if sign == "-" else 1.0) * (float(whole) + float(minutes) / 60.0 + float(seconds) / 3600.0)
