@@ -113,7 +113,7 @@ def test_a_scene_with_a_fleet_is_written_without_its_file():
 
 
 @pytest.mark.parametrize(
-    ("fleet", "more", "told"),
+    ("fleet", "more", "reported"),
     [
         ({}, {}, "sensors[0].fleet: give file, walker or slots"),
         ({"file": "no.tle"}, {}, "sensors[0].fleet: no.tle: cannot be read"),
@@ -124,10 +124,10 @@ def test_a_scene_with_a_fleet_is_written_without_its_file():
         ({"file": "fleet.tle"}, {"scan_period_ms": -1}, "sensors[0].scan_period_ms: -1"),
     ],
 )
-def test_what_is_wrong_is_refused_with_its_place(fleet, more, told):
+def test_what_is_wrong_is_refused_with_its_place(fleet, more, reported):
     with pytest.raises(SceneError) as refused:
         scene(fleet, **more)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 @pytest.mark.parametrize("broken", [json.dumps([OMM, {**OTHER, "BSTAR": None}]), TLE[:-2] + "x\n"])
