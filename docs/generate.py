@@ -43,6 +43,7 @@ PLUGINS = [
     "dask",
     "render",
     "report",
+    "coverage",
 ]
 
 
@@ -69,6 +70,8 @@ def pages() -> Mapping[Path, str]:
 
 def scene_page() -> str:
     """Return the page of a scene file's keys."""
+    from opir_readers.orbits.fleet_config import FleetConfig
+
     return "\n".join(
         [
             "# The scene file",
@@ -90,8 +93,9 @@ def scene_page() -> str:
             *rows(SceneDrag),
             "",
             "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites,",
-            "`{model: NAME, fleet: {file: FILE, ...}, ...}`, a sensor for each",
-            "[satellite of a file](../how-to/import-flights.md#sensors-from-files), or",
+            "`{model: NAME, fleet: {...}, ...}`, a sensor for each satellite of",
+            "[a file](../how-to/import-flights.md#sensors-from-files) or of",
+            "[a pattern](../how-to/map-coverage.md#a-constellation-by-its-pattern), or",
             "`{model: NAME, id: ID, ...}`. An item of `targets` is",
             "`{id: ID, type: CLASS, ...}`, where `type` is a",
             "[target class](components.md#target-classes); without `model` it has the target model of its class. Its",
@@ -100,6 +104,11 @@ def scene_page() -> str:
             "on. Signatures, atmosphere and background are built where the detection model looks at them; `constant`",
             "does not. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a component has presets,",
             "`preset: NAME` starts from one.",
+            "",
+            "The settings of `fleet`, which `opir-readers` reads: one of `file`, `walker` and `slots`, and filters:",
+            "",
+            HEAD,
+            *rows(FleetConfig),
             "",
         ]
     )

@@ -38,6 +38,7 @@ PLUGINS = (
         "export",
         "studies",
         "dask",
+        "coverage",
     ),
 )
 #: What others are made of: no scene names them.

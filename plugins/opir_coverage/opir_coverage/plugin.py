@@ -1,11 +1,12 @@
-"""The commands `opir coverage` and `opir physics`; what they compute with is imported when one is given."""
+"""The commands `opir coverage` and `opir physics`, and the metric `coverage`; heavy modules are imported when used."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from opir_core.cli import add_scene_arguments
-from opir_core.plugin import hookimpl
+from opir_core.plugin import MetricContext, MetricModel, hookimpl
+from opir_coverage.metric_config import CoverageMetricConfig
 
 _SUMMARY = "map who sees launches from where, how soon and how well: access, gaps, reports, tracks, bounds"
 
@@ -20,6 +21,23 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("physics", help="evaluate a radiometric formula, or put a sensor on the bench")
     physics_arguments(parser)
+
+
+@hookimpl
+def opir_metrics() -> Iterable[MetricModel]:
+    """Yield `coverage`."""
+    yield MetricModel(
+        name="coverage",
+        summary="number of sensors, share of the Earth covered, on average and always, and the longest gap over a day",
+        config=CoverageMetricConfig,
+        build=_coverage_metric,
+    )
+
+
+def _coverage_metric(config: CoverageMetricConfig, context: MetricContext) -> Any:
+    from opir_coverage.metric import coverage_metric
+
+    return coverage_metric(config, context)
 
 
 def _add_coverage(commands: Any) -> None:

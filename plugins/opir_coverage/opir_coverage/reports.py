@@ -12,7 +12,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 #: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
 #: look no more often: its M-th detection is at most M such steps late.
@@ -91,11 +91,11 @@ class ReportChain:
             self._states[phase][..., rows] = new
         self._step += 1
 
-    def prune(self) -> None:
-        """Leave out launches that surely have all reports."""
+    def prune(self, is_done: BoolArray) -> None:
+        """Leave out launches that surely have all reports of this sensor, or of all sensors: `is_done` (rows,)."""
         if not len(self._active):
             return
-        is_done = self.total[:, self._active].sum(axis=0) < _SURE
+        is_done = is_done[self._active] | (self.total[:, self._active].sum(axis=0) < _SURE)
         if is_done.mean() > _WORTH_PRUNING:
             self.total[:, self._active[is_done]] = 0.0
             self._active, self._last = self._active[~is_done], self._last[~is_done]
@@ -152,7 +152,7 @@ class Reports:
         early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
         for number in range(1, steps.steps + 1):
             if (number - 1) % _BLOCK == 0:
-                chain.prune()
+                chain.prune(self._have_all(wanted)[rows])
                 at, chance = _possible(nodes, at_node[number - 1 : number - 1 + _BLOCK], chain.active)
             if len(chain.active):
                 chain.look(chance[(number - 1) % _BLOCK], at)
@@ -166,6 +166,14 @@ class Reports:
             early = late.copy()
         for left in range(wanted, len(place)):
             self._join(left, rows, sensors, chain.total)
+
+    def _have_all(self, wanted: int) -> BoolArray:
+        """Return which cells surely have all reports by the last of the first `wanted` times, and so at later ones."""
+        if not 0 < wanted < len(self.time_s):
+            return np.zeros(self.chance.shape[2], dtype=np.bool_)
+        have_all: BoolArray = self.chance[wanted - 1].sum(axis=0) < _SURE
+        self.chance[wanted:, :, np.flatnonzero(have_all & self.chance[wanted].any(axis=0))] = 0.0
+        return have_all
 
     def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: Chances) -> None:
         # Cells that surely have all reports have chances of exactly 0 from then on.

@@ -9,8 +9,8 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_coverage.looks import GridLooks, Salvo
 from opir_coverage.reports import ReportChain, Reports, ScanSteps
 
-#: Launches times sensors from which a chain is worked out: larger ones take memory and are no faster.
-_AT_ONCE = 32_768
+#: Launches times sensors from which a chain is worked out: larger ones take memory.
+_AT_ONCE = 65_536
 
 
 @define
@@ -53,4 +53,6 @@ class Watch:
         period_s, needed, scans, latency_s = kind
         steps, rows = ScanSteps.of(period_s, self._salvo.burn_s), np.concatenate(alike.rows)
         chain = ReportChain(len(rows), steps.phases, (needed, scans), self._reports.chance.shape[1])
-        self._reports.add(rows, chain, np.concatenate(alike.nodes, axis=1), steps, latency_s)
+        nodes = np.concatenate(alike.nodes, axis=1)
+        alike.nodes.clear()
+        self._reports.add(rows, chain, nodes, steps, latency_s)

@@ -42,6 +42,54 @@ def test_a_fleet_is_filtered(filters, ids):
     assert [sensor.id for sensor in scene({"file": "fleet.tle", **filters}).sensors] == ids
 
 
+RING = {"count": 4, "first_deg": 10.0, "spacing_deg": 20.0}
+PATTERN = {"planes": 3, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
+
+
+@pytest.mark.parametrize(
+    ("fleet", "ids"),
+    [
+        ({"walker": {**PATTERN, "total": 6}}, [f"WALKER-{number}" for number in range(1, 7)]),
+        ({"walker": {**PATTERN, "per_plane": 4, "prefix": "W"}, "numbers": "11:12"}, ["W-11", "W-12"]),
+        ({"walker": {**PATTERN, "total": 12}, "name": "*-0[12]"}, ["WALKER-01", "WALKER-02"]),
+        ({"slots": RING}, ["GEO-1", "GEO-2", "GEO-3", "GEO-4"]),
+        ({"slots": {**RING, "prefix": "SLOT"}, "numbers": "2", "max_inclination_deg": 1}, ["SLOT-2"]),
+    ],
+)
+def test_a_pattern_gives_each_satellite_an_id_and_is_filtered(fleet, ids):
+    assert [sensor.id for sensor in scene(fleet).sensors] == ids
+
+
+@pytest.mark.parametrize(
+    ("fleet", "reason"),
+    [
+        ({"walker": {**PATTERN, "total": 7}}, "fleet.walker: 7 satellites cannot be shared evenly among 3 planes"),
+        ({"walker": PATTERN}, "fleet.walker: give total or per_plane"),
+        ({"walker": {**PATTERN, "total": 6, "period_min": 100}}, "altitude_km and period_min exclude each other"),
+        (
+            {"walker": {**PATTERN, "total": 6, "raan_deg": 1, "lon_asc_node_deg": 1}},
+            "raan_deg and lon_asc_node_deg exclude each other",
+        ),
+        ({"walker": {**PATTERN, "total": 6, "altitude_km": None, "period_min": 80}}, "an orbit inside the Earth"),
+        ({"slots": RING, "min_inclination_deg": 1}, "no satellite is left of 4; left out 4 by inclination"),
+        ({"slots": RING, "file": "fleet.tle"}, "sensors[0].fleet: file and slots exclude each other"),
+        ({"slots": {**RING, "count": 0}}, "sensors[0].fleet.slots.count: 0"),
+    ],
+)
+def test_an_impossible_pattern_is_refused_with_its_place(fleet, reason):
+    with pytest.raises(SceneError) as refused:
+        scene(fleet)
+    assert reason in str(refused.value)
+
+
+def test_two_patterns_in_one_scene_need_prefixes():
+    ring = {"model": "LEO-WIDE", "fleet": {"slots": RING}}
+    with pytest.raises(SceneError, match="GEO-1"):
+        scene_from_mapping({**SCENE, "sensors": [ring, ring]})
+    other = {"model": "LEO-WIDE", "fleet": {"slots": {**RING, "prefix": "B"}}}
+    assert len(scene_from_mapping({**SCENE, "sensors": [ring, other]}).sensors) == 8
+
+
 @pytest.mark.parametrize("form", ["json", "csv", "kvn", "xml"])
 def test_satellites_of_each_form_fly_as_by_their_own_elements(form):
     Path("fleet").write_text(omm_texts([OMM, OTHER])[form])
@@ -67,7 +115,7 @@ def test_a_scene_with_a_fleet_is_written_without_its_file():
 @pytest.mark.parametrize(
     ("fleet", "more", "reported"),
     [
-        ({}, {}, "sensors[0].fleet.file: is missing"),
+        ({}, {}, "sensors[0].fleet: give file, walker or slots"),
         ({"file": "no.tle"}, {}, "sensors[0].fleet: no.tle: cannot be read"),
         ({"file": "fleet.tle", "name": "x*"}, {}, "no satellite is left of 2; left out 2 by name"),
         ({"file": "fleet.tle", "numbers": "a"}, {}, "sensors[0].fleet.numbers: 'a' are no catalogue numbers"),

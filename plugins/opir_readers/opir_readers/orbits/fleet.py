@@ -104,6 +104,9 @@ def satellites_of(rows: Sequence[Row]) -> Iterator[Mapping[str, Any]]:
 
 
 def _orbit(row: Row) -> Mapping[str, Any]:
+    if "orbit" in row:
+        orbit: Mapping[str, Any] = row["orbit"]
+        return orbit
     if "TLE_LINE1" in row:
         return {"tle": [row["TLE_LINE1"], row["TLE_LINE2"]]}
     plain = {name: value for name, value in row.items() if isinstance(value, str | int | float) and value != ""}

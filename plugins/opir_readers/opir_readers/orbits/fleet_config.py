@@ -1,4 +1,7 @@
-"""The settings of a fleet in a scene: a file of elements, and which of its satellites. Nothing heavy is imported."""
+"""The settings of a fleet in a scene: a file of elements or a pattern, and which of its satellites.
+
+Nothing heavy is imported.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,6 +9,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.plugin import FileReader, nested, number, text
+from opir_readers.orbits.patterns import SlotFleetConfig, WalkerFleetConfig
 
 Ranges = tuple[tuple[int, int], ...]
 
@@ -30,33 +34,46 @@ def _numbers_complaint(numbers: str | None) -> str | None:
 
 @frozen(kw_only=True)
 class FleetConfig:
-    """The settings of `fleet` in a sensor's block."""
+    """The settings of `fleet` in a sensor's block: one of `file`, `walker` and `slots`, and filters."""
 
-    file: str = text(
-        help="a file of OMM (JSON, CSV, KVN or XML) or two-line elements; relative to the working directory"
+    file: str | None = text(
+        default=None,
+        help="a file of OMM (JSON, CSV, KVN or XML) or two-line elements; relative to the working directory",
     )
+    walker: WalkerFleetConfig | None = nested(default=None, help="a Walker pattern of circular orbits")
+    slots: SlotFleetConfig | None = nested(default=None, help="a ring of geostationary slots")
     name: str | None = text(default=None, help="only satellites with names like this, with * and ?")
     min_inclination_deg: float = number(default=0.0, unit="deg", minimum=0.0, maximum=180.0, help="least inclination")
     max_inclination_deg: float = number(
         default=180.0, unit="deg", minimum=0.0, maximum=180.0, help="largest inclination"
     )
     numbers: str | None = nested(
-        default=None, check=_numbers_complaint, help="only these catalogue numbers: 25544,40000:40100"
+        default=None,
+        check=_numbers_complaint,
+        help="only these catalogue numbers, of a pattern those from 1 on: 25544,40000:40100",
     )
     max_age_days: float | None = number(
         default=None, unit="d", minimum=0.0, maximum=1e5, help="only elements within this time of the scene's epoch"
     )
 
+    def __attrs_post_init__(self) -> None:
+        given = [name for name in ("file", "walker", "slots") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other" if given else "give file, walker or slots")
+
     def satellites(self, epoch_us: int | None, readers: Sequence[FileReader]) -> Sequence[Mapping[str, Any]]:
         """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises `BadFileError`."""
         from opir_readers.orbits.fleet import FleetFilter
-        from opir_readers.orbits.fleet_of_file import satellites_of_file
+        from opir_readers.orbits.fleet_of_file import satellites_of_file, satellites_of_pattern
 
+        pattern = self.walker or self.slots
         chosen = FleetFilter(
             name=self.name,
             inclination_deg=(self.min_inclination_deg, self.max_inclination_deg),
             numbers=ranges_of(self.numbers) if self.numbers else (),
-            most_age_days=None if epoch_us is None else self.max_age_days,
+            most_age_days=None if epoch_us is None or pattern else self.max_age_days,
             epoch_s=(epoch_us or 0) * 1e-6,
         )
-        return satellites_of_file(self.file, chosen, epoch_us or 0, readers)
+        if pattern is not None:
+            return satellites_of_pattern(pattern.rows(), chosen)
+        return satellites_of_file(self.file or "", chosen, epoch_us or 0, readers)

@@ -1,4 +1,4 @@
-"""The satellites of a file of elements that the settings of a fleet choose."""
+"""The satellites of a file of elements, or of a pattern, that the settings of a fleet choose."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,16 +18,28 @@ def satellites_of_file(
         text = file_text(path).text
         reader = reader_of(text, [each for each in readers if each.yields == "orbits"])
         rows = content_of(text, reader, {}, epoch_us)
-        why = [chosen.left_out(row) for row in rows]
-        kept = latest([row for row, reason in zip(rows, why, strict=True) if not reason])
-        wrong = [row for row, reason in zip(rows, why, strict=True) if reason == "with errors"]
-        if not kept and not wrong:
-            left = ", ".join(f"{count} {reason}" for reason, count in Counter(why).items())
-            raise BadFileError(f"no satellite is left of {len(rows)}; left out {left}")
+        kept, wrong = _chosen(rows, chosen)
         _require_elements([*kept, *wrong])
     except BadFileError as error:
         raise BadFileError(f"{path}: {error}") from error
     return list(satellites_of(kept))
+
+
+def satellites_of_pattern(rows: Sequence[Mapping[str, Any]], chosen: FleetFilter) -> Sequence[Mapping[str, Any]]:
+    """Return `id` and `orbit` of each satellite of a pattern. Raises `BadFileError` if none is left."""
+    kept, _ = _chosen(rows, chosen)
+    return list(satellites_of(kept))
+
+
+def _chosen(rows: Sequence[Mapping[str, Any]], chosen: FleetFilter) -> tuple[list[Any], list[Any]]:
+    """Return the rows that a filter leaves, the latest of each satellite, and those of them with errors."""
+    why = [chosen.left_out(row) for row in rows]
+    kept = latest([row for row, reason in zip(rows, why, strict=True) if not reason])
+    wrong = [row for row, reason in zip(rows, why, strict=True) if reason == "with errors"]
+    if not kept and not wrong:
+        left = ", ".join(f"{count} {reason}" for reason, count in Counter(why).items())
+        raise BadFileError(f"no satellite is left of {len(rows)}; left out {left}")
+    return list(kept), wrong
 
 
 def _require_elements(rows: Sequence[Mapping[str, Any]]) -> None:

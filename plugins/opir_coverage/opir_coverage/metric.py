@@ -1,0 +1,51 @@
+"""The metric `coverage` of studies: how much of the Earth the sensors of a scene see, and how many they are."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+
+from opir_core import Run
+from opir_core.plugin import MetricContext
+from opir_coverage.computing import computed_coverage, made_settings
+from opir_coverage.metric_config import CoverageMetricConfig
+from opir_coverage.settings import CoverageSettings
+
+
+@frozen
+class CoverageMetric:
+    """Figures of geometry alone: equal in all runs of a design."""
+
+    settings: CoverageSettings
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units."""
+        return {"covered": "", "always_covered": "", "longest_gap_s": "s", "sensors": ""}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        """Return the mean share of the Earth's area that is covered and the share that always is, the longest time for
+        which a place is not covered, s, and the number of sensors.
+        """
+        found = computed_coverage(run.plan, self.settings)
+        weights = found.grid.weights()
+        share = 0.01 * found["coverage_time"].values.ravel()
+        gap_s = found["revisit_time_max"].values.ravel()
+        return {
+            "covered": float(weights @ share),
+            "always_covered": float(weights[found["gaps"].values.ravel() == 0].sum()),
+            "longest_gap_s": float(np.nan_to_num(gap_s).max()),
+            "sensors": float(len(run.plan.sensors)),
+        }
+
+
+def coverage_metric(config: CoverageMetricConfig, _context: MetricContext) -> CoverageMetric:
+    """Return the metric `coverage`."""
+    settings = made_settings(
+        target_class=None,
+        heights_km=(config.height_km,),
+        grid_deg=config.grid_deg,
+        steps=config.steps,
+        assets=(config.assets,),
+    )
+    return CoverageMetric(settings)
