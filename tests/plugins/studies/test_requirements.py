@@ -53,7 +53,7 @@ def test_the_table_says_who_meets_them_and_what_never_changes(tmp_path) -> None:
     assert "latency_s <= 1: met by 1 of 2 designs (50)" in text
 
 
-def test_a_scene_that_ends_with_the_burn_is_told_to_metrics_of_impacts() -> None:
+def test_a_scene_that_ends_with_the_burn_is_reported_to_metrics_of_impacts() -> None:
     (note,) = planned_study(Study(scene=SCENE, metrics=("warning_time",))).notes
     assert note.startswith("the scene ends at 20 s, 231 s before the burnout of T1")
     assert planned_study(Study(scene=SCENE, metrics=("latency",))).notes == ()
