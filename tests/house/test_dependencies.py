@@ -14,7 +14,7 @@ from repository import ROOT
 MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 
 #: Imports by those who install an extra, or run tests: the module that asks for each says so itself.
-ASKED_FOR = {"astropy", "optuna", "pyarrow", "pytest", "sgp4", "shtab", "xarray"}
+ASKED_FOR = {"astropy", "opir_report", "optuna", "pyarrow", "pytest", "sgp4", "shtab", "xarray"}
 
 
 def imported(folder: Path) -> set[str]:

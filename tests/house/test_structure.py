@@ -37,8 +37,8 @@ FLOORS = (
 #: The floors of the distributions: a plugin imports from the core and from plugins below its own.
 DISTRIBUTIONS = (
     *("opir_core", "opir_photons", "opir_dsp", "opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_readers"),
-    *("opir_trackers", "opir_stonesoup", "opir_render", "opir_export", "opir_paper", "opir_scoring", "opir_studies"),
-    *("opir_dask", "opir_report", "opir_coverage", "opir_kafka", "opir_http", "opir_testing"),
+    *("opir_trackers", "opir_stonesoup", "opir_render", "opir_export", "opir_paper", "opir_scoring", "opir_report"),
+    *("opir_studies", "opir_dask", "opir_coverage", "opir_kafka", "opir_http", "opir_testing"),
 )
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

@@ -15,6 +15,7 @@ from opir_report.pages.run_report import (
     write_run_report as write_run_report,
 )
 from opir_report.pages.study_report import (
+    write_study_figures as write_study_figures,
     write_study_report as write_study_report,
 )
 from opir_report.palette import (

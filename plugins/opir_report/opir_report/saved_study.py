@@ -36,6 +36,16 @@ class SavedStudy:
         return [str(path) for path in self.definition["vary"]]
 
     @property
+    def question(self) -> str:
+        """The question that the study answers, "" for none."""
+        return str(self.definition.get("question", ""))
+
+    @property
+    def split(self) -> str:
+        """The path whose values are answered one by one, "" for none."""
+        return str(self.definition.get("split", ""))
+
+    @property
     def units(self) -> dict[str, str]:
         """The unit of each figure, "" for none."""
         return dict(self.definition["figures"])

@@ -41,6 +41,8 @@ _ABBREVIATIONS = {
     "p50": "median",
     "p90": "90th percentile",
 }
+#: Settings whose last word says too little.
+_SETTINGS = {"sensors.count": "number of sensors", "sensors.keep": "sensors", "sensors.without": "sensors left out"}
 _INDEX = re.compile(r"\[([^]]*)\]")
 #: From here on a unit of a thousand or a million is shown, of figures in m and km².
 _KILO, _MEGA = 1e4, 1e6
@@ -79,6 +81,8 @@ def axis_label(words: str, unit: str) -> str:
 
 def setting_words(path: str) -> tuple[str, str]:
     """Return the name of a setting in words, and its unit: `scan period` and `ms` of `sensors[*].scan_period_ms`."""
+    if path in _SETTINGS:
+        return _SETTINGS[path], ""
     *before, last = path.split(".")
     item = _INDEX.search(last)
     name, unit = _INDEX.sub("", last), ""

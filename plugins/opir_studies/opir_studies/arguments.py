@@ -66,6 +66,10 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     _study_arguments(parser)
     parser.add_argument("--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube")
     parser.add_argument("--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)")
+    parser.add_argument("--report", metavar="PAGE", help="write the report too, one HTML file (with opir-report)")
+    parser.add_argument(
+        "--figures", metavar="FOLDER", help="write its figures and tables too, as files for a paper (with opir-report)"
+    )
 
 
 def optimise_arguments(parser: argparse.ArgumentParser) -> None:

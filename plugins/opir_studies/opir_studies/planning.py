@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import asdict, evolve, frozen
+from attrs import asdict, evolve, field, frozen
 
 from opir_core import Plan, Scene, compile_plan
 from opir_core.errors import PluginError, Problem, SceneError
@@ -60,6 +60,8 @@ class PlannedStudy:
     requirements: tuple[FigureRequirement, ...] = ()
     #: What a reader must know of the scenes, in sentences.
     notes: tuple[str, ...] = ()
+    #: The settings of each metric, by its name.
+    settings: Mapping[str, Any] = field(factory=dict)
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -75,6 +77,7 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     """
     host = host or Host.discover()
     choices = [_choice(MetricModel.hook, each, f"metrics[{row}]", host) for row, each in enumerate(study.metrics)]
+    _require_split(study)
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
     described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
@@ -93,7 +96,8 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
     shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
-    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown)
+    settings = {name: each for name, (_, each, _) in zip(names, described, strict=True)}
+    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings)
 
 
 def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
@@ -181,6 +185,12 @@ def _owner(choice: Choice, host: Host) -> str:
 def _built_metric(choice: Choice, host: Host) -> Metric:
     metric: Metric = host.component(MetricModel, choice.name).build(choice.config, MetricContext())
     return metric
+
+
+def _require_split(study: Study) -> None:
+    if study.split and study.split not in study.vary:
+        words = f"{study.split!r} does not vary; {', '.join(study.vary) or 'nothing'} does"
+        raise SceneError([Problem("split", words)], source=f"study {study.study}")
 
 
 def _require_distinct(metrics: Sequence[Metric], study: Study) -> None:

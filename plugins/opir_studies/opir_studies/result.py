@@ -140,6 +140,8 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
     return {
         "study_version": _VERSION,
         "study": study.study,
+        "question": study.question,
+        "split": study.split,
         "scene": planned.designs[0].scene.name,
         "design": study.design,
         "vary": list(planned.designs[0].design.paths),
@@ -149,6 +151,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "shown": list(study.show),
         "requirements": [asdict(each) for each in planned.requirements],
         "notes": list(planned.notes),
+        "settings": dict(planned.settings),
         "metrics": {name: list(metric.units) for name, metric in zip(planned.names, planned.metrics, strict=True)},
         "designs": [
             {

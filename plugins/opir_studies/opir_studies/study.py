@@ -30,6 +30,12 @@ class Study:
 
     scene: Any = nested(help="path of the scene, relative to the study's file", source="")
     study: str = text(help="name of the study", default="study", source="arbitrary")
+    question: str = text(
+        help="the question: the heading of the report, which begins with the answer; `vary` lists values from the least"
+        " costly on",
+        default="",
+        source="arbitrary",
+    )
     overrides: Mapping[str, Any] = nested(
         help="settings of the scene in all designs: path to value", default={}, source="arbitrary"
     )
@@ -37,6 +43,12 @@ class Study:
         help="what varies: path to a list, to {from, to, step} or {from, to, count, scale}, to {named: {name: value}},"
         " or to {uniform: [low, high], scale} for a Latin hypercube",
         default={},
+        source="arbitrary",
+    )
+    split: str = text(
+        help="the path of `vary` whose values are answered one by one, such as `targets` of one launch and of a raid;"
+        " '' for none",
+        default="",
         source="arbitrary",
     )
     design: str = text(

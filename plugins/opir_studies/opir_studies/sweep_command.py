@@ -26,6 +26,8 @@ from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
 _HERE = "command line"
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
+#: Columns of a terminal that a table fills.
+_WIDEST = 100
 #: The most designs that are named as meeting a requirement.
 _MOST_NAMED = 12
 #: Means from here on are printed to three digits.
@@ -35,17 +37,45 @@ _MOST_FIGURES = 4
 
 
 def sweep(arguments: argparse.Namespace) -> int:
-    """Run the study of the arguments and print its results."""
+    """Run the study of the arguments, write its report, and print its results."""
+    write_report = report_writer(arguments)
     study = study_of(arguments)
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
     given = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
     with watched_runs(arguments, folder) as on_progress:
         result = result_of_sweep(study, folder, **given, on_progress=on_progress)
+    written = write_report(folder)
     if arguments.quiet:
         return 0
-    text = json.dumps(_plain(result), indent=2) if arguments.json else as_text(result)
+    text = json.dumps(_plain(result), indent=2) if arguments.json else "\n".join([as_text(result), *written])
     sys.stdout.write(text + "\n")
     return 0
+
+
+def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[str]]:
+    """Return what writes the report that the arguments ask for, and returns lines on what was written.
+
+    Raises `SceneError`, before a run is made, where the package that draws is missing.
+    """
+    page, figures = arguments.report, arguments.figures
+    if page is None and figures is None:
+        return lambda _folder: ()
+    try:
+        from opir_report import write_study_figures, write_study_report  # takes a second
+    except ImportError as error:
+        flag = "--report" if page is not None else "--figures"
+        raise _refused(flag, "needs opir-report: `pip install ./plugins/opir_report`") from error
+
+    def write(folder: Path) -> Sequence[str]:
+        lines = []
+        if page is not None:
+            lines.append(f"Report: {write_study_report(folder, Path(page))[0]}")
+        if figures is not None:
+            write_study_figures(folder, Path(figures))
+            lines.append(f"Figures: {figures}")
+        return lines
+
+    return write
 
 
 def study_of(arguments: argparse.Namespace) -> Study:
@@ -126,9 +156,9 @@ def _shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], Non
 
 
 def as_text(result: StudyResult) -> str:
-    """Return a table with a row per design: the figures that were asked for, with their 95 % intervals.
+    """Return which designs meet the requirements, and a table: the figures that were asked for, with intervals.
 
-    Figures that have one value in all runs are a line of text below it.
+    Figures that have one value in all runs, and those that some runs do not have, are lines of text below it.
     """
     shown, same = _shown(result)
     rows = {name: result.shown_rows(name) for name in result.units}
@@ -147,9 +177,11 @@ def as_text(result: StudyResult) -> str:
         [
             *map("note: {}".format, result.definition["notes"]),
             _heading(result),
-            table(head, body) + (f"\nand {more} more designs" if more > 0 else ""),
-            *([f"In every run: {', '.join(same)}"] if same else []),
             *_verdicts(result),
+            *_tables(head, body, len(head) - len(shown)),
+            *([f"and {more} more designs"] if more > 0 else []),
+            *_without_value(result, shown, rows),
+            *([f"In every run: {', '.join(same)}"] if same else []),
             *_differences(result, shown, rows),
             f"All figures: {result.folder / RESULTS_CSV}",
         ]
@@ -170,6 +202,31 @@ def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
     return (varying, words) if varying else (first[:_MOST_FIGURES], [])
 
 
+def _without_value(
+    result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> Sequence[str]:
+    """Return a line on the figures that some runs do not have, none if all have them."""
+    counts = {name: sum(row["runs"] - row["runs_with_value"] for row in rows[name]) for name in shown}
+    missing = [f"{name} in {grouped(count)}" for name, count in counts.items() if count]
+    runs = grouped(result.runs.num_rows)
+    return [f"Without a value, as no launch of the run has one: {', '.join(missing)} of {runs} runs"] if missing else []
+
+
+def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> Sequence[str]:
+    """Return a table, or several where it would be too wide; each begins with the `fixed` first columns."""
+    widths = [max(len(row[column]) for row in (head, *body)) + 2 for column in range(len(head))]
+    room = _WIDEST - sum(widths[:fixed])
+    groups, left = [[fixed]], room - widths[fixed]
+    for column in range(fixed + 1, len(head)):
+        if widths[column] > left:
+            groups.append([])
+            left = room
+        groups[-1].append(column)
+        left -= widths[column]
+    places = [[*range(fixed), *group] for group in groups]
+    return [table([head[each] for each in row], [[cells[each] for each in row] for cells in body]) for row in places]
+
+
 def _verdicts(result: StudyResult) -> Sequence[str]:
     """Return a line for each requirement: the designs whose mean meets it."""
     designs, lines = result.definition["designs"], []
@@ -186,10 +243,8 @@ def _verdicts(result: StudyResult) -> Sequence[str]:
 def _heading(result: StudyResult) -> str:
     definition, runs = result.definition, result.runs.num_rows
     count = len(definition["designs"])
-    return (
-        f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''}, {grouped(runs)} runs;"
-        " mean [95 % interval] over runs"
-    )
+    words = "mean [95 % interval] over runs" if runs > count else "one run of each, so no intervals"
+    return f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''}, {grouped(runs)} runs; {words}"
 
 
 def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> Sequence[str]:
@@ -205,7 +260,7 @@ def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, S
         ]
         for place, design in enumerate(designs, start=1)
     ]
-    return (table(head, body),)
+    return _tables(head, body, 1)
 
 
 def _short(path: str) -> str:
@@ -220,7 +275,7 @@ def cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: 
     if not math.isfinite(row[mean]):
         return "-"
     if not math.isfinite(row[low]) or row[low] == row[high]:
-        return f"{row[mean]:.4g}"
+        return f"{row[mean]:.3g}" if abs(row[mean]) >= _LARGE else f"{row[mean]:.4g}"
     if abs(row[mean]) >= _LARGE:
         return f"{row[mean]:.3g} [{row[low]:.3g}, {row[high]:.3g}]"
     digits = _digits(row[mean], row[high] - row[low])

@@ -1,13 +1,16 @@
-"""Requirements of studies, and notes on scenes that end too early."""
+"""Requirements of studies, notes on scenes that end too early, tables of a terminal, and the report of a study."""
+
+import json
 
 import numpy as np
 import pytest
 from opir_studies import Study, sweep
 from opir_studies.planning import planned_study
 from opir_studies.requirements import FigureRequirement, requirements_of
-from opir_studies.sweep_command import as_text
+from opir_studies.sweep_command import _tables, as_text
 from study_scene import PERIOD, SCENE
 
+from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
 UNITS = {"latency_s": "s", "detected": ""}
@@ -56,3 +59,33 @@ def test_a_scene_that_ends_with_the_burn_is_reported_to_metrics_of_impacts() -> 
     assert planned_study(Study(scene=SCENE, metrics=("latency",))).notes == ()
     long = {**SCENE, "duration_s": 285.0}
     assert planned_study(Study(scene=long, metrics=("warning_time",))).notes == ()
+
+
+def test_wide_tables_are_cut_between_figures() -> None:
+    head, body = ["design", "runs", *(f"figure_{place}" for place in range(9))], [["1", "5", *["x" * 18] * 9]]
+    cut = _tables(head, body, 2)
+    assert len(cut) == 3
+    assert all(len(line.rstrip()) <= 100 for each in cut for line in each.splitlines())
+    assert all(each.startswith("design  runs  figure_") for each in cut)
+    assert " ".join(cut).count("figure_") == 9
+
+
+def test_a_setting_that_is_answered_value_by_value_varies() -> None:
+    with pytest.raises(SceneError, match="'targets' does not vary"):
+        planned_study(Study(scene=SCENE, split="targets", vary={PERIOD: [50, 100]}))
+
+
+@pytest.mark.slow
+def test_a_study_writes_its_report(tmp_path, capsys) -> None:
+    (tmp_path / "scene.json").write_text(json.dumps(SCENE), encoding="utf-8")
+    words = {"study": "s", "scene": "scene.json", "vary": {PERIOD: [5000, 50]}, "runs": 3, "metrics": ["latency"]}
+    words |= {"question": "How soon is a launch seen?", "executor": "serial", "requirements": ["latency_s <= 1"]}
+    (tmp_path / "study.yaml").write_text(json.dumps(words), encoding="utf-8")
+    page, figures = tmp_path / "page.html", tmp_path / "figures"
+    command = ["sweep", str(tmp_path / "study.yaml"), "-o", str(tmp_path / "s"), "--report", str(page)]
+    assert main([*command, "--figures", str(figures)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
+    assert lines[-2:] == [f"Report: {page}", f"Figures: {figures}"]
+    assert "<h1>How soon is a launch seen?</h1>" in page.read_text(encoding="utf-8")
+    assert (figures / "effect-latency_s.pdf").exists()

@@ -10,8 +10,12 @@ from matplotlib.figure import Figure
 from opir_core.cli import grouped
 from opir_report.figure_data import FigureData
 from opir_report.pages.files import write_page
+from opir_report.pages.method_section import method_section
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable
+from opir_report.pages.paper import write_figures
+from opir_report.pages.response_section import response_section
 from opir_report.pages.run_sections import figure_of
+from opir_report.pages.sentences import answers, mean_text, range_sentence, verdicts, words_of
 from opir_report.plots.effects import difference_plot, effect_figure, effect_height_in
 from opir_report.plots.panels import SAMPLED, effect_panels
 from opir_report.plots.trades import (
@@ -22,8 +26,8 @@ from opir_report.plots.trades import (
     tornado_rows,
     trade_plot,
 )
-from opir_report.saved_study import SavedStudy, joined_studies, level_text, read_study
-from opir_report.words import axis_label, figure_words, number_words, shown_unit
+from opir_report.saved_study import SavedStudy, joined_studies, read_study
+from opir_report.words import axis_label, number_words
 
 #: Figures of the answer, designs whose differences are drawn, and rows of a table.
 _ANSWERS, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 4, 16, 60
@@ -49,6 +53,14 @@ def write_study_report(folder: str | Path | Sequence[str | Path], path: Path, *,
     return write_page(study_page(studies_in(folder)), path, with_data=with_data)
 
 
+def write_study_figures(folder: str | Path | Sequence[str | Path], figures: Path) -> list[Path]:
+    """Write the figures and tables of a study, or of several side by side, as files for papers; return the files.
+
+    Figures are PNG, SVG and PDF, tables LaTeX and Markdown. Raises as `write_study_report` does.
+    """
+    return write_figures(study_page(studies_in(folder)), figures)
+
+
 def studies_in(folder: str | Path | Sequence[str | Path]) -> SavedStudy:
     """Return the study in a folder, or several as one that varies the study too; raises `SceneError`."""
     folders = [folder] if isinstance(folder, str | Path) else folder
@@ -60,67 +72,21 @@ def study_page(study: SavedStudy) -> ReportPage:
     definition = study.definition
     runs = int(sum(study.rows(next(iter(study.units)))["runs"].tolist())) if study.units else 0
     varied = study.names()
+    found = answers(study) if study.question else []
+    summary = found or [*verdicts(study), *(range_sentence(study, each) for each in study.shown)]
     metrics = [_metric_section(study, name, figures) for name, figures in study.figures_of_metrics.items()]
-    sections = [_answer_section(study), _trade_section(study), *metrics, _design_section(study)]
+    responses = [each for each in (response_section(study),) if each is not None]
+    sections = [_answer_section(study), *responses, _trade_section(study), *metrics, method_section(study)]
     return ReportPage(
-        title=f"Study {definition['study']}",
+        title=study.question or f"Study {definition['study']}",
         subtitle=(
             f"{len(definition['designs'])} designs of the scene {definition['scene']}, {grouped(runs)} runs;"
             f" varied: {varied or 'nothing'}"
         ),
-        summary=[*definition.get("notes", ()), *_verdicts(study), *(_sentence(study, each) for each in study.shown)],
+        summary=[*definition.get("notes", ()), *summary],
         sections=[each for each in sections if each.parts or each.text],
         footer="Written by opir-report. Unclassified textbook physics, notional numbers.",
     )
-
-
-def _words(study: SavedStudy, figure: str) -> str:
-    return figure_words(figure, study.units[figure])
-
-
-def _sentence(study: SavedStudy, figure: str) -> str:
-    """Return where the mean of a figure is lowest and highest."""
-    rows = study.rows(figure)
-    rows = rows.where(np.isfinite(rows["mean"]))
-    labels, means, words = study.labels(rows), rows["mean"].tolist(), _words(study, figure)
-    low, high = int(np.argmin(means)), int(np.argmax(means))
-    if low == high or means[low] == means[high]:
-        return f"{words}: {_mean_text(study, rows, low)}{' in all designs' if len(rows) > 1 else ''}"
-    return (
-        f"{words}: from {_mean_text(study, rows, low)} ({labels[low]}) to {_mean_text(study, rows, high)}"
-        f" ({labels[high]})"
-    )
-
-
-def _verdicts(study: SavedStudy) -> list[str]:
-    """Return for each requirement the designs whose mean meets it."""
-    lines = []
-    for each in study.requirements:
-        rows = study.rows(each["figure"])
-        met = [label for label, good in zip(study.labels(rows), study.is_met(each).tolist(), strict=True) if good]
-        unit = shown_unit(study.units[each["figure"]], np.array([each["limit"]]))
-        value = axis_label(number_words(each["limit"] / unit.divisor), unit.unit).replace(", ", " ")
-        sign = "at least" if each["is_least"] else "at most"
-        which = f": {'; '.join(met[:6])}{' …' if len(met) > 6 else ''}" if met and any(met) else ""
-        words = f"{_words(study, each['figure'])} {sign} {value}: met by {len(met)} of {len(rows)} designs{which}"
-        lines.append(words)
-    return lines
-
-
-def _mean_text(study: SavedStudy, rows: FigureData, row: int, column: str = "mean") -> str:
-    """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`."""
-    low, high = ("low_95", "high_95") if column == "mean" else ("difference_low_95", "difference_high_95")
-    every = study.rows(str(rows["figure"][row]))[column]
-    shown = shown_unit(study.units[str(rows["figure"][row])], every)
-    value, *edges = (float(rows[name][row]) / shown.divisor for name in (column, low, high))
-    if not np.isfinite(value):
-        return "-"
-    if not np.isfinite(edges).all() or edges[0] >= edges[1]:
-        return f"{number_words(value, 3)} {shown.unit}".strip()
-    # Two digits of the interval's width.
-    size = int(np.floor(np.log10(max(map(abs, edges)))) - np.floor(np.log10(edges[1] - edges[0])))
-    value_words, *ends = (number_words(each, max(3, size + 2)) for each in (value, *edges))
-    return f"{f'{value_words} {shown.unit}'.strip()} [{', '.join(ends)}]"
 
 
 def _answer_section(study: SavedStudy) -> ReportSection:
@@ -130,7 +96,7 @@ def _answer_section(study: SavedStudy) -> ReportSection:
     if study.shown:
         parts.append(_answer_table(study, study.shown))
     if varying and 1 < len(study.definition["designs"]) <= _DIFFERENCES_SHOWN:
-        words = f"{_words(study, varying[0])}: difference from the first design"
+        words = f"{words_of(study, varying[0])}: difference from the first design"
         height_in = 1.1 + 0.26 * len(study.definition["designs"])
         caption = f"{words}, paired over runs of the same seed, with 95 % intervals."
         rows = study.rows(varying[0])
@@ -149,7 +115,7 @@ def _effect(study: SavedStudy, figure: str) -> ReportFigure:
     def draw(drawn: Figure) -> None:
         effect_figure(drawn, study, figure)
 
-    caption = f"{_words(study, figure)} over {study.names() or 'runs'}, with 95 % intervals."
+    caption = f"{words_of(study, figure)} over {study.names() or 'runs'}, with 95 % intervals."
     return figure_of(f"effect-{figure}", draw, effect_height_in(study, figure), (caption, caption), study.rows(figure))
 
 
@@ -157,11 +123,11 @@ def _answer_table(study: SavedStudy, figures: Sequence[str]) -> ReportTable:
     rows = {figure: study.rows(figure) for figure in figures}
     first = rows[figures[0]]
     cells = [
-        (label, str(first["runs"][row]), *(_mean_text(study, rows[figure], row) for figure in figures))
+        (label, str(first["runs"][row]), *(mean_text(study, rows[figure], row) for figure in figures))
         for row, label in enumerate(study.labels(first))
     ]
     more = f"; the first {_ROWS_SHOWN} of {len(cells)} designs" if len(cells) > _ROWS_SHOWN else ""
-    head = ("design", "runs", *(_words(study, figure) for figure in figures))
+    head = ("design", "runs", *(words_of(study, figure) for figure in figures))
     return ReportTable(f"Means with 95 % intervals{more}", head, cells[:_ROWS_SHOWN])
 
 
@@ -179,11 +145,11 @@ def _trade_section(study: SavedStudy) -> ReportSection:
     if varying and len(study.paths) > 1 and study.definition["design"] not in SAMPLED:
         data = tornado_rows(study, varying[0])
         height_in = 1.0 + 0.4 * max(len(data), 1)
-        caption = f"{_words(study, varying[0])}. {_TORNADO}"
+        caption = f"{words_of(study, varying[0])}. {_TORNADO}"
         parts.append(_plot("tornado", lambda axes: tornado_plot(axes, study, varying[0]), height_in, caption, data))
     data = convergence_rows(study, varying[0]) if varying else FigureData.of_rows(("runs",), ())
     if len(data) and data["runs"].max() >= 3:
-        caption = f"{_words(study, varying[0])}. {_CONVERGENCE}"
+        caption = f"{words_of(study, varying[0])}. {_CONVERGENCE}"
         parts.append(_plot("convergence", lambda axes: convergence_plot(axes, study, varying[0]), 4.0, caption, data))
     return ReportSection("trades", "Trades and convergence", "", parts)
 
@@ -192,14 +158,14 @@ def _metric_section(study: SavedStudy, metric: str, figures: Sequence[str]) -> R
     """Return all figures of a metric; those of the answer are not drawn twice, constants are one line of text."""
     constants = {each: value for each in figures if (value := study.constant(each)) is not None}
     same = ", ".join(
-        f"{_words(study, each)} {axis_label(number_words(value), study.units[each]).replace(', ', ' ')}"
+        f"{words_of(study, each)} {axis_label(number_words(value), study.units[each]).replace(', ', ' ')}"
         for each, value in constants.items()
     )
     drawn = [each for each in figures if each not in constants and each not in study.shown[:_ANSWERS]]
     above = [each for each in figures if each not in constants and each in study.shown[:_ANSWERS]]
     lines = [f"In every run: {same}."] if same else []
     if above:
-        lines.append(f"Above: {', '.join(_words(study, each) for each in above)}.")
+        lines.append(f"Above: {', '.join(words_of(study, each) for each in above)}.")
     if len(drawn) > 1 and all(len(effect_panels(study, each)) == 1 for each in drawn):
         parts: list[ReportFigure | ReportTable] = [_side_by_side(study, metric, drawn)]
     else:
@@ -216,19 +182,6 @@ def _side_by_side(study: SavedStudy, metric: str, figures: Sequence[str]) -> Rep
         for part, figure in zip(np.ravel(drawn.subfigures(count, 2, squeeze=False)), figures, strict=False):
             effect_figure(part, study, figure)
 
-    caption = f"{', '.join(_words(study, each) for each in figures)}, with 95 % intervals."
+    caption = f"{', '.join(words_of(study, each) for each in figures)}, with 95 % intervals."
     rows = study.results.where(np.isin(study.results["figure"], list(figures)))
     return figure_of(f"effects-{metric}", draw, 0.3 + 2.8 * count, (caption, caption), rows)
-
-
-def _design_section(study: SavedStudy) -> ReportSection:
-    definition, first = study.definition, study.rows(next(iter(study.units)))
-    seeds = f"{first['first_seed'].min()} to {first['last_seed'].max()}" if len(first) else "-"
-    rows = [
-        ("scene", str(definition["scene"])),
-        ("design", str(definition["design"])),
-        ("seeds", f"seeds {seeds}"),
-        ("until", str(definition["until"]) or "all runs"),
-        *((path, ", ".join(dict.fromkeys(map(level_text, first[path].tolist())))) for path in study.paths),
-    ]
-    return ReportSection("design", "How it was made", "", (ReportTable("The study", ("", "value"), rows),))

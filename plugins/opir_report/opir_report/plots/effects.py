@@ -5,14 +5,23 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from opir_core.arrays import FloatArray
 from opir_report.canvas import legend_beside, log_ticks, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
-from opir_report.plots.panels import WIDE_FIGURE, WIDE_SETTING, EffectPanel, effect_panels, is_wide, usual_path
+from opir_report.plots.panels import (
+    WIDE_FIGURE,
+    WIDE_SETTING,
+    EffectPanel,
+    effect_panels,
+    is_wide,
+    panel_columns,
+    usual_path,
+)
 from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import ShownUnit, axis_label, figure_words, number_words, setting_words, shown_unit
 
@@ -72,9 +81,9 @@ def effect_plot(axes: Axes, study: SavedStudy, figure: str, path: str | None = N
     rows = rows.where(np.isfinite(rows["mean"]))
     if not len(rows):
         return without_data(axes, f"{figure}: no design has a value")
-    along = path if path is not None else usual_path(study, rows)
+    along = path if path is not None else usual_path(study.paths, rows)
     panel = EffectPanel("", along, tuple(each for each in study.paths if each != along), rows)
-    hues = _draw_panel(axes, study, panel, FigureScale.of(study, figure))
+    hues = draw_panel(axes, study, panel, FigureScale.of(study, figure))
     if hues:
         legend_beside(axes, hues, study.names(panel.series))
     return axes
@@ -86,17 +95,17 @@ def effect_figure(drawn: Figure | SubFigure, study: SavedStudy, figure: str) -> 
     if not panels:
         without_data(drawn.add_subplot(), f"{figure}: no design has a value")
         return
-    columns = min(len(panels), 3)
+    columns = panel_columns(panels)
     grid = drawn.subplots(-(-len(panels) // columns), columns, sharey=True, squeeze=False).ravel()
     scale = FigureScale.of(study, figure)
     hues: list[Hue] = []
     for axes, panel in zip(grid, panels, strict=False):
-        hues = _draw_panel(axes, study, panel, scale) or hues
+        hues = draw_panel(axes, study, panel, scale) or hues
         if axes is not grid[0] and axes.get_subplotspec().colspan.start:
             axes.set_ylabel("")
     for axes in grid[len(panels) :]:
         axes.remove()
-    split = f"panels: {study.names([panels[0].split])}" if panels[0].split else ""
+    split = f"panels: {study.names(panels[0].splits)}" if panels[0].splits else ""
     if hues:
         title = "; ".join(filter(None, [study.names(panels[0].series), split]))
         legend_beside(grid[0], hues, title, whole=True)
@@ -106,10 +115,11 @@ def effect_figure(drawn: Figure | SubFigure, study: SavedStudy, figure: str) -> 
 
 def effect_height_in(study: SavedStudy, figure: str) -> float:
     """Return the height of a figure of effects, inches."""
-    return 0.5 + 3.0 * max(1, -(-len(effect_panels(study, figure)) // 3))
+    panels = effect_panels(study, figure)
+    return 0.5 + 3.0 * (-(-len(panels) // panel_columns(panels)) if panels else 1)
 
 
-def _draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureScale) -> list[Hue]:
+def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureScale) -> list[Hue]:
     """Draw a panel; return the hues of its series, none for a single one."""
     along = _axis(panel.rows, panel.path)
     labels = study.short_labels(panel.rows, panel.series)
@@ -143,17 +153,22 @@ def _finish(axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, 
             for text in axes.get_xticklabels():
                 text.set(rotation=25.0, ha="right", rotation_mode="anchor")
     else:
-        values = sorted(set(along.place.tolist()))
-        ticks = _apart(axes, values, is_log=along.is_log)
-        if along.is_log or len(ticks) == len(values) <= _TICKS:
-            axes.set_xticks(ticks, [level_text(each) for each in ticks])
-            axes.minorticks_off()
+        mark_values(axes.xaxis, sorted(set(along.place.tolist())))
     if scale.is_log:
         _fit_log(axes, rows, scale)
         log_ticks(axes.yaxis)
     else:
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
     draw_requirements(axes, study, str(rows["figure"][0]), scale.shown.divisor)
+
+
+def mark_values(axis: Axis, values: list[float]) -> None:
+    """Write the values of a setting, sorted, as the ticks of an axis, where they are few or the axis is logarithmic."""
+    is_log = axis.get_scale() == "log"
+    ticks = _apart(axis.axes, values, is_log=is_log) if axis is axis.axes.xaxis else values
+    if is_log or len(ticks) == len(values) <= _TICKS:
+        axis.set_ticks(ticks, [level_text(each) for each in ticks])
+        axis.set_minor_locator(NullLocator())
 
 
 def _apart(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_report.figure_data import FigureData
@@ -11,8 +11,8 @@ from opir_report.saved_study import SavedStudy
 
 #: A second setting with more values than this is drawn as small multiples instead of series.
 _SERIES = 4
-#: The most small multiples.
-_PANELS = 6
+#: The most small multiples, and how many are beside each other.
+_PANELS, _BESIDE = 6, 3
 #: A figure's values over a wider range than this have a logarithmic axis, and a setting's.
 WIDE_FIGURE, WIDE_SETTING = 30.0, 8.0
 
@@ -31,17 +31,17 @@ class EffectPanel:
     rows: FigureData
     #: Whether designs are samples, drawn as points without lines.
     is_sampled: bool = False
-    #: The setting whose value is the title, "" for none.
-    split: str = ""
+    #: The settings whose values are the title.
+    splits: tuple[str, ...] = ()
 
 
-def usual_path(study: SavedStudy, rows: FigureData) -> str | None:
+def usual_path(paths: Sequence[str], rows: FigureData) -> str | None:
     """Return the path along which a figure is drawn: that with the most values, numbers before names."""
 
     def rank(path: str) -> tuple[bool, int]:
         return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
 
-    return max(study.paths, key=rank) if study.paths else None
+    return max(paths, key=rank) if paths else None
 
 
 def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
@@ -60,14 +60,27 @@ def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
         return [EffectPanel("", path, (), rows, is_sampled=True) for path in paths[:_PANELS]]
     if design == "one-at-a-time" and len(paths) > 1:
         return _one_at_a_time(study, rows)
-    along = usual_path(study, rows)
-    others = sorted((each for each in paths if each != along), key=lambda path: len(_levels(rows, path)))
+    free = [path for path in paths if path != study.split]
+    along = usual_path(free, rows)
+    others = sorted((each for each in free if each != along), key=lambda path: len(_levels(rows, path)))
     split = _split_path(rows, others)
-    if split is None:
-        return [EffectPanel("", along, tuple(others), rows)]
+    splits = tuple(path for path in (study.split, split) if path)
     series = tuple(each for each in others if each != split)
-    parts = [rows.where(rows[split] == level) for level in _levels(rows, split)]
-    return [EffectPanel(study.short_labels(part, [split])[0], along, series, part, split=split) for part in parts]
+    found = [EffectPanel("", along, series, rows, splits=splits)]
+    for path in splits:
+        found = [evolve(each, rows=own) for each in found for own in _by_level(each.rows, path)]
+    return [evolve(each, title=study.short_labels(each.rows, splits)[0]) for each in found]
+
+
+def _by_level(rows: FigureData, path: str) -> list[FigureData]:
+    return [rows.where(rows[path] == level) for level in _levels(rows, path)]
+
+
+def panel_columns(panels: Sequence[EffectPanel]) -> int:
+    """Return how many panels are beside each other: those of one value of the first setting in titles, if they fit."""
+    first = panels[0].splits[0] if len(panels[0].splits) > 1 else None
+    alike = 0 if first is None else sum(each.rows[first][0] == panels[0].rows[first][0] for each in panels)
+    return alike if 1 < alike <= _BESIDE else min(len(panels), _BESIDE)
 
 
 def _split_path(rows: FigureData, others: Sequence[str]) -> str | None:

@@ -1,0 +1,176 @@
+"""Main effects, interactions and contours of planted response surfaces, and the answer to a study's question."""
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from figure_rules import drawn_complaints
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from opir_report.factorial import FactorialRuns, intervals, ranked_settings
+from opir_report.pages.sentences import answers, least_costly
+from opir_report.pages.study_report import studies_in, study_page
+from opir_report.plots.effects import FigureScale
+from opir_report.plots.responses import contour_pair, draw_contours, main_effect_rows, parts_of
+from opir_report.saved_study import SavedStudy, read_study
+from pyarrow import parquet
+from scipy.stats import t
+
+PERIOD, COUNT, TARGETS = "sensors[*].scan_period_ms", "sensors.count", "targets"
+LEVELS = {TARGETS: ["one ICBM", "raid of 8"], PERIOD: [10_000.0, 5000.0, 2000.0], COUNT: [1.0, 2.0, 4.0]}
+RUNS = 4
+
+
+def warning_s(targets: str, period_ms: float, count: float) -> float:
+    """Return the planted response: bilinear in period and count, 100 s less for the raid."""
+    return 1000.0 - 0.05 * period_ms + 50.0 * count - 0.004 * period_ms * count - 100.0 * (targets != "one ICBM")
+
+
+def noise_s() -> np.ndarray:
+    """Return the noise of each run, the same in all designs."""
+    return np.random.default_rng(8).normal(0.0, 5.0, RUNS)
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> SavedStudy:
+    """Return a study of all combinations whose runs follow the response."""
+    rows, runs, every = [], [], list(product(*LEVELS.values()))
+    for number, levels in enumerate(every):
+        knobs, values = dict(zip(LEVELS, levels, strict=True)), warning_s(*levels) + noise_s()
+        runs += [{"design": number, **knobs, "replicate": run, "warning_time_s": values[run]} for run in range(RUNS)]
+        low, high = t.interval(0.95, RUNS - 1, values.mean(), values.std(ddof=1) / RUNS**0.5)
+        same = {name: values.mean() - values[0] for name in ("difference", "difference_low_95", "difference_high_95")}
+        rows.append(
+            {"design": number, **knobs, "figure": "warning_time_s", "unit": "s", "runs": RUNS, "first_seed": 1,
+             "last_seed": RUNS, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low, "high_95": high,
+             "sd": values.std(ddof=1), "q10": values.min(), "median": np.median(values), "q90": values.max(), **same}
+        )  # fmt: skip
+    parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "results.parquet")
+    parquet.write_table(pa.Table.from_pylist(runs), tmp_path / "runs.parquet")
+    definition = {
+        "study_version": 1, "study": "planted", "scene": "s", "design": "factorial", "vary": list(LEVELS),
+        "runs": RUNS, "until": "", "figures": {"warning_time_s": "s"}, "metrics": {"warning_time": ["warning_time_s"]},
+        "question": "What buys warning time?", "split": TARGETS, "designs": [{"design": each} for each in range(18)],
+        "settings": {"warning_time": {"region_km2": 1e6, "launch_point_km": None}},
+        "requirements": [{"figure": "warning_time_s", "limit": 900.0, "is_least": True}],
+    }  # fmt: skip
+    (tmp_path / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    return read_study(tmp_path)
+
+
+def test_intervals_are_those_of_student() -> None:
+    values = np.random.default_rng(1).normal(3.0, 2.0, (3, 7))
+    values[1, :2] = np.nan
+    values[2, 1:] = np.nan
+    mean, low, high = intervals(values)
+    for row in (0, 1):
+        known = values[row][np.isfinite(values[row])]
+        ends = t.interval(0.95, len(known) - 1, known.mean(), known.std(ddof=1) / len(known) ** 0.5)
+        np.testing.assert_allclose([mean[row], low[row], high[row]], [known.mean(), *ends])
+    assert mean[2] == values[2, 0]
+    assert np.isnan([low[2], high[2]]).all()
+
+
+def test_main_effects_are_means_over_the_other_settings(planted: SavedStudy) -> None:
+    rows = main_effect_rows(planted, "warning_time_s")
+    for path, part, value, mean in zip(
+        *(rows[name].tolist() for name in ("path", "part", "value", "mean")), strict=True
+    ):
+        others = [
+            warning_s(*levels)
+            for levels in product(*LEVELS.values())
+            if levels[0] == part and levels[list(LEVELS).index(path)] == float(value)
+        ]
+        assert mean == pytest.approx(np.mean(others) + noise_s().mean())
+    assert len(rows) == 2 * (3 + 3)
+
+
+def test_interactions_are_the_cells_of_the_response(planted: SavedStudy) -> None:
+    runs = FactorialRuns.of(planted, "warning_time_s")
+    rows = runs.rows([COUNT, PERIOD])
+    for count, period, mean in zip(*(rows[name].tolist() for name in (COUNT, PERIOD, "mean")), strict=True):
+        expected = np.mean([warning_s(each, period, count) for each in LEVELS[TARGETS]]) + noise_s().mean()
+        assert mean == pytest.approx(expected)
+
+
+def test_changes_are_paired_over_runs(planted: SavedStudy) -> None:
+    raid = parts_of(planted, "warning_time_s")[1].runs
+    expected = np.mean([warning_s("raid of 8", 2000.0, each) - warning_s("raid of 8", 1e4, each) for each in (1, 2, 4)])
+    # The noise is common to all designs: it cancels.
+    np.testing.assert_allclose(raid.change(PERIOD), [expected] * 3, rtol=1e-9)
+    assert ranked_settings(raid) == [PERIOD, COUNT]
+
+
+def test_a_run_counts_only_with_a_value_everywhere(planted: SavedStudy) -> None:
+    planted.runs["warning_time_s"][(planted.runs["design"] == 0) & (planted.runs["replicate"] == 2)] = np.nan
+    runs = FactorialRuns.of(planted, "warning_time_s").at(TARGETS, "one ICBM")
+    means = runs.averaged([PERIOD])
+    assert np.isnan(means[0, 2])
+    assert np.isfinite(np.delete(means.ravel(), 2)).all()
+
+
+def test_the_contour_of_a_requirement_is_the_curve_of_the_response(planted: SavedStudy) -> None:
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    part, pair = parts_of(planted, "warning_time_s")[0], contour_pair(planted, "warning_time_s")
+    assert pair == (PERIOD, COUNT)
+    scale = FigureScale.of(planted, "warning_time_s")
+    drawn = draw_contours(figure.add_subplot(), part.runs, pair, scale, planted.requirements)
+    (vertices,) = [path.vertices for path in drawn[0].get_paths()]
+    assert len(vertices) > 2
+    # On the edges between settings that were run a bilinear response is linear, as the contour is.
+    on_edges = [row for row in vertices if row[0] in LEVELS[PERIOD] or row[1] in LEVELS[COUNT]]
+    assert len(on_edges) > 2
+    for period_ms, count in on_edges:
+        assert warning_s("one ICBM", period_ms, count) + noise_s().mean() == pytest.approx(900.0, abs=1e-6)
+
+
+def test_the_answer_names_what_is_enough_and_what_changes_it(planted: SavedStudy) -> None:
+    one, raid = answers(planted)
+    assert one.startswith("One ICBM: ")
+    assert raid.startswith("Raid of 8: ")
+    ends = t.interval(0.95, RUNS - 1, noise_s().mean(), noise_s().std(ddof=1) / RUNS**0.5)
+    every = [warning_s("one ICBM", *each) for each in product(LEVELS[PERIOD], LEVELS[COUNT])]
+    sure, mean = (sum(each + shift >= 900.0 for each in every) for shift in (ends[0], noise_s().mean()))
+    assert f"{sure} of 9 designs meet warning time at least 900 s with the whole 95 % interval" in one
+    assert ("more by the mean alone" in one) == (mean > sure)
+    assert "from scan period 10000 ms to 2000 ms" in one
+    assert "from number of sensors 1 to 4" in one
+
+
+def test_the_least_costly_are_not_undercut(planted: SavedStudy) -> None:
+    one = np.arange(9)  # periods from 10 s on, each with 1, 2 and 4 sensors
+    assert one[least_costly(planted, one)].tolist() == [0]
+    some = np.array([2, 4, 5, 7])  # 10 s with 4, 5 s with 2 and 4, 2 s with 2
+    assert some[least_costly(planted, some)].tolist() == [2, 4]
+
+
+def test_a_requirement_that_nothing_meets_names_the_best(planted: SavedStudy) -> None:
+    planted.definition["requirements"][0]["limit"] = 5000.0
+    assert "no design meets warning time at least 5000 s; warning time is at best" in answers(planted)[0]
+    assert "(scan period 2000 ms, number of sensors 4)" in answers(planted)[0]
+
+
+def test_other_kinds_of_studies_have_no_such_section(planted: SavedStudy) -> None:
+    planted.definition["design"] = "one-at-a-time"
+    assert parts_of(planted, "warning_time_s") == []
+    assert answers(planted) == []
+
+
+@pytest.mark.slow
+def test_the_page_begins_with_question_and_answer(planted: SavedStudy, tmp_path: Path) -> None:
+    page = study_page(studies_in(tmp_path))
+    assert page.title == "What buys warning time?"
+    assert page.summary == answers(planted)
+    names = [each.name for each in page.figures()]
+    assert {f"{kind}-warning_time_s" for kind in ("main-effects", "interactions", "contours")} <= set(names)
+    assert [line for each in page.figures() for line in drawn_complaints(each)] == []
+    table = dict(page.tables()[-1].rows)
+    assert (
+        table["warning time"]
+        == "region 1\N{NARROW NO-BREAK SPACE}000\N{NARROW NO-BREAK SPACE}000 km², launch point not required"
+    )
+    assert table["runs"] == "4 of each design, seeds 1 to 4; all runs"
