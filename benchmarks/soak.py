@@ -41,7 +41,7 @@ from soak_faults import (
     rss_mib,
 )
 
-PAGE = """# Soak test
+PAGE = """# {title}
 
 Does the service run for long without leaks or lost events, whatever fails around it? {answer}: {minutes:g} minutes of
 `opir serve --speed {speed} --loop`, {laps} laps of a scene of 5 minutes, {given} events to each of two outputs,
@@ -360,6 +360,7 @@ def page(found: dict[str, Any], arguments: argparse.Namespace, name: str) -> str
         answer="Yes" if met else "No",
         minutes=arguments.minutes,
         speed=arguments.speed,
+        title="Soak test with Apache Kafka" if arguments.apache else "Soak test",
         broker="Apache Kafka 4.1" if arguments.apache else "a mock Kafka broker",
         name=name,
         laps=last.lap,
