@@ -5,12 +5,14 @@
 Ids, times, sensors, types, bands and everything else that is no measured or estimated number must be equal, in the same
 order; numbers must be equal to the tolerances that docs/reference/reproducibility.md states. Exits with 1 if not. Both
 interpreters need opir and its plugins. Without scenes: two examples, and launches with `detection: snr`, a tracker and
-a spectral classifier. With `--without-simd` the other interpreter's NumPy computes as on a processor without AVX.
+a spectral classifier. With `--without-simd` the other interpreter computes as on a processor without AVX: NumPy's own
+loops, and the kernels of OpenBLAS.
 """
 
 import json
 import math
 import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -35,6 +37,9 @@ ESTIMATED_TOLERANCE = {"_deg": 1e-6, "_m": 0.1, "_s": 1e-3, "": 1e-5}
 
 #: Keys of estimated times in texts; those of detections are exact.
 ESTIMATED_TIMES = {"time"}
+
+#: The oldest kernels of OpenBLAS by machine (https://github.com/OpenMathLib/OpenBLAS/blob/develop/TargetList.txt).
+OLD_CORES = {"x86_64": "Prescott", "AMD64": "Prescott", "aarch64": "ARMV8", "arm64": "ARMV8"}
 
 #: Differences printed for each scene.
 SHOWN = 5
@@ -64,10 +69,10 @@ def run(python: str, scene: Path, path: Path, **variables: str) -> None:
 
 
 def simd_disabled(python: str) -> dict[str, str]:
-    """Return the environment variable that disables the SIMD code of an interpreter's NumPy beyond its baseline."""
+    """Return the environment variables that disable the SIMD code of NumPy beyond its baseline, and of its OpenBLAS."""
     line = [python, "-c", "import numpy; print(*numpy.show_config(mode='dicts')['SIMD Extensions']['found'])"]
     features = subprocess.run(line, check=True, capture_output=True, text=True).stdout.strip()
-    return {"NPY_DISABLE_CPU_FEATURES": features}
+    return {"NPY_DISABLE_CPU_FEATURES": features, "OPENBLAS_CORETYPE": OLD_CORES.get(platform.machine(), "")}
 
 
 def same(scene: str, first: Path, other: Path) -> bool:

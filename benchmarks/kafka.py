@@ -19,6 +19,7 @@ The methods alternate; figures are medians, ratios medians of the ratios within 
 
 import argparse
 import asyncio
+import os
 import re
 import statistics
 import subprocess
@@ -68,17 +69,23 @@ PAGE = """# Throughput of the Kafka sink
 How many events per second does the Kafka sink deliver, and how many Kafka's own producer? {plain} uncompressed, {zstd}
 with zstd; with a spool on disk {spooled} and {spooled_zstd}.
 
-| compression | method | events/s | ratio to {reference} |
-|---|---|---|---|
+| compression | method | events/s | ratio to {reference} | processor time, µs an event |
+|---|---|---|---|---|
 {rows}
 
-{events} events of {size} bytes, {partitions} partitions, two shared cores, which the broker uses too; `acks=all`,
-idempotent, 128 KiB batches; broker: {broker}. Times end at the last acknowledgement; the sink's include encoding
-({renderer} renderer), keys and headers, the Java producer's do not. Medians of {repeats} repetitions:
-`python benchmarks/kafka.py`.
+{events} events of {size} bytes, {partitions} partitions; `acks=all`, idempotent, 128 KiB batches; broker: {broker}.
+Producers and broker share two cores with other work, so that processor times are steadier than rates. Times end at the
+last acknowledgement; the sink's include encoding ({renderer} renderer), keys and headers, the Java producer's do not;
+its processor time includes the start of the JVM. Medians of {repeats} repetitions: `python benchmarks/kafka.py`.
+
+What limits the sink is Python's lock: one thread encodes, another hands message after message to aiokafka, and both run
+in turn. Each event costs {sink_us} µs of one core, of which the bare producer (`aiokafka, batches`) has {bare_us}.
+The Java producer spreads over both cores.
 """
 
 Messages = list[tuple[bytes, bytes]]
+#: How long a way took, and the processor time that it took, s.
+Times = tuple[float, float]
 Way = Callable[[KafkaConfig], Mapping[str, float]]
 
 
@@ -113,8 +120,14 @@ def broker_of(scratch: Path) -> Iterator[tuple[Any, str]]:
             yield broker, kafka_broker.BOOTSTRAP or "librdkafka's mock cluster, own process"
 
 
-def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: Path) -> dict[str, list[float]]:
-    """Return each way's times, s, turn by turn; the first turn is left out."""
+def processor_s() -> float:
+    """Return the processor time of this process and of those that it has waited for, s."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: Path) -> dict[str, list[Times]]:
+    """Return each way's time and processor time, s, turn by turn; the first turn is left out."""
     windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
     lines = [line for each in windows for line in ENCODER.encode(each).splitlines()]
     messages = [(KEYS[number % len(KEYS)], line) for number, line in enumerate(lines)]
@@ -127,13 +140,15 @@ def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: P
         lambda given: {"kafka": through_the_sink(given, windows, None)},
         lambda given: {"kafka, spooled": through_the_sink(given, windows, tempfile.mkdtemp(dir=scratch))},
     ]
-    took: dict[str, list[float]] = {}
+    took: dict[str, list[Times]] = {}
     for turn in range(options.repeats + 1):
         for way in ways:
             place = {"bootstrap_servers": broker.address, "topic": broker.topic(options.partitions)}
-            found = way(KafkaConfig(**place, compression=compression))
+            config, before_s = KafkaConfig(**place, compression=compression), processor_s()
+            found = way(config)
+            used_s = (processor_s() - before_s) / (JAVA_TIMES if JAVA in found else 1)
             for name, time_s in found.items():
-                took.setdefault(name, []).extend([time_s] if turn else [])
+                took.setdefault(name, []).extend([(time_s, used_s)] if turn else [])
     return took
 
 
@@ -233,15 +248,18 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
     return took
 
 
-def table(took: Mapping[str, Mapping[str, list[float]]], options: argparse.Namespace, broker: str) -> str:
+def table(took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str) -> str:
     """Return the page."""
     reference = JAVA if has_java() else "confluent-kafka"
-    rows, rate = [], {}
+    rows, rate, used = [], dict[tuple[str, str], str](), dict[tuple[str, str], str]()
     for compression, ways in took.items():
         for name, times in ways.items():
-            ratios = [one / other for one, other in zip(ways[reference], times, strict=True)]
-            rate[compression, name] = spaced(options.events / statistics.median(times))
-            cells = (compression, name, rate[compression, name], f"{statistics.median(ratios):.2f}")
+            ratios = [one / other for (one, _), (other, _) in zip(ways[reference], times, strict=True)]
+            rate[compression, name] = spaced(options.events / statistics.median(time_s for time_s, _ in times))
+            used_us = statistics.median(used_s for _, used_s in times) / options.events * 1e6
+            used[compression, name] = f"{used_us:.1f}"
+            ratio = f"{statistics.median(ratios):.2f}"
+            cells = (compression, name, rate[compression, name], ratio, used[compression, name])
             rows.append(f"| {' | '.join(cells)} |")
     return PAGE.format(
         plain=rate["none", "kafka"],
@@ -256,6 +274,8 @@ def table(took: Mapping[str, Mapping[str, list[float]]], options: argparse.Names
         renderer=RENDERER,
         repeats=options.repeats,
         rows="\n".join(rows),
+        sink_us=used["none", "kafka"],
+        bare_us=used["none", "aiokafka, batches"],
     )
 
 

@@ -4,9 +4,12 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import numpy as np
 from attrs import define, evolve, frozen
 
 from opir_core import Plan, Scene, __version__, compile_plan, reseeded, run_of_plan
@@ -39,9 +42,9 @@ class RunRecord:
 
 @frozen
 class TaskResult:
-    """The records of a task's runs, and the version of opir-core that made them."""
+    """The records of a task's runs, and the versions of what made them: opir-core, NumPy and the plugins used."""
 
-    core_version: str
+    versions: Mapping[str, str]
     records: tuple[RunRecord, ...]
 
 
@@ -66,7 +69,17 @@ PLANS = ReplicatePlans()
 
 def result_of(task: RunTask) -> TaskResult:
     """Return the records of a task: the function that executors run."""
-    return TaskResult(__version__, tuple(_record(task, number) for number in task.replicates))
+    records = tuple(_record(task, number) for number in task.replicates)
+    plugins = {each.distribution: each.version for each in worker_host().used() if each.distribution}
+    return TaskResult({"opir-core": __version__, "numpy": np.__version__, **plugins}, records)
+
+
+def installed_version(name: str) -> str:
+    """Return the version of a distribution in this process, "none" if it has none."""
+    ours = {"opir-core": __version__, "numpy": np.__version__}
+    with suppress(PackageNotFoundError):
+        return ours.get(name) or version(name)
+    return "none"
 
 
 def _record(task: RunTask, replicate: int) -> RunRecord:

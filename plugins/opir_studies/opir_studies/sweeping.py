@@ -5,7 +5,6 @@ from pathlib import Path
 
 from attrs import define, field, frozen
 
-from opir_core import __version__
 from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Executor, ExecutorContext
@@ -13,7 +12,7 @@ from opir_studies.executors import LostTasksError
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study
 from opir_studies.result import StudyResult, written_result
-from opir_studies.runs import RunRecord, RunTask, TaskResult, result_of
+from opir_studies.runs import RunRecord, RunTask, TaskResult, installed_version, result_of
 from opir_studies.study import Study
 from opir_studies.until import rounds
 
@@ -164,9 +163,10 @@ class SweepState:
             yield from ((tasks[index], error.reasons.get(index, _DIED)) for index in error.tasks)
 
     def _keep(self, place: int, result: TaskResult) -> None:
-        if result.core_version != __version__:
-            words = f"a worker has opir-core {result.core_version}, and this is {__version__}; install the same on both"
-            raise SceneError([Problem("executor", words)], source="study")
+        for name, version in result.versions.items():
+            if version != (here := installed_version(name)):
+                words = f"a worker has {name} {version}, and this is {here}; install the same on both"
+                raise SceneError([Problem("executor", words)], source="study")
         design = self.planned.designs[place]
         kept = {design.key(record.replicate): record for record in result.records if not record.failure}
         if kept:

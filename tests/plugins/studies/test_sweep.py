@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from attrs import evolve
 from opir_studies import Study, StudyError, load_study, read_study, sweep, sweeping as sweeping_module
 from opir_studies.runs import result_of
 from opir_studies.statistics import interval
@@ -57,6 +58,19 @@ def counted(monkeypatch):
 
     monkeypatch.setattr(sweeping_module, "result_of", counting)
     return runs
+
+
+@pytest.mark.parametrize("name", ["opir-core", "numpy", "opir-trackers"])
+def test_a_worker_with_another_version_is_refused(tmp_path, monkeypatch, name):
+    def made_elsewhere(task):
+        result = result_of(task)
+        assert name in result.versions
+        return evolve(result, versions={**result.versions, name: "0.0.1"})
+
+    monkeypatch.setattr(sweeping_module, "result_of", made_elsewhere)
+    scene = {**SCENE, "tracker": "kepler-arc"}
+    with pytest.raises(SceneError, match=f"a worker has {name} 0.0.1, and this is .*; install the same on both"):
+        sweep(study(runs=1, scene=scene), tmp_path)
 
 
 @pytest.mark.slow
