@@ -11,7 +11,7 @@ import sys
 
 ROUNDS = 15
 
-BEFORE = "import sys, time; import numpy, pluggy, attrs, yaml, msgspec, argparse, pathlib; "
+BEFORE = "import sys, time; import numpy, pluggy, attrs, cattrs, yaml, msgspec, argparse, pathlib; "
 
 WAYS = {
     "importlib.metadata": (

@@ -40,20 +40,19 @@ _FIRST_OF_NUMBER = frozenset("0123456789+-.")
 
 _WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")
 _DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
-#: Compiled only for a number that is none of the usual ones.
 _ODD = (
-    (r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)", "{0} is not a finite number"),
+    (re.compile(r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)"), "{0} is not a finite number"),
     (
-        r"[-+]?[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?",
+        re.compile(r"[-+]?[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?"),
         "{0} is a number in base 60 to some YAML readers; write a decimal number, or '{0}' in quotes for text",
     ),
-    (r"[-+]?0[xXoObB][0-9a-fA-F_]+", "{0} is not a decimal number; write one, or '{0}' in quotes for text"),
+    (re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"), "{0} is not a decimal number; write one, or '{0}' in quotes for text"),
     (
-        r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*",
+        re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*"),
         "{0} has '_' between digits; leave it out, or write '{0}' in quotes for text",
     ),
     (
-        r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?",
+        re.compile(r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?"),
         "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}' in quotes for text",
     ),
 )
@@ -104,7 +103,7 @@ def _number_or_text(text: str) -> int | float | str:
             raise ValueError(f"{short} is too small for a number and would be read as 0")
         return number
     for pattern, complaint in _ODD:
-        if re.fullmatch(pattern, text):
+        if pattern.fullmatch(text):
             raise ValueError(complaint.format(text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."))
     return quoted_value(text)
 

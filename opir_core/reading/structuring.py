@@ -1,8 +1,8 @@
 """Readers of configuration classes: nodes to checked values.
 
-Every reader is strict and converts nothing: a number in quotes is text, a whole number has no decimal point, and `1` is
-not a truth value. The one conversion is from whole numbers to floats, where it is exact. The reader of a class reports
-the errors of every field of its block.
+cattrs finds the reader of each type. Every reader is strict and converts nothing: a number in quotes is text, a whole
+number has no decimal point, and `1` is not a truth value. The one conversion is from whole numbers to floats, where it
+is exact. The reader of a class reports the errors of every field of its block.
 """
 
 import types
@@ -11,6 +11,7 @@ from functools import cache, partial
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from attrs import NOTHING, Attribute, fields, frozen, has
+from cattrs import Converter
 
 from opir_core.errors import nearest_names
 from opir_core.reading.nodes import (
@@ -27,13 +28,13 @@ from opir_core.reading.plain_data import data_of_node
 from opir_core.reading.strict_yaml import is_decimal_text, is_on
 from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 
-#: Takes a node; returns the value or raises `InvalidNode`.
-Reader = Callable[[Node], Any]
+#: Takes a node and its type (which the reader knows already); returns the value or raises `InvalidNode`.
+Reader = Callable[[Node, Any], Any]
 
 _FEW_KEYS = 8
 
 
-def read_float(node: Node) -> float:
+def read_float(node: Node, _type: Any = None) -> float:
     """Return a number; -0.0 becomes 0.0, so that equal scenes are written alike."""
     value = node.value
     if type(value) is float:
@@ -45,7 +46,7 @@ def read_float(node: Node) -> float:
     return float(value)
 
 
-def read_int(node: Node) -> int:
+def read_int(node: Node, _type: Any = None) -> int:
     """Return a whole number."""
     value = node.value
     if type(value) is int:
@@ -56,7 +57,7 @@ def read_int(node: Node) -> int:
     raise node.refused(f"{_as_written(node)} is not written as a whole number, and one is needed{hint}")
 
 
-def read_bool(node: Node) -> bool:
+def read_bool(node: Node, _type: Any = None) -> bool:
     """Return a truth value: true, false, and unquoted yes, no, on and off."""
     if isinstance(node.value, SwitchWord):
         return is_on(node.value)
@@ -65,7 +66,7 @@ def read_bool(node: Node) -> bool:
     raise refusal(node, "true or false is needed")
 
 
-def read_text(node: Node) -> str:
+def read_text(node: Node, _type: Any = None) -> str:
     """Return text."""
     if type(node.value) is str:
         return node.value
@@ -74,17 +75,17 @@ def read_text(node: Node) -> str:
     raise refusal(node, "text is needed")
 
 
-def read_node(node: Node) -> Node:
+def read_node(node: Node, _type: Any = None) -> Node:
     """Return the node itself, to be read later."""
     return node
 
 
-def read_optional(reader: Reader, node: Node) -> Any:
+def read_optional(reader: Reader, node: Node, _type: Any = None) -> Any:
     """Return None for nothing, else what `reader` makes of it."""
-    return None if node.value is None else reader(node)
+    return None if node.value is None else reader(node, None)
 
 
-def read_tuple(readers: tuple[Reader, ...], node: Node) -> tuple[Any, ...]:
+def read_tuple(readers: tuple[Reader, ...], node: Node, _type: Any = None) -> tuple[Any, ...]:
     """Return a list of as many items as there are readers."""
     items = items_of(node)
     if len(items) != len(readers):
@@ -93,12 +94,12 @@ def read_tuple(readers: tuple[Reader, ...], node: Node) -> tuple[Any, ...]:
     return tuple(_all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(parts)))
 
 
-def read_items(reader: Reader, node: Node) -> tuple[Any, ...]:
+def read_items(reader: Reader, node: Node, _type: Any = None) -> tuple[Any, ...]:
     """Return a list of any length."""
     return tuple(_all_read((index_step(index), reader, item) for index, item in enumerate(items_of(node))))
 
 
-def read_mapping(reader: Reader, node: Node) -> dict[str, Any]:
+def read_mapping(reader: Reader, node: Node, _type: Any = None) -> dict[str, Any]:
     """Return a block whose keys are free."""
     block = block_of(node)
     values = _all_read((key_step(key), reader, item) for key, item in block.items())
@@ -158,7 +159,7 @@ def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     collector, values = ErrorCollector(), []
     for step, reader, node in parts:
         with collector.at(step):
-            values.append(reader(node))
+            values.append(reader(node, None))
     collector.require_whole()
     return values
 
@@ -189,7 +190,7 @@ class FieldReader:
         if isinstance(inner, ClassReader) and isinstance(default, inner.config_class):
             value = inner.made(node, (), base=default)
         else:
-            value = self.read(node)
+            value = self.read(node, None)
         if METADATA_KEY in self.attribute.metadata and self.attribute.validator is not None:
             try:
                 self.attribute.validator(None, self.attribute, value)
@@ -212,7 +213,7 @@ class ClassReader:
     config_class: type
     fields: Mapping[str, FieldReader]
 
-    def __call__(self, node: Node) -> Any:
+    def __call__(self, node: Node, _type: Any = None) -> Any:
         """Return the instance, or raise all that is wrong with the block and its fields."""
         return self.made(node, ())
 
@@ -276,13 +277,11 @@ def class_reader(config_class: type) -> ClassReader:
     return ClassReader(config_class, found)
 
 
-@cache
 def reader_of(kind: Any) -> Reader:
     """Return the reader of a type; raises `UnreadableTypeError` where a scene cannot hold one."""
-    for fits, reader_for in _KINDS:
-        if fits(kind):
-            return reader_for(kind)
-    raise UnreadableTypeError(f"scenes cannot hold a value of type {kind}")
+    if not any(fits(kind) for fits, _ in _KINDS):
+        raise UnreadableTypeError(f"scenes cannot hold a value of type {kind}")
+    return _converter().get_structure_hook(kind)
 
 
 def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> InvalidNode:
@@ -309,6 +308,20 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
 def nearest(key: str, known: Iterable[str]) -> str | None:
     """Return the known key that is most similar to a key, letter case ignored, or None where none is similar."""
     return next(iter(nearest_names(key, known, most=1, cutoff=0.6)), None)
+
+
+@cache
+def _converter() -> Converter:
+    converter = Converter(forbid_extra_keys=True, detailed_validation=True)
+    for fits, factory in _KINDS:
+        converter.register_structure_hook_factory(fits, factory)
+    for kind, reader in _SCALARS.items():
+        converter.register_structure_hook(kind, reader)
+    return converter
+
+
+def _read_data(node: Node, _type: Any = None) -> Any:
+    return data_of_node(node)
 
 
 def _is_optional(kind: Any) -> bool:
@@ -341,7 +354,7 @@ _SCALARS: Mapping[type, Reader] = {float: read_float, int: read_int, bool: read_
 #: (predicate, factory) of each readable type; the first match makes its reader.
 _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (
     (lambda kind: isinstance(kind, type) and kind in _SCALARS, lambda kind: _SCALARS[kind]),
-    (lambda kind: kind is Any, lambda _kind: data_of_node),
+    (lambda kind: kind is Any, lambda _kind: _read_data),
     (_is_optional, _optional_reader),
     (lambda kind: get_origin(kind) is tuple and bool(get_args(kind)), _tuple_reader),
     (_is_mapping, _mapping_reader),

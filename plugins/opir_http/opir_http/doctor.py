@@ -30,7 +30,7 @@ from opir_core.scene import Choice
 OK, WARN, FAIL = "ok", "warn", "fail"
 
 #: Libraries whose versions decide about results or speed.
-_LIBRARIES = ("numpy", "scipy", "msgspec", "attrs", "pluggy", "pyyaml")
+_LIBRARIES = ("numpy", "scipy", "msgspec", "attrs", "cattrs", "pluggy", "pyyaml")
 
 _GIB = 1 << 30
 #: Below this much free disk or memory a long run is at risk, bytes: events of some millions of detections take 1 GiB.

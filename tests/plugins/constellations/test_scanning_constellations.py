@@ -29,7 +29,7 @@ from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.sensors import scan_patterns
 
 PACKAGES = {"DSP": "opir_dsp", "SBIRS-GEO": "opir_sbirs", "NEXTGEN-GEO": "opir_nextgen"}
-HEAVY = ("numpy", "scipy", "msgspec", "yaml")
+HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")
 
 for package in PACKAGES.values():
     # Where the plugins are not installed, their sources are tested.
