@@ -8,7 +8,8 @@ from opir_photons.radiometry.plume import plume_table
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
-from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
+from opir_core.flight.boost import boost_profile
+from opir_core.scene import core_target_class
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.simulation.run import Run
 
@@ -95,7 +96,8 @@ def moments_s(rng: np.random.Generator, within_s: FloatArray) -> FloatArray:
 
 def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]:
     """Return a launch of a type."""
-    profile = boost_profile(str(rng.choice(PROFILES_BY_TYPE[kind])))
+    profiles = core_target_class(kind).profiles
+    profile = profiles[rng.integers(len(profiles))]
     latitude, longitude = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
     limits = np.log([1.02 * profile.minimum_range_m, min(profile.maximum_range_m, 1.5e7) / 1.02])
     angle = float(np.exp(rng.uniform(*limits))) / 1e3 / RADIUS_KM

@@ -10,7 +10,6 @@ from opir_core.flight.atmosphere_density import (
     density_kg_m3 as density_kg_m3,
 )
 from opir_core.flight.boost import (
-    PROFILES_BY_TYPE as PROFILES_BY_TYPE,
     BoostPath as BoostPath,
     ascent as ascent,
     boost_path as boost_path,

@@ -22,19 +22,7 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
-from opir_core.scene.scene import TARGET_TYPES
-from opir_core.scene.target_classes import (
-    Ballistic,
-    BoostProfile,
-    core_profiles,
-    core_target_class,
-    core_target_classes,
-)
-
-#: The profiles of each missile type, by name; of several, the first with limits that contain the range is flown.
-PROFILES_BY_TYPE: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {name: tuple(profile.name for profile in core_target_class(name).profiles) for name in TARGET_TYPES}
-)
+from opir_core.scene.target_classes import Ballistic, BoostProfile, core_profiles, core_target_classes
 
 
 @cache

@@ -4,15 +4,8 @@ import math
 
 import pytest
 
-from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.flight.boost import boost_profile, boost_profiles
 from opir_core.scene.target_classes import Ballistic, core_target_class, core_target_classes
-
-
-def test_every_target_type_has_profiles_that_exist():
-    assert set(PROFILES_BY_TYPE) == set(TARGET_TYPES)
-    for kind, names in PROFILES_BY_TYPE.items():
-        assert names == tuple(profile.name for profile in core_target_class(kind).profiles)
 
 
 def test_the_boost_profiles_are_those_of_the_classes_that_fly_ballistic():
