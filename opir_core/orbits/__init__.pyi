@@ -13,7 +13,6 @@ from opir_core.orbits.elements import (
     Elements as Elements,
     circular_elements as circular_elements,
     highly_elliptical_elements as highly_elliptical_elements,
-    orbit_block as orbit_block,
     slot_elements as slot_elements,
     synchronous_semi_major_axis_m as synchronous_semi_major_axis_m,
     walker_pattern as walker_pattern,

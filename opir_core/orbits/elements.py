@@ -5,7 +5,6 @@ Earth, and the ground track does not depend on the date of the scene.
 """
 
 import math
-from typing import Any
 
 from attrs import frozen
 
@@ -13,9 +12,6 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH
 
 #: A position or a velocity: x, y, z.
 Vector = tuple[float, float, float]
-
-#: Decimals of degrees and kilometres in scenes: 1e-12 deg is less than a micrometre at geostationary distance.
-_DECIMALS = 12
 
 
 @frozen(kw_only=True)
@@ -108,46 +104,9 @@ def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
     return eccentric_rad - eccentricity * math.sin(eccentric_rad)
 
 
-def orbit_block(elements: Elements) -> dict[str, Any]:
-    """Return elements as the `orbit:` block of a scene: `circular` where the eccentricity is zero, else `kepler`.
-
-    For constellations, which bring the settings of their satellites as plain data; rounded to 1e-12 deg and 1 nm.
-    """
-    node = {
-        "inclination_deg": _degrees(elements.inclination_rad),
-        "lon_asc_node_deg": _degrees(math.remainder(elements.node_longitude_rad, 2.0 * math.pi)),
-    }
-    if elements.eccentricity == 0.0:
-        altitude_m = elements.semi_major_axis_m - EARTH_EQUATORIAL_RADIUS_M
-        latitude_rad = elements.argument_of_perigee_rad + elements.mean_anomaly_rad
-        return {"circular": {"altitude_km": _kilometres(altitude_m), **node, "arg_latitude_deg": _turn(latitude_rad)}}
-    return {
-        "kepler": {
-            "semi_major_axis_km": _kilometres(elements.semi_major_axis_m),
-            "eccentricity": elements.eccentricity,
-            **node,
-            "arg_perigee_deg": _turn(elements.argument_of_perigee_rad),
-            "mean_anomaly_deg": _turn(elements.mean_anomaly_rad),
-        }
-    }
-
-
 def _scaled(direction: Vector, factor: float) -> Vector:
     x, y, z = direction
     return x * factor, y * factor, z * factor
-
-
-def _kilometres(length_m: float) -> float:
-    return round(length_m * 1e-3, _DECIMALS)
-
-
-def _degrees(angle_rad: float) -> float:
-    return round(math.degrees(angle_rad), _DECIMALS)
-
-
-def _turn(angle_rad: float) -> float:
-    """Return an angle in [0, 360) degrees; one that rounds to a whole turn is 0."""
-    return _degrees(angle_rad % (2.0 * math.pi)) % 360.0
 
 
 #: The inclination at which the Earth's oblateness does not turn the line of apsides: 4 - 5 sin² i = 0, so sin² i = 4/5

@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
-from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, elements_of, orbit_block, orbit_of
+from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, orbit_of
 from opir_core.orbits.orbit_models import FARTHEST_S, KEPT_SPANS, SPAN_S, GeostationaryOrbit, MovingOrbit, TwoBodyMotion
 
 angles = st.floats(-6.3, 6.3)
@@ -171,16 +171,6 @@ def test_a_slot_is_stationary_only_where_it_is():
     assert orbit_of(OrbitConfig(slot=SlotConfig(lon_deg=12.0)), 0).is_stationary
     for changes in ({"inclination_deg": 1e-3}, {"eccentricity": 1e-6}):
         assert not orbit_of(OrbitConfig(slot=SlotConfig(lon_deg=12.0, **changes)), 0).is_stationary
-
-
-@examples(80)
-@given(orbits())
-def test_the_block_of_elements_makes_the_same_orbit(elements):
-    made = elements_of(OrbitConfig(**orbit_config_block(orbit_block(elements))), EPOCH_US)
-    assert made is not None
-    time_s = times(5, 6, 1e3)
-    expected = TwoBodyMotion(elements).position_ecef_m(time_s)
-    assert TwoBodyMotion(made).position_ecef_m(time_s) == pytest.approx(expected, rel=0.0, abs=1e-5)
 
 
 def orbit_config_block(block):

@@ -418,6 +418,5 @@ LEFT_OUT = {
         "eclipse_intervals": "to 1 ms, by sunlit discs (tests/against/test_against_astropy_sun_events.py)",
         "outage_intervals": "a search to 1 ms in nadir angles (tests/core/orbits)",
         "elements_of": "selects; through orbit_of",
-        "orbit_block": "rounds to 1e-12 degrees (tests/core/orbits)",
     },
 }
