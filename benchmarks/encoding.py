@@ -1,6 +1,7 @@
 """What an event costs: detections to lines of JSON, and on into a file, by the ways that were tried.
 
     python benchmarks/encoding.py [--events 200000] [--repeats 7]
+    python benchmarks/encoding.py --raid 100 [--repeats 7]
 
 Prints the median processor time, in ns an event, and its ratio to the first, of
 
@@ -12,6 +13,10 @@ Prints the median processor time, in ns an event, and its ratio to the first, of
 - `dictionaries`: one dictionary an event, the standard library's `json`, `isoformat` and `uuid`.
 
 All ways make the same lines of the same detections, which is checked first.
+
+With `--raid` the events are those of `benchmarks/raid.py` with so many launches, and the ways are opir's renderers,
+from columns in memory, and msgspec from what is in memory already: one struct, or one dictionary, an event. Times are
+those of encoding alone; the ratio is to msgspec's structs.
 """
 
 import argparse
@@ -28,7 +33,9 @@ import numpy as np
 from attrs import evolve
 from figures import keep
 from opir_testing import stub_sensor
+from raid import raid
 
+import opir_core
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band, Sensor
@@ -47,6 +54,7 @@ from opir_core.output.events.text import (
 from opir_core.plugin import Host
 from opir_core.random_streams.detection_ids import id_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.run import plan_windows
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = 10
@@ -57,7 +65,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--events", type=int, default=200_000)
     parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--raid", type=int, metavar="LAUNCHES", help="encode the events of a raid")
     options = parser.parse_args()
+    if options.raid:
+        raid_lines(options.raid, options.repeats)
+        return
     sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
     context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
     encoder, with_tracks = ForgeEncoder(context), ForgeEncoder(context, has_tracks=True)
@@ -82,6 +94,32 @@ def main() -> None:
     for name, median in took.items():
         print(f"{name:32} {median / options.events:8.0f} ns/event {median / took['forge']:8.2f}")
         keep(name, median / options.events, "ns/event")
+
+
+def raid_lines(launches: int, repeats: int) -> None:
+    """Print what the events of a raid cost as lines, by both renderers and by msgspec from objects in memory."""
+    plan = opir_core.compile_plan(raid(launches, 12, 300.0, []))
+    windows = list(plan_windows(plan))
+    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
+    reference = ForgeEncoder(context)
+    compiled = ForgeEncoder(evolve(context, render=chosen_renderer(Host.discover())[1]))
+    lines = [compiled.encode(block) for window in windows for block in window_blocks(window)]
+    structs = [msgspec.json.decode(line, type=RaidEvent) for block in lines for line in block.splitlines()]
+    mappings = [msgspec.json.decode(line) for block in lines for line in block.splitlines()]
+    whole, encode = b"".join(lines), msgspec.json.Encoder().encode_lines
+    if encode(structs) != whole or encode(mappings) != whole:
+        raise SystemExit("msgspec makes other lines than the encoder")
+    ways: dict[str, Callable[[], object]] = {
+        "msgspec, structs in memory": lambda: encode(structs),
+        "msgspec, dictionaries in memory": lambda: encode(mappings),
+        "compiled renderer": lambda: [encoded(compiled, window) for window in windows],
+        "reference renderer": lambda: [encoded(reference, window) for window in windows],
+    }
+    took = median_ns(ways, repeats)
+    for name, median in took.items():
+        ratio = median / took["msgspec, structs in memory"]
+        print(f"{name:32} {median / len(structs):8.0f} ns/event {ratio:8.2f}")
+        keep(f"raid: {name}", median / len(structs), "ns/event")
 
 
 def three_bands(window: Window) -> tuple[Window, ForgeEncoder, ForgeEncoder]:
@@ -178,6 +216,32 @@ class Event(msgspec.Struct, gc=False):
     bands: msgspec.Raw
     snr: float
     sensor_position_ecef_m: msgspec.Raw
+    latitude_deg: None
+    longitude_deg: None
+    altitude_m: None
+
+
+class RaidEvent(msgspec.Struct, gc=False):
+    """An event as a program holds it that encodes with msgspec, all values plain."""
+
+    detection_id: str
+    timestamp: str
+    sensor_id: str
+    sensor_type: str
+    orbital_slot: float | None
+    target_type: str
+    launch_point: None
+    impact_point: None
+    confidence: float
+    schema_version: str
+    reported_at: str
+    track_id: None
+    azimuth_deg: float
+    elevation_deg: float
+    line_of_sight_sigma_urad: float
+    bands: list[str]
+    snr: float | None
+    sensor_position_ecef_m: list[float]
     latitude_deg: None
     longitude_deg: None
     altitude_m: None

@@ -115,7 +115,7 @@ def main() -> None:
             ("plan", plan_s, "s", ""),
             ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),
             ("events", counts["detections"] * 1e-6, "million", f"of {counts['looks'] * 1e-6:.2f} million looks"),
-            ("written", written * 1e-6, "MB", f"by the renderer {outcome.manifest['renderer']}"),
+            ("written", written * 1e-6, "MB", f"by the renderer {outcome.manifest.get('renderer', 'none')}"),
             memory(),
         )
         show(rows)
