@@ -1,4 +1,4 @@
-"""Scenes at random, far from any that trackers were made on: what is told is sound, whatever it is worth."""
+"""Scenes at random, far from any that trackers were made on: what is reported is sound, whatever it is worth."""
 
 from typing import Any
 
@@ -33,9 +33,9 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
     assert_sound(tracks.state_covariance, "state")
     for name, spread in SEEN.items():
         value, covariance = getattr(tracks, name), getattr(tracks, spread)
-        told = np.isfinite(value).all(axis=1)
-        assert np.isnan(value[~told]).all(), name
-        assert_sound(covariance[told], name)
+        reported = np.isfinite(value).all(axis=1)
+        assert np.isnan(value[~reported]).all(), name
+        assert_sound(covariance[reported], name)
     assert (tracks.type_probability >= 0.0).all()
     assert np.allclose(tracks.type_probability.sum(axis=1), 1.0)
     for place in (tracks.launch, tracks.impact):
@@ -47,7 +47,7 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
 @pytest.mark.filterwarnings("error")
 @settings(examples(24), derandomize=True)
 @given(sensors=sensors(), targets=targets(), tracker=st.sampled_from(TRACKERS), seed=st.integers(0, 1000))
-def test_what_is_told_is_sound(
+def test_what_is_reported_is_sound(
     sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
 ) -> None:
     scene = tracked_scene(sensors, targets, tracker, seed)
