@@ -30,7 +30,7 @@ PLACES = (
     ("x_teme", "y_teme", "z_teme"),
 )
 #: The frames of places along axes that do not turn with the Earth.
-CELESTIAL = {PLACES[4]: "EME2000", PLACES[5]: "TEME"}
+CELESTIAL: Mapping[tuple[str, ...], str] = {PLACES[4]: "EME2000", PLACES[5]: "TEME"}
 #: A height above the launch point, in place of `height`.
 ALTITUDE = "altitude"
 VELOCITIES = (
@@ -40,7 +40,7 @@ VELOCITIES = (
     ("vx_eme2000", "vy_eme2000", "vz_eme2000"),
     ("vx_teme", "vy_teme", "vz_teme"),
 )
-CELESTIAL_RATES = dict(zip(VELOCITIES[3:], CELESTIAL.values(), strict=True))
+CELESTIAL_RATES: Mapping[tuple[str, ...], str] = dict(zip(VELOCITIES[3:], CELESTIAL.values(), strict=True))
 TIME, BURNING = "time", "is_burning"
 #: The time as a date, in place of seconds, and other names of such columns, in lower case.
 DATE = "timestamp"

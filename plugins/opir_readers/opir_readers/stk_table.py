@@ -65,7 +65,7 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     with np.errstate(over="ignore"):
         position, velocity = _states(values, coordinates, unit_m)
     if coordinates != "cartesian":
-        require_angles(*np.radians(values[:, 1:3].T), lines.__getitem__)
+        require_angles(np.radians(values[:, 1]), np.radians(values[:, 2]), lines.__getitem__)
     require_places(position, lines.__getitem__)
     require_velocities(velocity, lines.__getitem__)
     moving = np.zeros_like(position) if velocity is None else velocity

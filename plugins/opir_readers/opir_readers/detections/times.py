@@ -79,9 +79,9 @@ def _in_digits(text: str) -> str:
     word = parts.get("word", "jan")[:3].lower()
     if word not in _MONTHS:
         return text
-    month = int(parts.get("month") or _MONTHS.index(word) + 1)
-    day = parts["of_year"] if "of_year" in parts else f"{month:02d}-{int(parts['day']):02d}"
-    return f"{parts['year']}-{day}T{parts['clock']}{parts['zone']}"
+    number = int(parts.get("month") or _MONTHS.index(word) + 1)
+    of_year = parts["of_year"] if "of_year" in parts else f"{number:02d}-{int(parts['day']):02d}"
+    return f"{parts['year']}-{of_year}T{parts['clock']}{parts['zone']}"
 
 
 def _day(text: str) -> np.datetime64:
