@@ -136,6 +136,6 @@ def test_the_command_writes_page_and_data(tmp_path, capsys):
 
 
 def test_impossible_settings_are_refused(tmp_path, capsys):
-    for words, told in ((["--grid", "7"], "does not divide 180"), (["--chance", "2"], "between 0 and 1")):
+    for words, reported in ((["--grid", "7"], "does not divide 180"), (["--chance", "2"], "between 0 and 1")):
         assert main(["coverage", SCENE, "--geometry", *words, "-o", str(tmp_path / "x")]) != 0
-        assert told in capsys.readouterr().err
+        assert reported in capsys.readouterr().err
