@@ -15,7 +15,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
 from opir_core.flight import kepler_impact, launch_site
 from opir_coverage.launches import GridBoosts, LaunchPlaces
 
@@ -23,6 +23,8 @@ from opir_coverage.launches import GridBoosts, LaunchPlaces
 _SPEED_SHARE, _ANGLE_RAD = 1e-4, 1e-4
 #: Scales of the unknowns: metres north and east, seconds, azimuth in rad, burnout speed in m/s, angle in rad.
 _SCALES = np.array([1e3, 1e3, 1.0, 1e-2, 10.0, 1e-2])
+#: Root-mean-square distance, m, from a point of the Earth to one that may be anywhere on it: √((π² - 4) / 2) radii.
+_ANYWHERE_M = EARTH_EQUATORIAL_RADIUS_M * np.sqrt(0.5 * np.pi**2 - 2.0)
 #: Unknowns in units of `_SCALES` with less information than this are not observable.
 _LEAST_INFORMATION = 1e-12
 #: The entries of a symmetric matrix (3, 3) that are kept, and where in it they are.
@@ -176,7 +178,8 @@ class BurnSlopes:
 def burnout_bounds(
     burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray], covariance: FloatArray, *, comes_down: bool
 ) -> BurnoutBounds:
-    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down.
+    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down, nan
+    where they may be anywhere on Earth.
 
     `burnout` is as `LaunchSlopes.at_burnout` returns it.
     """
@@ -185,6 +188,7 @@ def burnout_bounds(
     impact_m = np.full(len(launch_m), np.nan)
     if comes_down:
         impact_m = _spread(_impact_slopes(position, velocity, moved, turned), covariance)
+        impact_m = np.where(impact_m < _ANYWHERE_M, impact_m, np.nan)
     return BurnoutBounds(launch_m, _spread(turned, covariance), impact_m)
 
 

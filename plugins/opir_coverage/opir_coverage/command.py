@@ -14,7 +14,7 @@ from opir_coverage.difference import difference
 from opir_coverage.layers import CoverageMap
 from opir_coverage.page import page_of
 from opir_coverage.settings import CoverageSettings, Requirement
-from opir_coverage.summary import as_text, table_rows
+from opir_coverage.summary import as_text, step_note, table_rows
 
 
 def coverage(arguments: argparse.Namespace) -> int:
@@ -25,7 +25,9 @@ def coverage(arguments: argparse.Namespace) -> int:
         other = argparse.Namespace(**{**vars(arguments), "scene": arguments.against})
         found = difference(found, computed_coverage(scene_of(other, host), settings))
     written = write_coverage(found, Path(arguments.out))
-    rows = table_rows(found)
+    rows, note = table_rows(found), step_note(found)
+    if note:
+        sys.stderr.write(f"opir: {note}\n")
     if arguments.json:
         sys.stdout.write(json.dumps({"coverage": dict(found.attributes), "layers": rows}, indent=2) + "\n")
         return 0

@@ -81,6 +81,7 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
         "title": f"Coverage of {plan.scene.name}",
         "scene": plan.scene.name,
         "epoch": f"{epoch:%Y-%m-%dT%H:%M:%SZ}",
+        "interval": f"{settings.hours:g} h in {settings.steps} steps of {3600.0 * settings.hours / settings.steps:g} s",
         "sensors": ", ".join(each.id for each in plan.sensors),
         "launches": f"{launched} {settings.profile}".strip(),
         "probability": f"{settings.chance:g}",

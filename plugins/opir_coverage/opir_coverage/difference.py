@@ -34,7 +34,14 @@ def _alike(one: CoverageMap, other: CoverageMap, layer: Layer) -> bool:
 
 def _minus(one: Layer, other: Layer) -> Layer:
     values = np.subtract(_signed(one.values), _signed(other.values))
-    return Layer(one.name, one.title, one.unit, one.dims, values, f"difference of: {one.definition}")
+    return Layer(
+        one.name,
+        one.title,
+        one.unit,
+        one.dims,
+        values,
+        f"difference of: {one.definition}; none where one scene has none",
+    )
 
 
 def _signed(values: NDArray[Any]) -> NDArray[Any]:

@@ -156,7 +156,11 @@ _WORDS = {
     ),
     "launch_point_bound": _Words("Bound of the launch point", "km", "Cramer-Rao bound at burnout, horizontal rms"),
     "velocity_bound": _Words("Bound of the velocity at burnout", "m/s", "Cramer-Rao bound at burnout, rms"),
-    "impact_bound": _Words("Bound of the impact point", "km", "Cramer-Rao bound at burnout, horizontal rms"),
+    "impact_bound": _Words(
+        "Bound of the impact point",
+        "km",
+        "Cramer-Rao bound at burnout, horizontal rms; none above 10925 km, that of a point anywhere on Earth",
+    ),
 }
 
 

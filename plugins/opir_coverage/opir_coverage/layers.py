@@ -22,9 +22,11 @@ DIMENSIONS: Mapping[str, tuple[str, str]] = {
     "assets": ("1", "least number of sensors in view for a point to be covered"),
     "height": ("km", "height of the target above WGS 84"),
     "azimuth": ("degree", "launch azimuth, clockwise from north"),
-    "launch_time": ("s", "launch, from the scene's epoch"),
-    "time": ("s", "time from the scene's epoch"),
+    "launch_time": ("s", "launch"),
+    "time": ("s", "middle of the step"),
 }
+#: Dimensions that are seconds from the scene's epoch.
+_TIMES = ("launch_time", "time")
 #: Units of places, in the words of the CF conventions.
 _PLACE_UNITS = {"latitude": "degrees_north", "longitude": "degrees_east"}
 
@@ -61,12 +63,24 @@ class CoverageMap:
         """Return a layer's values (…, cells) as floats, one row for each combination of its dimensions."""
         return np.asarray(layer.values, dtype=np.float64).reshape(-1, len(self.grid.weights()))
 
+    def coordinate_attributes(self, name: str) -> dict[str, str]:
+        """Return the attributes of a coordinate, those of the CF conventions."""
+        if name in _PLACE_UNITS:
+            return {"units": _PLACE_UNITS[name], "standard_name": name, "long_name": name}
+        unit, meaning = DIMENSIONS[name]
+        if name in _TIMES:
+            since = self.attributes["epoch"].replace("T", " ").removesuffix("Z")
+            return {"units": f"seconds since {since}", "calendar": "standard", "long_name": meaning}
+        return {"long_name": meaning, **({"units": unit} if unit else {})}
+
     def xarray(self) -> "xarray.Dataset":
-        """Return an `xarray.Dataset`; raises `ImportError` without xarray."""
+        """Return an `xarray.Dataset`, times as dates; raises `ImportError` without xarray."""
         import xarray
 
-        coordinates = {name: (name, list(values)) for name, values in self.coordinates.items()}
-        places = {"latitude": self.grid.latitude_deg, "longitude": self.grid.longitude_deg}
+        coordinates = {
+            name: (name, list(values), self.coordinate_attributes(name))
+            for name, values in {**self.coordinates, **_places(self.grid)}.items()
+        }
         variables = {
             each.name: (
                 (*each.dims, *PLACES),
@@ -75,13 +89,7 @@ class CoverageMap:
             )
             for each in self.layers
         }
-        data = xarray.Dataset(variables, {**coordinates, **places}, dict(self.attributes))
-        for name, unit in _PLACE_UNITS.items():
-            data[name].attrs.update(units=unit, standard_name=name)
-        for name in self.coordinates:
-            unit, meaning = DIMENSIONS[name]
-            data[name].attrs.update({"long_name": meaning, **({"units": unit} if unit else {})})
-        return data
+        return xarray.decode_cf(xarray.Dataset(variables, coordinates, dict(self.attributes)))
 
     def write_netcdf(self, path: Path) -> None:
         """Write NetCDF 3 (64-bit offset) with the attributes of the CF conventions."""
@@ -92,13 +100,15 @@ class CoverageMap:
             for name, words in self.attributes.items():
                 setattr(file, name, words.encode())
             for name, values in {**self.coordinates, **_places(self.grid)}.items():
-                _write_coordinate(file, name, values)
+                _write_coordinate(file, name, values, self.coordinate_attributes(name))
             for each in self.layers:
                 values = _storable(each.values)
                 variable = file.createVariable(each.name, values.dtype, (*each.dims, *PLACES))
                 variable[:] = values
                 variable.long_name, variable.comment = each.title.encode(), each.definition.encode()
                 variable.units = each.unit.encode()
+                if values.dtype.kind == "f":
+                    variable._FillValue = values.dtype.type(np.nan)
 
     def write_parquet(self, path: Path) -> None:
         """Write one row for each cell and combination of dimensions of the layers that have the most of them."""
@@ -121,7 +131,10 @@ class CoverageMap:
             values = _storable(each.values).reshape(*own_shape, *self.grid.shape)
             columns[each.name] = np.broadcast_to(values, whole).ravel()
         texts = {f"opir_{name}": words for name, words in self.attributes.items()}
-        table = pa.table(columns).replace_schema_metadata(texts)
+        described = {each.name: {"units": each.unit, "long_name": each.title} for each in still}
+        described |= {name: self.coordinate_attributes(name) for name in columns if name not in described}
+        fields = [pa.field(name, pa.array(own[:0]).type, metadata=described[name]) for name, own in columns.items()]
+        table = pa.table(columns, schema=pa.schema(fields, metadata=texts))
         pq.write_table(table, path, compression="zstd")
 
 
@@ -129,7 +142,7 @@ def _places(grid: PlaceGrid) -> dict[str, FloatArray]:
     return {"latitude": grid.latitude_deg, "longitude": grid.longitude_deg}
 
 
-def _write_coordinate(file: Any, name: str, values: Any) -> None:
+def _write_coordinate(file: Any, name: str, values: Any, attributes: Mapping[str, str]) -> None:
     own = np.asarray(values)
     file.createDimension(name, len(own))
     if own.dtype.kind == "U":
@@ -138,12 +151,12 @@ def _write_coordinate(file: Any, name: str, values: Any) -> None:
         file.createDimension(f"{name}_letters", width)
         variable = file.createVariable(name, "c", (name, f"{name}_letters"))
         variable[:] = np.array([list(text.encode().ljust(width)) for text in own.tolist()], dtype=np.uint8).view("S1")
+        variable.long_name = attributes["long_name"].encode()
         return
     variable = file.createVariable(name, "f8", (name,))
     variable[:] = own
-    unit = _PLACE_UNITS.get(name) or DIMENSIONS[name][0]
-    variable.units = unit.encode()
-    variable.long_name = (name if name in _PLACE_UNITS else DIMENSIONS[name][1]).encode()
+    for key, words in attributes.items():
+        setattr(variable, key, words.encode())
 
 
 def _storable(values: NDArray[Any]) -> NDArray[Any]:

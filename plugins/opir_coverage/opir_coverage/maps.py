@@ -27,7 +27,11 @@ def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -
         corners = equal_earth(*np.meshgrid(*edges, indexing="ij"))
         known = values[np.isfinite(values)]
         low, high = np.quantile(known, _LIMITS) if known.size else (0.0, 1.0)
-        mesh = axes.pcolormesh(*corners, values, cmap="viridis", vmin=low, vmax=max(high, low + 1e-9), rasterized=True)
+        colours = "viridis"
+        if "minus" in found.attributes:
+            high = max(abs(low), abs(high))
+            low, colours = -high, "PuOr_r"
+        mesh = axes.pcolormesh(*corners, values, cmap=colours, vmin=low, vmax=max(high, low + 1e-9), rasterized=True)
         _draw_ground(axes)
         unit = "" if layer.unit == "1" else f", {layer.unit}"
         extend = _beyond(known, low, high)

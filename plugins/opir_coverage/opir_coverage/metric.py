@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import numpy as np
 from attrs import frozen
 
 from opir_core import Run
@@ -34,7 +33,7 @@ class CoverageMetric:
         return {
             "covered": float(weights @ share),
             "always_covered": float(weights[found["gaps"].values.ravel() == 0].sum()),
-            "longest_gap_s": float(np.nan_to_num(gap_s).max()),
+            "longest_gap_s": float(gap_s.max()),
             "sensors": float(len(run.plan.sensors)),
         }
 

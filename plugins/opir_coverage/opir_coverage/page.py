@@ -20,6 +20,8 @@ from opir_coverage.summary import name_of, words_of
 _LOG_RATIO = 100.0
 #: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
 _LIMITS, _BULK = (0.01, 0.99), 0.6
+#: Dimensions, the last of a layer, over which its colours are the same, so that maps may be compared.
+_SHARED = ("azimuth", "launch_time", "time")
 
 
 def page_of(found: CoverageMap, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -46,7 +48,7 @@ def _data(found: CoverageMap) -> dict[str, Any]:
     is_difference = "minus" in found.attributes
     names = ("PuOr_r",) if is_difference else ("viridis",)
     return {
-        "layers": [_layer(each, found.grid.weights(), is_difference=is_difference) for each in found.layers],
+        "layers": [_layer(each, found, is_difference=is_difference) for each in found.layers],
         "coordinates": {name: list(own) for name, own in found.coordinates.items()},
         "dimensions": {name: list(words) for name, words in DIMENSIONS.items()},
         "rows": found.grid.shape[0],
@@ -66,7 +68,7 @@ _HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
 def _subtitle(found: CoverageMap) -> str:
     words, count = found.attributes, len(found.attributes["sensors"].split(", "))
     launched = "" if words["launches"] == "none" else f"; launches of {words['launches']}"
-    return f"{count} sensors from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
+    return f"{count} sensors, {words['interval']} from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
 
 
 def _row(row: Mapping[str, Any]) -> str:
@@ -84,7 +86,7 @@ def _palette(name: str) -> str:
     return (np.round(colormaps[name](np.arange(256))[:, :3] * 255).astype(np.uint8)).tobytes().hex()
 
 
-def _layer(layer: Layer, weights: FloatArray, *, is_difference: bool) -> dict[str, Any]:
+def _layer(layer: Layer, found: CoverageMap, *, is_difference: bool) -> dict[str, Any]:
     """Return a layer with its values in whole steps of a linear or logarithmic scale, compressed."""
     values = np.asarray(layer.values, dtype=np.float64)
     known = values[np.isfinite(values)]
@@ -97,7 +99,12 @@ def _layer(layer: Layer, weights: FloatArray, *, is_difference: bool) -> dict[st
     kind = np.uint8 if is_small or top <= 254 else np.uint16
     empty = np.iinfo(kind).max
     packed = np.where(np.isfinite(values), np.clip(steps, 0, top), empty).astype(kind)
-    shown = _shown(values.ravel(), weights, low, high, is_log=is_log, is_difference=is_difference)
+    weights, alone = found.grid.weights(), [name for name in layer.dims if name not in _SHARED]
+    parts = values.reshape(*(len(found.coordinates[name]) for name in alone), -1)
+    shown = [
+        _shown(part, weights, low, high, is_log=is_log, is_difference=is_difference)
+        for part in parts.reshape(-1, parts.shape[-1])
+    ]
     return {
         "name": layer.name,
         "title": layer.title,
@@ -110,6 +117,7 @@ def _layer(layer: Layer, weights: FloatArray, *, is_difference: bool) -> dict[st
         "top": max(top, 1),
         "log": is_log,
         "shown": shown,
+        "alone": alone,
         "data": b64encode(zlib.compress(packed.tobytes(), 6)).decode(),
     }
 
@@ -136,10 +144,11 @@ def _steps(values: FloatArray, low: float, high: float, top: int, *, is_log: boo
 def _shown(
     values: FloatArray, weights: FloatArray, low: float, high: float, *, is_log: bool, is_difference: bool
 ) -> tuple[float, float]:
-    """Return the values between which colours run."""
+    """Return the values between which the colours of one map, or of alike ones, run."""
     known = np.isfinite(values)
     if not known.any():
         return low, high
+    low, high, _ = _scale(values[known], is_difference=is_difference)
     order = np.argsort(values[known])
     share = np.cumsum(np.resize(weights, values.shape)[known][order])
     ends = np.minimum(np.searchsorted(share, np.multiply(_LIMITS, share[-1])), len(share) - 1)

@@ -45,6 +45,21 @@ def _figures(values: Any, weights: Any) -> dict[str, Any]:
     }
 
 
+def step_note(found: CoverageMap) -> str:
+    """Return a note if accesses or gaps last one step of time, so that shorter ones are missed; "" if not."""
+    time_s = found.coordinates.get("time", ())
+    if len(time_s) < 2 or "minus" in found.attributes:
+        return ""
+    step_s = float(time_s[1]) - float(time_s[0])
+    shortest_s = [np.asarray(found[name].values) for name in ("access_duration_min", "revisit_time_min")]
+    if not any(np.any((each > 0.0) & (each <= step_s)) for each in shortest_s):
+        return ""
+    return (
+        f"some accesses or gaps last one step of {step_s:g} s or less, so that shorter ones are missed; "
+        f"--steps {round(len(time_s) * step_s / 60.0)} has a step each minute"
+    )
+
+
 def as_text(rows: Sequence[dict[str, Any]]) -> str:
     """Return the table as text."""
     head = ("layer", "of", "min", "mean", "max", "unit", "% of area")

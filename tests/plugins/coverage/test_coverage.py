@@ -98,7 +98,7 @@ def test_requirements_are_read_and_refused():
 
 
 def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
-    """Cells without a value, never seen or without a gap, do not meet it."""
+    """Cells without a value, never seen, do not meet it; those without a gap meet a limit of gaps."""
     words = ("age_of_data_mean<=1800", "revisit_time_max<=3600")
     settings = {**COARSE, "target_class": None, "assets": (4,), "heights_km": (10.0,)}
     found = computed_coverage(SCENE, CoverageSettings(**settings, requirements=tuple(map(Requirement.of, words))))
@@ -108,6 +108,7 @@ def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
         row = next(each for each in table_rows(found) if each["layer"] == f"share_{number}")
         assert row["mean"] == pytest.approx(percent_below(values, np.nextafter(limit, np.inf), weights))
         assert row["percent_of_area"] == pytest.approx(100.0)
+        assert number == 1 or np.array_equal(values == 0.0, found["gaps"].values.reshape(-1) == 0)
         assert words[number - 1] in as_text([row])
 
 

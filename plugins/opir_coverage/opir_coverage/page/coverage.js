@@ -26,16 +26,20 @@
     const share = step / layer.top;
     return layer.log ? layer.low * Math.pow(layer.high / layer.low, share) : layer.low + share * (layer.high - layer.low);
   };
+  const rowOf = (names) => names.reduce((row, name) => row * data.coordinates[name].length + (chosen[name] || 0), 0);
+  const shownOf = (layer) => layer.shown[rowOf(layer.alone)];
   const shareOf = (layer, value) => {
-    const [low, high] = layer.shown;
+    const [low, high] = shownOf(layer);
     const share = layer.log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     return Math.min(Math.max(share, 0), 1);
   };
-  const text = (value, unit) => {
-    if (!Number.isFinite(value)) return "none";
-    if (unit === "s" && Math.abs(value) >= 600) return `${(value / 60).toPrecision(4) * 1} min`;
-    return `${value.toPrecision(4) * 1}${unit ? ` ${unit === "percent" ? "%" : unit === "degree" ? "°" : unit}` : ""}`;
+  // The unit in which values are shown, and how much of the layer's it is.
+  const unitOf = (layer) => {
+    const most = Math.max(...shownOf(layer).map(Math.abs));
+    if (layer.unit === "s" && most >= 600) return most >= 7200 ? ["h", 3600] : ["min", 60];
+    return [{ percent: "%", degree: "°" }[layer.unit] || layer.unit, 1];
   };
+  const text = (value, unit) => Number.isFinite(value) ? `${value.toPrecision(4) * 1}${unit ? ` ${unit}` : ""}` : "none";
   const coordinate = (name, value) => {
     if (name === "launch_time" || name === "time") return new Date(Date.parse(data.epoch) + value * 1000).toISOString().slice(0, 16).replace("T", " ") + " UTC";
     const [unit] = data.dimensions[name];
@@ -66,11 +70,7 @@
   };
 
   const layerNow = () => data.layers[chosen.layer];
-  const offset = (layer) => {
-    let row = 0;
-    for (const name of layer.dims) row = row * data.coordinates[name].length + (chosen[name] || 0);
-    return row * data.rows * data.columns;
-  };
+  const offset = (layer) => rowOf(layer.dims) * data.rows * data.columns;
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
   const draw = () => {
@@ -120,7 +120,7 @@
   };
 
   const ticks = (layer) => {
-    const [low, high] = layer.shown;
+    const [, size] = unitOf(layer), [low, high] = shownOf(layer).map((each) => each / size);
     if (layer.log) {
       const found = [];
       for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) for (const digit of [1, 2, 5]) found.push(digit * 10 ** power);
@@ -144,20 +144,22 @@
     }
     context.strokeStyle = css("muted"); context.lineWidth = ratio; context.strokeRect(edge, 0.5, long, deep);
     context.fillStyle = css("ink"); context.font = `${12 * ratio}px system-ui, "DejaVu Sans", sans-serif`; context.textAlign = "center"; context.textBaseline = "top";
+    const [unit, size] = unitOf(layer);
     let end = -1e9;
     for (const value of ticks(layer)) {
-      const x = edge + long * shareOf(layer, value), words = text(value, "");
+      const x = edge + long * shareOf(layer, value * size), words = text(value, "");
       context.fillRect(x - 0.5 * ratio, deep, ratio, below);
       const half = context.measureText(words).width / 2, middle = Math.min(Math.max(x, half), scale.width - half);
       if (middle - half > end + 6 * ratio) { context.fillText(words, middle, deep + below + ratio); end = middle + half; }
     }
     context.textAlign = "left";
-    context.fillText(`${layer.title}${layer.unit ? `, ${layer.unit === "percent" ? "%" : layer.unit}` : ""}${layer.log ? ", logarithmic" : ""}${data.difference ? ", difference" : ""}; no colour: none`, edge, deep + below + 17 * ratio);
+    const marks = [`${layer.title}${unit ? ` [${unit}]` : ""}`, layer.log ? "logarithmic" : "", data.difference ? "difference" : ""];
+    context.fillText(marks.filter(Boolean).join(", "), edge, deep + below + 17 * ratio);
   };
 
   const show = async () => {
     const layer = layerNow();
-    $("definition").textContent = layer.definition;
+    $("definition").textContent = `${layer.definition}; no colour: none`;
     if (!values.has(layer.name)) values.set(layer.name, await unpacked(layer));
     const times = layer.dims.includes("time") ? data.coordinates.time : null;
     $("clock").hidden = times === null;
@@ -183,7 +185,8 @@
     if (cell === undefined || cell < 0 || !own) return;
     const lat = Math.floor(cell / data.columns) * data.step - 90 + data.step / 2, lon = (cell % data.columns) * data.step - 180 + data.step / 2;
     const words = `${Math.abs(lat)}° ${lat < 0 ? "S" : "N"} ${Math.abs(lon)}° ${lon < 0 ? "W" : "E"}`;
-    $("reading").textContent = `${words}: ${text(valueOf(layer, own[offset(layer) + cell]), layer.unit)}`;
+    const [unit, size] = unitOf(layer);
+    $("reading").textContent = `${words}: ${text(valueOf(layer, own[offset(layer) + cell]) / size, unit)}`;
   };
 
   data.layers.forEach((layer, row) => $("layer").append(new Option(layer.title, row)));
