@@ -27,7 +27,7 @@ from opir_report.plots.trades import (
     trade_plot,
 )
 from opir_report.saved_study import SavedStudy, joined_studies, read_study
-from opir_report.words import axis_label, number_words
+from opir_report.words import axis_label, number_words, setting_words
 
 #: Figures of the answer, designs whose differences are drawn, and rows of a table.
 _ANSWERS, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 4, 16, 60
@@ -122,12 +122,18 @@ def _effect(study: SavedStudy, figure: str) -> ReportFigure:
 def _answer_table(study: SavedStudy, figures: Sequence[str]) -> ReportTable:
     rows = {figure: study.rows(figure) for figure in figures}
     first = rows[figures[0]]
+    settings = [study.short_labels(first, [path]) for path in study.paths] or [["the scene"] * len(first)]
     cells = [
-        (label, str(first["runs"][row]), *(mean_text(study, rows[figure], row) for figure in figures))
-        for row, label in enumerate(study.labels(first))
+        (
+            *(values[row] for values in settings),
+            str(first["runs"][row]),
+            *(mean_text(study, rows[figure], row) for figure in figures),
+        )
+        for row in range(len(first))
     ]
     more = f"; the first {_ROWS_SHOWN} of {len(cells)} designs" if len(cells) > _ROWS_SHOWN else ""
-    head = ("design", "runs", *(words_of(study, figure) for figure in figures))
+    names = [setting_words(path)[0] for path in study.paths] or ["design"]
+    head = (*names, "runs", *(words_of(study, figure) for figure in figures))
     return ReportTable(f"Means with 95 % intervals{more}", head, cells[:_ROWS_SHOWN])
 
 

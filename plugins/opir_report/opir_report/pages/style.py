@@ -22,7 +22,7 @@ figure svg * { stroke-linejoin: round; stroke-linecap: butt; }
 .scroll { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
 th, td { border-bottom: 1px solid var(--grid); padding: 0.25rem 1.1rem 0.25rem 0; text-align: left; }
-td.n { text-align: right; }
+td.n { text-align: right; white-space: nowrap; }
 tbody th { font-weight: normal; white-space: nowrap; }
 caption { padding-bottom: 0.3rem; }
 @media (max-width: 40rem) { figure svg { min-width: 38rem; } }

@@ -148,7 +148,9 @@ def draw_contours(
     drawn = list(_requirement_contours(axes, (x, y, mean), [each["limit"] / scale.shown.divisor for each in limits]))
     for each in limits:
         _shade_missed(axes, (x, y, mean), each["limit"] / scale.shown.divisor, is_least=each["is_least"])
-    levels = _line_levels(mean, is_log=scale.is_log)
+    levels = np.setdiff1d(
+        _line_levels(mean, is_log=scale.is_log), [each["limit"] / scale.shown.divisor for each in limits]
+    )
     if len(levels):
         lines = axes.contour(x, y, mean, levels=levels, colors=[SERIES[0]], linewidths=1.0)
         axes.clabel(lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines))
