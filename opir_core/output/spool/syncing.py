@@ -5,8 +5,9 @@ from collections.abc import Callable
 
 from opir_core.errors import reason_of
 
-#: Time, s, from a write into a spool to its sync: with what the disk takes, the longest time that a power cut may undo.
-SPOOL_SYNC_S = 0.5
+#: Time, s, from a write into a spool to its sync. A power cut may undo so much, and what the disk and a busy machine
+#: take, together at most a second.
+SPOOL_SYNC_S = 0.25
 #: Shortest time, s, between two syncs of a sink, after which its events are acknowledged.
 SINK_SYNC_S = 0.05
 
