@@ -128,8 +128,7 @@ def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float)
     start = arcs.heights_m(np.zeros_like(height_m)) - height_m
     on_surface = np.abs(start) <= on_surface_m
     probes = _probes(arcs, _cuts(arcs, height_m), on_surface)
-    every = arcs.at(np.tile(np.arange(start.size), len(probes)))
-    outside = every.heights_m(probes.ravel()).reshape(probes.shape) > height_m
+    outside = arcs.at(np.arange(probes.size) % start.size).heights_m(probes.ravel()).reshape(probes.shape) > height_m
     outside[0] = start > on_surface_m
     falls = outside[:-1] & ~outside[1:]
     first, column = np.argmax(falls, axis=0), np.arange(start.size)

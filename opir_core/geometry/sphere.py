@@ -45,8 +45,7 @@ class AzimuthalEquidistant:
     @classmethod
     def about(cls, up: FloatArray) -> "AzimuthalEquidistant":
         """Return the map about the direction of a vector (3,) from the Earth's centre."""
-        up = up / np.sqrt(up @ up)
-        x, y, z = up.tolist()
+        x, y, z = (up / np.sqrt(up @ up)).tolist()
         longitude = atan2(y, x)
         east, ahead = -sin(longitude), cos(longitude)
         return cls(np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]]))
@@ -77,6 +76,4 @@ class AzimuthalEquidistant:
         angle = far_m / EARTH_EQUATORIAL_RADIUS_M
         ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
         x, y, z = self.axes[:2].T @ (point * ratio[:, None]).T + self.axes[2, :, None] * np.cos(angle)
-        place = np.empty((len(point), 2))
-        place[:, 0], place[:, 1] = np.arctan2(z, np.sqrt(x * x + y * y)), np.arctan2(y, x)
-        return place
+        return np.array([np.arctan2(z, np.sqrt(x * x + y * y)), np.arctan2(y, x)]).T

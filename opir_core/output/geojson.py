@@ -104,12 +104,9 @@ def _ring_from(positions: Any) -> FloatArray:
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
-    if not region.polygons:
-        return {"type": "MultiPolygon", "coordinates": []}
     polygons = [part for polygon in region.polygons for part in _parts(polygon, region)]
-    if len(polygons) == 1:
-        return {"type": "Polygon", "coordinates": polygons[0]}
-    return {"type": "MultiPolygon", "coordinates": polygons}
+    kind, coordinates = ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
+    return {"type": kind, "coordinates": coordinates}
 
 
 #: From this area on a ring alone does not tell which pole it holds, or whether it holds both, km²: a cap of 40 degrees.
@@ -118,9 +115,8 @@ _WIDE_KM2 = 6e7
 
 def _poles_in(plane: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...]:
     """Return the latitudes of the poles inside a ring of the map, degrees."""
-    latitudes = -_POLE_DEG, _POLE_DEG
-    places = chart.points(np.radians([[each, 0.0] for each in latitudes]))
-    return tuple(each for each, place in zip(latitudes, places, strict=True) if _is_inside(place, plane[:-1]))
+    places = chart.points(np.radians([[-_POLE_DEG, 0.0], [_POLE_DEG, 0.0]]))
+    return tuple(pole for pole, at in zip((-_POLE_DEG, _POLE_DEG), places, strict=True) if _is_inside(at, plane[:-1]))
 
 
 def _parts(polygon: Sequence[FloatArray], region: ImpactRegion) -> list[Any]:
@@ -312,8 +308,8 @@ def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
     for start in starts:
         length = int(np.argmin(twice[start:]))
         part = ring[np.arange(start, start + length) % count]
-        before, after = ring[start - 1], ring[(start + length) % count]
-        ends = _crossing(before, part[0], edge_deg), _crossing(part[-1], after, edge_deg)
+        after = ring[(start + length) % count]
+        ends = _crossing(ring[start - 1], part[0], edge_deg), _crossing(part[-1], after, edge_deg)
         chains.append(np.concatenate([ends[:1], part, ends[1:]]))
     return chains
 

@@ -155,7 +155,10 @@ class _Thrust:
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return scalar products (p,) of vectors (3, p)."""
-    product: FloatArray = np.add.reduce(one * other)
+    (x, y, z), (u, v, w) = one, other
+    product: FloatArray = x * u
+    product += y * v
+    product += z * w
     return product
 
 
