@@ -105,10 +105,10 @@ class CoverageMap:
                 values = _storable(each.values)
                 variable = file.createVariable(each.name, values.dtype, (*each.dims, *PLACES))
                 variable[:] = values
-                variable.long_name, variable.comment = each.title.encode(), each.definition.encode()
-                variable.units = each.unit.encode()
-                if values.dtype.kind == "f":
-                    variable._FillValue = values.dtype.type(np.nan)
+                missing = {"_FillValue": values.dtype.type(np.nan)} if values.dtype.kind == "f" else {}
+                texts = {"long_name": each.title, "comment": each.definition, "units": each.unit}
+                for key, value in {**{key: text.encode() for key, text in texts.items()}, **missing}.items():
+                    setattr(variable, key, value)
 
     def write_parquet(self, path: Path) -> None:
         """Write one row for each cell and combination of dimensions of the layers that have the most of them."""
