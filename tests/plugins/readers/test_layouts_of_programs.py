@@ -196,7 +196,7 @@ def test_exponents_of_fortran_are_read():
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "is an Excel or Word file: export CSV"),
         (b"\x93NUMPY\x01\x00v\x00" + bytes(99), "is a NumPy array: export CSV"),
         (b"SQLite format 3\x00" + bytes(99), "is an SQLite database"),
-        (gzip.compress(gzip.compress(b"time_s"), mtime=0), "is compressed twice"),
+        (gzip.compress(gzip.compress(b"time_s", mtime=0), mtime=0), "is compressed twice"),
         (bytes(range(256)) * 9, "is binary, not text"),
         (b"\x80\x04\x95" + bytes(60), "is binary, not text"),
         ("time_s,x".encode("utf-16-le"), "is UTF-16 without a byte-order mark; save it as UTF-8"),
