@@ -7,7 +7,6 @@ process-noise density that an Ornstein–Uhlenbeck process of these has, as a sh
 from itertools import pairwise
 
 import numpy as np
-from opir_trackers.configs import ThrustConfig
 from opir_trackers.filter.thrust import across_share_at
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, MISSILE, RATIO, vehicle_model
@@ -37,15 +36,14 @@ def boosts(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def main() -> None:
     """Print the table."""
     speed, angle = boosts(1)
-    lag, thrust = int(LAG_S / STEP_S), ThrustConfig()
-    late = np.tan(np.radians(thrust.tilt_deg)) * np.sqrt(2.0 / thrust.tilt_s)
+    lag = int(LAG_S / STEP_S)
     for low, high in pairwise(EDGES_M_S):
         here = (speed >= low) & (speed < high) & np.isfinite(angle)
         both = here[:-lag] & np.isfinite(angle[lag:])
         square = np.mean(angle[:-lag][both] ** 2)
         correlation_s = -LAG_S / np.log(np.mean(angle[:-lag][both] * angle[lag:][both]) / square)
         density = np.tan(np.sqrt(square)) * np.sqrt(2.0 / correlation_s)
-        mine = across_share_at(late, (0.5 * (low + high)) ** 2)
+        mine = across_share_at(np.tan(np.radians(2.0)) * np.sqrt(2.0 / 30.0), (0.5 * (low + high)) ** 2)
         print(
             f"{low:5d} to {high:5d} m/s: {np.degrees(np.sqrt(square)):4.1f}°, {correlation_s:5.1f} s,"
             f" {density:.3f}, filter {mine:.3f}"

@@ -131,7 +131,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     assert read == evolve(usual, thrust=evolve(usual.thrust, tilt_deg=4.0))
     rows = {row.key: row for row in field_rows(type(usual))}
     assert rows["thrust.tilt_deg"].default_text == "3"
-    assert rows["thrust.tilt_s"].default_text == "120"
+    assert rows["thrust.tilt_s"].default_text == "30"
 
 
 def test_an_exact_key_of_another_model_is_reported_beside_the_slip() -> None:

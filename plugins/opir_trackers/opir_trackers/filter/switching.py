@@ -16,7 +16,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import BOOST, COAST, noise_roots, square_root
+from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
 from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import BurnModes, Burns, FreeBurn, Gaussian, NewStage, are_free, carried
 from opir_trackers.filter.dynamics import Dynamics
@@ -119,15 +119,15 @@ class ImmFilter:
     def _with_residual(self, coast: Gaussian, estimates: ModeEstimates, rows: IntArray, step_s: float) -> Gaussian:
         """Return coasts a step later with the process noise of what still acts after burnout, unseen.
 
-        Thrust fades, stages part: a force below what sensors detect, along the old one. After `RESIDUAL_S` its velocity
+        Thrust fades, stages part: a force below what sensors detect, in any direction. After `RESIDUAL_S` its velocity
         has a standard deviation of `residual_share` of the old force, times that time.
         """
         rows = rows[estimates.detection_rate[rows, 2] < RESIDUAL_S]
         if not rows.size:
             return coast
-        axis = np.zeros((len(rows), COAST, 2))
-        axis[:, :3, 0] = axis[:, 3:, 1] = estimates.burn_mean[rows, 0, COAST : COAST + 3]
-        noise = self.residual_share * np.sqrt(RESIDUAL_S) * noise_roots(np.array([step_s]), COAST // 3) @ axis
+        force = estimates.burn_mean[rows, 0, COAST : COAST + 3]
+        density = self.residual_share * np.sqrt(RESIDUAL_S * dot(force, force))
+        noise = density[:, None, None] * noise_roots(np.array([step_s]), COAST // 3)
         still = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
         root = square_root.time_update(coast[1][rows], still, noise)
         return _with_rows(coast, (coast[0][rows], root), rows)

@@ -42,8 +42,8 @@ SLOW_M_S = 100.0
 
 #: Process-noise density across the velocity, as a share of the force, 1/√s, that a pitch-over adds below about this
 #: speed, m/s. Under the tracker's law of boosts the thrust is off the velocity by 7 to 8.5° (root mean square) at 100
-#: to 400 m/s with a correlation time of 14 s, by 3.6° at 700 m/s, and by 2.5° beyond 1 km/s for 120 s: with the usual
-#: tilt its noise is within a sixth of this curve from 100 to 1 200 m/s (`docs/design/pitch_over.py`).
+#: to 400 m/s with a correlation time of 14 s, by 3.6° at 700 m/s, and by 2.5° beyond 1 km/s for longer: with the usual
+#: tilt its noise is within a third of this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
 PITCH_OVER_SHARE, PITCH_OVER_M_S = 0.045, 600.0
 
 #: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose acceleration triples ends

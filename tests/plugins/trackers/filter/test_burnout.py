@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import coast_from_boost
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import Thrust
 
-from opir_core.estimation.motion import COAST, Motion
 from opir_core.estimation.square_root import covariance
-from opir_core.flight.forces import Forces
 
 FORCE_M_S2, EXACT = 40.0, 1e-3
 
@@ -62,21 +58,3 @@ def test_a_force_that_is_not_known_has_not_acted_since_burnout(copies):
         _, root = coast_from_boost(boosts(30.0, 10.0 / 0.9, force_sigma, copies), 10.0)
         sigmas.append(np.sqrt(covariance(root)[:, 3, 3]))
     assert np.sqrt(sigmas[1] ** 2 - sigmas[0] ** 2) == pytest.approx(10.0 * (10.0 / 0.9 - 5.0), rel=1e-3)
-
-
-@pytest.mark.parametrize("copies", [1, 2])
-def test_a_force_that_acts_unseen_after_burnout_is_along_the_old_one(copies):
-    """After 5 s its velocity has a standard deviation of its share of the old force, times these."""
-    before, variances = boosts(1.0, 0.1, EXACT, copies), []
-    for share in (0.0, 0.05):
-        filter_ = ImmFilter(
-            boost=Thrust(0.05, 120.0, 0.15, 0.0002, Forces()),
-            coast=Motion(COAST, 0.0, Forces()),
-            boost_s=np.inf,
-            coast_s=np.inf,
-            residual_share=share,
-        )
-        variances.append(covariance(filter_.predicted(before, 1.0).coast_root)[:, range(3, 6), range(3, 6)])
-    in_five_s = 5.0 * (variances[1] - variances[0])
-    assert np.sqrt(in_five_s[:, 0]) == pytest.approx(0.05 * FORCE_M_S2 * 5.0, rel=1e-3)
-    assert in_five_s[:, 1:] == pytest.approx(0.0, abs=1e-6)
