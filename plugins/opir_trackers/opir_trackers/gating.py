@@ -83,7 +83,7 @@ def candidates(
     """Return tracks and lines of pairs that may pass the gate, a superset of the gated pairs."""
     count, number = len(predicted.root), len(lines.time_s)
     if count * number <= _ALL_PAIRS:
-        return divmod(np.arange(count * number), max(number, 1))
+        return divmod(np.arange(count * number), number or 1)
     sensor, which = np.unique(lines.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts

@@ -91,7 +91,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 1265), ({"slice_s": 0.5}, 2500)],
+    [({}, 1250), ({"slice_s": 0.5}, 2500)],
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
@@ -100,7 +100,8 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
     What it is was decided before: of that only the table of hypotheses is composed.
     """
     calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
-    assert np.median(calls[20:]) <= most
+    # Half of the ten ticks have new impact regions or compare sensors.
+    assert sorted(calls[20:])[4] <= most
 
 
 @pytest.mark.slow
@@ -124,12 +125,12 @@ def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
 
 @pytest.mark.slow
 def test_new_impact_regions_take_few_calls() -> None:
-    """They are due every five seconds. Particles are columns, not rows of a loop: 256 of them would take more.
+    """They are due at multiples of five seconds. Particles are columns, not rows of a loop: 256 would take more.
 
     The numbers of burns and families vary with the flight, and from a tick to the next: the first of these ticks, which
     takes the most calls, builds polygons too, since the law of elevations leaves enough particles to say where.
     """
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
     renewed = calls[calls > 5000]
-    assert len(renewed) == 5
+    assert len(renewed) == 6
     assert max(renewed) <= 12_900

@@ -143,15 +143,10 @@ class Forecaster:
         if latest is None or is_dark != latest.is_dark:
             return True
         since_s = tick_s - latest.tick_s
-        is_new = self._period(number, tick_s) > self._period(number, latest.tick_s)
+        # Tracks of a group have the same periods, so one batch renews them; groups take turns, so no tick renews all.
+        turn_s = number // _GROUP + 1e-6
+        is_new = (tick_s + turn_s) // self._every_s > (latest.tick_s + turn_s) // self._every_s
         return is_new and since_s >= _SILENT_SHARE * silent_s - 1e-6 and silent_s - since_s < LONGEST_GAP_S
-
-    def _period(self, number: int, tick_s: float) -> int:
-        """Return the number of the period of `every_s` of a track at a tick.
-
-        Tracks of a group have the same periods, so one batch renews them; groups take turns, so no tick renews all.
-        """
-        return int((tick_s + number // _GROUP + 1e-6) // self._every_s)
 
     def _renew(self, rows: IntArray, tracks: Tracks, estimates: ModeEstimates, log: FloatArray) -> None:
         from opir_trackers.forecast.forecast import forecasts
