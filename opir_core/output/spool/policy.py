@@ -83,6 +83,8 @@ class Closing:
     acknowledged_at: float
     since: float | None = field(default=None, init=False)
     end_at: float = field(default=math.inf, init=False)
+    #: Whether the transport is being closed: a `send` under way may raise then, and its batch stays.
+    is_over: bool = field(default=False, init=False)
 
     def is_stalled(self, now_s: float, *, has_trouble: bool = False) -> bool:
         """Return whether no acknowledgement has come for too long, or the deadline is over; never before closing."""

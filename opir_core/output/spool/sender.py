@@ -91,7 +91,7 @@ class Sender:
             if overdue := self._overdue(self.closing.policy.stall_s):
                 self.error = self.error or SinkError(f"{self.store.name}: {overdue}")
                 break
-        trouble = self.trouble
+        trouble, self.closing.is_over = self.trouble, True
         wait_s = min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic()))
         try:
             CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True)
@@ -110,7 +110,8 @@ class Sender:
                 self.wake.wait(SLEEP_S)
                 self.wake.clear()
         except Exception as error:
-            self.error = error
+            if not self.closing.is_over:
+                self.error = error
         with self.store.room:
             self.store.room.notify_all()
 

@@ -407,3 +407,27 @@ def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time
     assert reported.delivered + reported.spooled == 300
     assert reported.delivered == (tmp_path / "lines").read_bytes().count(b"\n")
     assert reported.spooled > 0
+
+
+class Overtaken(Holding):
+    """A carrier whose `send` is under way when it is closed, and raises then."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_closed = threading.Event()
+
+    def send(self, batch: Batch) -> "Future[None]":
+        self.is_closed.wait(30.0)
+        raise OSError("closed")
+
+    def close(self, wait_s: float) -> None:
+        self.is_closed.set()
+        time.sleep(0.2)
+
+
+def test_a_send_that_a_close_overtakes_is_no_defect_and_its_events_stay(tmp_path: Path) -> None:
+    sink = spooled(tmp_path / "spool", Overtaken(), Policy(stall_s=60.0))
+    sink.write(window(3))
+    sink.close_by(time.monotonic() + 2.2)
+    reported = sink.close()
+    assert (reported.delivered, reported.spooled) == (0, 3)
