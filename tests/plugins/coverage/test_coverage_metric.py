@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from opir_coverage import CoverageSettings, computed_coverage
 from opir_studies import Study, sweep
+from opir_testing import MetricContract
 
 from opir_core import scene_from_mapping
+
+
+class TestCoverage(MetricContract):
+    name = "coverage"
+
 
 WALKER = {"per_plane": 1, "planes": 5, "phasing": 1, "inclination_deg": 43.66, "altitude_km": 13_000.0}
 SENSOR = {"model": "generic-scanner", "field_of_regard_half_angle_deg": 90.0, "solar_exclusion_deg": 0.0}
