@@ -10,11 +10,6 @@ from opir_testing import MetricContract
 
 from opir_core import scene_from_mapping
 
-
-class TestCoverage(MetricContract):
-    name = "coverage"
-
-
 WALKER = {"per_plane": 1, "planes": 5, "phasing": 1, "inclination_deg": 43.66, "altitude_km": 13_000.0}
 SENSOR = {"model": "generic-scanner", "field_of_regard_half_angle_deg": 90.0, "solar_exclusion_deg": 0.0}
 SCENE = {
@@ -25,6 +20,10 @@ SCENE = {
     "targets": [],
 }
 PLANES, HEIGHT = "sensors[0].fleet.walker.planes", "sensors[0].fleet.walker.altitude_km"
+
+
+class TestCoverage(MetricContract):
+    name = "coverage"
 
 
 @pytest.fixture(scope="module")
