@@ -22,6 +22,7 @@ from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
 from opir_trackers.forecast.deferred_regions import DeferredRegion, Outline, Outlines
+from opir_trackers.forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
 CELLS, BEYOND = 56, 3.0
@@ -43,13 +44,6 @@ NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
 
 #: Least and largest ratio of a kernel's width to that of the first density.
 _LOCAL = 0.1, 2.0
-
-
-#: Longest edge of a region, m.
-LONGEST_EDGE_M = 100e3
-
-#: Distance from the centre of the map to which regions reach, m: a kilometre short of the antipode.
-_FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
 
 
 #: Regions along a flight end here, m from where it is: a thousand kilometres short of the antipode.
@@ -98,7 +92,7 @@ class LogPolar(Plane):
     def stretch(self, curved: FloatArray) -> FloatArray:
         """Return the areas, m²."""
         total = np.exp(curved[..., 0])
-        angle = np.clip(total - NEAR_M, NEAR_M, _FARTHEST_M) / EARTH_EQUATORIAL_RADIUS_M
+        angle = np.clip(total - NEAR_M, NEAR_M, FARTHEST_M) / EARTH_EQUATORIAL_RADIUS_M
         area: FloatArray = EARTH_EQUATORIAL_RADIUS_M * np.sin(angle) * total
         return area
 
@@ -149,8 +143,8 @@ def _outlines_of(
     plane, weight = chart.points(place[heavy]), weight[heavy]
     frame = coordinates(plane, weight) if is_along else Plane()
     contours = _Contours(frame, frame.curved(plane), weight)
-    outlines = [contours.around(share) for share in TRACK_CONTAINMENTS]
-    points = _on_earth(np.concatenate([ring for ring, _ in outlines]))
+    outlines = [within_map(*contours.around(share)) for share in TRACK_CONTAINMENTS]
+    points = np.concatenate([ring for ring, _ in outlines])
     places, start, found = chart.places(points), 0, []
     for ring, cuts in outlines:
         polygons = [[slice(start + one, start + two) for one, two in pairwise(rings)] for rings in cuts]
@@ -317,14 +311,6 @@ def _outlines(frame: Plane, ring: FloatArray, edges: list[list[int]]) -> tuple[F
     between = ring[start] + share[:, None] * (ring[start + 1] - ring[start])
     moved = np.append(place, place[-1] + 1)
     return frame.flat(np.concatenate([between, ring[-1:]])), [moved[rings].tolist() for rings in edges]
-
-
-def _on_earth(ring: FloatArray) -> FloatArray:
-    """Return a ring with the points beyond the antipode moved to the edge of the map: there is no more Earth."""
-    far = np.sqrt(np.sum(ring * ring, axis=1))
-    share = np.minimum(1.0, _FARTHEST_M / np.maximum(far, 1.0))
-    inside: FloatArray = ring * share[:, None]
-    return inside
 
 
 def map_area_m2(ring: FloatArray) -> float:

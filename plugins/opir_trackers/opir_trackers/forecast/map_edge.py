@@ -1,0 +1,118 @@
+"""Rings of a map cut at its edge: beyond the antipode of the centre there is no more Earth.
+
+Points beyond the edge that are moved onto it make rings that run along it there and back. So rings are cut: what is
+left of them are chains that end on the edge, and each continues along the edge with the next one (Weiler and Atherton,
+Computer Graphics 11(2), 1977, for a convex window).
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+
+#: Longest edge of a region, m.
+LONGEST_EDGE_M = 100e3
+
+#: Distance from the centre of the map to its edge, m: a kilometre short of the antipode.
+FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
+
+
+def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:
+    """Return points (k, 2), m, of the rings of polygons within the edge, and where rings begin and end, by polygon.
+
+    Arguments are alike. Rings are closed, and the first of a polygon is the outer one; its interior is on one side of
+    all its rings.
+    """
+    if not len(point) or np.sum(point * point, axis=1).max() <= FARTHEST_M**2:
+        return point, edges
+    polygons = [part for starts in edges for part in _cut([point[one:two] for one, two in pairwise(starts)])]
+    rings = [ring for polygon in polygons for ring in polygon]
+    ends, first, cuts = np.cumsum([0, *map(len, rings)]).tolist(), 0, []
+    for polygon in polygons:
+        cuts.append(ends[first : first + len(polygon) + 1])
+        first += len(polygon)
+    return np.concatenate([*rings, np.empty((0, 2))]), cuts
+
+
+def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
+    """Return a polygon as those that lie within the edge."""
+    holes, chains, turns_about_centre = [], [], 0
+    for number, ring in enumerate(rings):
+        is_within = np.sum(ring[:-1] ** 2, axis=1) <= FARTHEST_M**2
+        if is_within.all() and not number:
+            return [rings]
+        if is_within.all():
+            holes.append(ring)
+        elif is_within.any():
+            chains += _chains(ring[:-1], is_within)
+        else:
+            turns_about_centre += _holds(ring, np.zeros(2))
+    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
+    outers = _joined(chains, way)
+    if not chains and turns_about_centre % 2:
+        circle = _arc(0.0, way * 2.0 * np.pi)
+        outers = [np.concatenate([circle, circle[:1]])]
+    return [[outer, *(hole for hole in holes if _holds(outer, hole[0]))] for outer in outers]
+
+
+def _chains(ring: FloatArray, is_within: BoolArray) -> list[FloatArray]:
+    """Return the parts of an open ring within the edge, with their ends on it."""
+    enters = np.flatnonzero(is_within & ~np.roll(is_within, 1))
+    chains = []
+    for first in enters:
+        turned, within = np.roll(ring, -first, axis=0), np.roll(is_within, -first)
+        count = int(np.argmin(within))
+        ends = _on_edge(turned[0], turned[-1]), _on_edge(turned[count - 1], turned[count])
+        chains.append(np.concatenate([ends[0][None], turned[:count], ends[1][None]]))
+    return chains
+
+
+def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
+    """Return where a short line (2,) to (2,) crosses the edge."""
+    near_m, far_m = np.hypot(*inner), np.hypot(*outer)
+    between = inner + (FARTHEST_M - near_m) / (far_m - near_m) * (outer - inner)
+    crossed: FloatArray = between * (FARTHEST_M / np.hypot(*between))
+    return crossed
+
+
+def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
+    """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is 1, with the next."""
+    angle = [np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains]
+    left, rings = set(range(len(chains))), []
+    while left:
+        first = number = min(left)
+        parts = []
+        while number in left:
+            left.remove(number)
+            end = angle[number][1]
+            turns = [(way * (start - end)) % (2.0 * np.pi) for start, _ in angle]
+            parts += [chains[number], _arc(end, way * min(turns))]
+            number = int(np.argmin(turns))
+        rings.append(np.concatenate([*parts, chains[first][:1]]))
+    return rings
+
+
+def _arc(start: float, turn: float) -> FloatArray:
+    """Return points (k, 2), m, around the edge, from an angle on for a turn, rad: lines between them touch the edge.
+
+    A chain that is close to the edge would cross chords of it.
+    """
+    count = 1 + int(abs(turn) * FARTHEST_M / LONGEST_EDGE_M)
+    half = 0.5 * turn / count
+    angle = start + half * np.arange(1, 2 * count, 2)
+    return FARTHEST_M / np.cos(half) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _signed_area(ring: FloatArray) -> float:
+    x, y = ring.T
+    return 0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+
+
+def _holds(ring: FloatArray, point: FloatArray) -> bool:
+    """Return whether a point lies in a closed ring: a ray from it crosses the ring an odd number of times."""
+    x, y = (ring - point).T
+    rows = np.flatnonzero((y[:-1] > 0.0) != (y[1:] > 0.0))
+    at = x[rows] - y[rows] * (x[rows + 1] - x[rows]) / (y[rows + 1] - y[rows])
+    return bool(np.count_nonzero(at > 0.0) % 2)
