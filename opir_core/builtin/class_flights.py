@@ -18,7 +18,7 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
-    from opir_core.builtin.further_targets import ClassConfig, GlideConfig
+    from opir_core.builtin.target_models import ClassConfig, GlideConfig
     from opir_core.flight.aiming import Aim
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight

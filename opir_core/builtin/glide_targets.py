@@ -15,7 +15,7 @@ from opir_core.builtin.class_flights import (
     other_ranges,
     plain_states,
 )
-from opir_core.builtin.further_targets import GlideConfig
+from opir_core.builtin.target_models import GlideConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight

@@ -18,7 +18,7 @@ from opir_core.builtin.class_flights import (
     plain_places,
     plain_states,
 )
-from opir_core.builtin.further_targets import GravityTurnConfig
+from opir_core.builtin.target_models import GravityTurnConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import surface_range_m
 from opir_core.flight.burns import plain_gaps_s

@@ -16,7 +16,7 @@ from opir_core.builtin.class_flights import (
     plain_place,
     plain_states,
 )
-from opir_core.builtin.further_targets import InsertionConfig
+from opir_core.builtin.target_models import InsertionConfig
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import boost_ephemeris

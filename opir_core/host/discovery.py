@@ -208,8 +208,8 @@ HOOK_OF_KIND: Mapping[str, str] = {**{hook.removeprefix("opir_"): hook for hook 
 #: The core's own plugins, which no allow-list excludes: the module and, where it is imported on demand, its components.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
-    "further-targets": (
-        "opir_core.builtin.further_targets",
+    "target-models": (
+        "opir_core.builtin.target_models",
         frozenset(("opir_target_models", name) for name in ("gravity-turn", "orbit", "glide")),
     ),
     "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),

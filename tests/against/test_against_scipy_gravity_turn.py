@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from opir_core.builtin.configs import AimConfig, LaunchConfig
-from opir_core.builtin.further_targets import GravityTurnConfig
 from opir_core.builtin.gravity_turn_targets import gravity_turn_targets
+from opir_core.builtin.target_models import GravityTurnConfig
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 from opir_core.flight.staged.staging import stagings
 from opir_core.interfaces.contexts import TargetContext

@@ -8,7 +8,7 @@ import pytest
 from attrs import fields, has
 from repository import ROOT
 
-from opir_core.builtin import further_targets, plugin
+from opir_core.builtin import plugin, target_models
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.host.components import CATALOGUE
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
@@ -30,7 +30,7 @@ MODELS = {
 
 
 def offered(hook):
-    offers = [*getattr(plugin, hook)(), *getattr(further_targets, hook, list)()]
+    offers = [*getattr(plugin, hook)(), *getattr(target_models, hook, list)()]
     return {component.name: component for component in offers}
 
 

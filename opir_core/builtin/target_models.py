@@ -1,4 +1,4 @@
-"""The core's plugin of the target models `gravity-turn`, `orbit` and `glide`, imported for scenes that name one."""
+"""The target models `gravity-turn`, `orbit` and `glide`: a plugin of their own, imported for scenes that name one."""
 
 from collections.abc import Iterable
 from typing import Any
