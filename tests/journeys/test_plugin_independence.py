@@ -31,7 +31,7 @@ SCENES = {
 }
 
 #: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes use.
-STRANGER = """
+FOREIGN = """
 from opir_core.plugin import *
 from opir_core.builtin import plugin as core
 
@@ -76,21 +76,21 @@ def real(folder: Path, source: Path) -> Path:
     return place
 
 
-def stranger(folder: Path, name: str, code: str) -> Path:
+def foreign_plugin(folder: Path, name: str, code: str) -> Path:
     """Install a plugin of somebody else's into a folder of its own."""
     place = folder / name
-    metadata(place, f"opir-{name}", "1.0", {"opir": {name: f"stranger_{name}"}})
-    (place / f"stranger_{name}.py").write_text(code.format(name=name), encoding="utf-8")
+    metadata(place, f"opir-{name}", "1.0", {"opir": {name: f"foreign_{name}"}})
+    (place / f"foreign_{name}.py").write_text(code.format(name=name), encoding="utf-8")
     return place
 
 
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
-    """Every plugin of this house, and some strangers, each in a folder that is not yet on the path."""
+    """Every plugin of this house, and some of others, each in a folder that is not yet on the path."""
     folder = tmp_path_factory.mktemp("shelf")
     house = {source.name: real(folder, source) for source in PLUGINS}
-    strangers = {name: stranger(folder, name, STRANGER) for name in ("aardvark", "mole", "zebra")}
-    return {**house, **strangers, "wreck": stranger(folder, "wreck", BROKEN)}
+    foreign = {name: foreign_plugin(folder, name, FOREIGN) for name in ("aardvark", "mole", "zebra")}
+    return {**house, **foreign, "wreck": foreign_plugin(folder, "wreck", BROKEN)}
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def path_of_folders(monkeypatch: pytest.MonkeyPatch) -> Choose:
     monkeypatch.delenv("OPIR_PLUGINS", raising=False)
 
     def forget() -> None:
-        for name in [name for name in sys.modules if name.startswith(("opir_", "stranger_"))]:
+        for name in [name for name in sys.modules if name.startswith(("opir_", "foreign_"))]:
             if name.partition(".")[0] != "opir_core":
                 monkeypatch.delitem(sys.modules, name)
 

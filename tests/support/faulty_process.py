@@ -34,7 +34,7 @@ def _obey(disk: FailingDisk, control: str) -> None:
 
 
 def tell(control: Path, *words: object) -> None:
-    """Send a command; a process that has ended hears nothing."""
+    """Send a command; a process that has ended gets nothing."""
     descriptor = os.open(control, os.O_RDWR | os.O_NONBLOCK)
     try:
         os.write(descriptor, (" ".join(map(str, words)) + "\n").encode())

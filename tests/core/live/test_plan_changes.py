@@ -102,7 +102,7 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
-def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: str) -> None:
+def test_a_tracker_gets_the_new_rate_of_sensors(host: Host, tracker: str) -> None:
     """Half a second between looks, then ten: what is not seen meanwhile burns on, and the track goes on."""
     scanner = {"model": "generic-scanner", "scan_period_ms": 500.0}
     slots = {"A": -135.0, "B": -90.0}

@@ -1,4 +1,4 @@
-"""Sinks of a live run: nothing is lost, nobody hears of an event too early, and no sink holds up another."""
+"""Sinks of a live run: nothing is lost, no viewer gets an event too early, and no sink holds up another."""
 
 import threading
 import time
@@ -106,7 +106,7 @@ class Kept(Slow):
         super().write(window)
 
 
-def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene: Scene, host: Host) -> None:
+def test_no_viewer_gets_an_event_before_the_outputs_with_a_spool_have_it(scene: Scene, host: Host) -> None:
     shown: list[LiveWindow] = []
     run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
     other = Slow(threading.Event())

@@ -1,4 +1,4 @@
-"""A spool's file: what is none is refused and left alone, damage is reported, and whose it is is known."""
+"""The file of a spool: other files are refused and left unchanged, damage is reported, and its owner is recorded."""
 
 import errno
 import random

@@ -1,4 +1,4 @@
-"""A tracker that breaks a promise is reported in one message: whose it is, what it did where, and the way out."""
+"""An invalid output of a tracker gives one message: the plugin, the method, what was wrong, and the way out."""
 
 import re
 
@@ -133,7 +133,7 @@ FAULTS = {
 
 
 class Sound:
-    """A tracker that keeps its promises, of two tracks that it knows nothing of."""
+    """A tracker with valid outputs: two tracks without estimates."""
 
     cadence_s = 1.0
 
