@@ -69,9 +69,10 @@ def shown_unit(unit: str, values: FloatArray) -> ShownUnit:
 
 
 def figure_words(figure: str, unit: str) -> str:
-    """Return the name of a figure in words, without its unit: `impact area last estimate`."""
+    """Return the name of a figure in words, without its unit: `impact area of the last estimate`."""
     ends = {"1/day": "_a_day", "m/s": "_m_s", "km²": "_km2"}
-    return _words(figure.removesuffix(ends.get(unit, f"_{unit}" if unit else "")))
+    words = _words(figure.removesuffix(ends.get(unit, f"_{unit}" if unit else "")))
+    return re.sub(" last estimate$", " of the last estimate", words)
 
 
 def axis_label(words: str, unit: str) -> str:

@@ -29,7 +29,7 @@ _MOST_ROWS = 40
 #: Columns of a terminal that a table fills.
 _WIDEST = 100
 #: The most designs that are named as meeting a requirement.
-_MOST_NAMED = 12
+_MOST_NAMED = 3
 #: Means from here on are printed to three digits.
 _LARGE = 1e5
 #: The most figures that are printed, the first of each metric, unless the user names them.
