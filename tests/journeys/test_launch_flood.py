@@ -9,7 +9,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,10 @@ def served(folder: Path) -> Iterator[int]:
         process.communicate(timeout=60.0)
 
 
+def connected(port: int) -> closing[http.client.HTTPConnection]:
+    return closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60.0))
+
+
 def asked(connection: http.client.HTTPConnection, method: str, path: str, body: Any = None) -> tuple[int, Any]:
     headers = {} if body is None else {"Content-Type": "application/json", "If-Match": "*"}
     connection.request(method, path, None if body is None else json.dumps(body), headers)
@@ -56,14 +60,15 @@ class Watch(threading.Thread):
         super().__init__(daemon=True)
         self.late_s: list[float] = []
         self.over = threading.Event()
-        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
+        self._port = port
         self.start()
 
     def run(self) -> None:
-        while not self.over.wait(0.05):
-            _, status = asked(self._connection, "GET", "/status")
-            if status["health"]["ready"]:
-                self.late_s.append(max(status["clock"]["late_s"], status["clock"]["cycle_age_s"]))
+        with connected(self._port) as connection:
+            while not self.over.wait(0.05):
+                _, status = asked(connection, "GET", "/status")
+                if status["health"]["ready"]:
+                    self.late_s.append(max(status["clock"]["late_s"], status["clock"]["cycle_age_s"]))
 
 
 def launch_of(rng: random.Random) -> dict[str, Any]:
@@ -75,8 +80,7 @@ def launch_of(rng: random.Random) -> dict[str, Any]:
 
 def test_a_flood_of_launches_is_refused_before_it_makes_the_run_late(tmp_path: Path) -> None:
     rng, answers = random.Random(44), Counter[int]()
-    with served(tmp_path) as port:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
+    with served(tmp_path) as port, connected(port) as connection:
         _, config = asked(connection, "GET", "/config")
         config["http"] |= {"writes_per_s": 10_000.0}
         assert asked(connection, "PUT", "/config", config)[0] == 200
