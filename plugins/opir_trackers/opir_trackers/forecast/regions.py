@@ -163,7 +163,7 @@ class _Contours:
     """Lines of equal density on the ground of points (n, 2) in the coordinates of a frame, with weights (n,)."""
 
     def __init__(self, frame: Plane, curved: FloatArray, weight: FloatArray) -> None:
-        self._frame, self._mean = frame, weight @ curved
+        self._frame, self._mean = frame, weight @ curved / weight.sum()
         least = LEAST_M**2 / frame.stretch(self._mean)
         away = curved - self._mean + np.sqrt(least) * _normal_offsets(weight)
         spread = (weight[:, None] * away).T @ away
