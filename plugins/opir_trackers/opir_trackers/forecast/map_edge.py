@@ -15,8 +15,9 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 #: Longest edge of a region, m.
 LONGEST_EDGE_M = 100e3
 
-#: Distance from the centre of the map to its edge, m: a kilometre short of the antipode.
-FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 1e3
+#: Distance from the centre of the map to its edge, m, 100 km short of the antipode: nearer to it the rounding of
+#: coordinates in files, 0.1 m, turns a point of the map about its centre.
+FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 100e3
 
 
 def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:

@@ -39,7 +39,7 @@ _R2_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 
 #: Length added to distances before their logarithm, m; directions of points whose mean is longer than this are one;
-#: share of the points that may be near, or beyond where such regions end.
+#: share of the points that may be near, or beyond the end of such regions.
 NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
 
 #: Least and largest ratio of a kernel's width to that of the first density.
@@ -48,6 +48,7 @@ _LOCAL = 0.1, 2.0
 
 #: Regions along a flight end here, m from where it is: a thousand kilometres short of the antipode.
 _FAR_M = 19e6
+_FAR_COSINE = np.cos(_FAR_M / EARTH_EQUATORIAL_RADIUS_M)
 
 
 class Plane:
@@ -98,13 +99,10 @@ class LogPolar(Plane):
 
 
 def coordinates(plane: FloatArray, weight: FloatArray) -> Plane:
-    """Return the coordinates for points of a map (n, 2), m: polar ones if they lie in one direction, not near or
-    beyond the end of such regions.
-    """
+    """Return the coordinates for points of a map (n, 2), m: polar ones if they lie in one direction, not near."""
     distance = np.sqrt(np.sum(plane * plane, axis=1))
     x, y = weight @ (plane / np.maximum(distance, 1.0)[:, None])
-    is_outside = (distance < 2.0 * NEAR_M) | (distance > _FAR_M)
-    gathered = np.hypot(x, y) > _GATHERED and weight[is_outside].sum() < _FEW
+    gathered = np.hypot(x, y) > _GATHERED and weight[distance < 2.0 * NEAR_M].sum() < _FEW
     return LogPolar(float(np.arctan2(y, x))) if gathered else Plane()
 
 
@@ -119,12 +117,17 @@ def regions(
     """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,).
 
     They presume a condition with a probability, and rest on a number of effective samples. `origin` (2,) is where the
-    points have come from; by default their own middle. Areas and polygons are made when they are first read.
+    points have come from: the centre of the map, unless many lie near its antipode; else their own middle is. Areas and
+    polygons are made when they are first read.
     """
-    chart = AzimuthalEquidistant.about(
-        weight @ unit_vectors(place) if origin is None else unit_vectors(origin[None])[0]
-    )
-    outlines = Outlines(partial(_outlines_of, chart, place, weight, is_along=origin is not None))
+    units = unit_vectors(place)
+    middle, is_along = weight @ units, False
+    if origin is not None:
+        up = unit_vectors(origin[None])[0]
+        is_along = bool(weight @ (units @ up < _FAR_COSINE) < _FEW)
+        middle = up if is_along else middle
+    chart = AzimuthalEquidistant.about(middle)
+    outlines = Outlines(partial(_outlines_of, chart, place, weight, is_along=is_along))
     figures = {
         "centre": chart.centre,
         "condition": condition,
