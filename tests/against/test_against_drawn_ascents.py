@@ -46,6 +46,6 @@ def test_a_second_stage_after_a_long_gap_is_a_new_one():
 
 def test_three_stages_are_followed_by_one_sensor():
     """The prior of a track knew no up: 75 % were held, and tracks sank below the ground."""
-    found = held("three", 16, 8, marks := [(1, 0, 30.0), (2, 0, 30.0), (2, 1, 5.0)], sensors=1)
+    found = held("three", 48, 8, marks := [(1, 0, 30.0), (2, 0, 30.0), (2, 1, 5.0)], sensors=1)
     for mark in marks:
         assert np.mean(found[mark]) >= 0.85, mark
