@@ -151,7 +151,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "shown": list(study.show),
         "requirements": [asdict(each) for each in planned.requirements],
         "notes": list(planned.notes),
-        "settings": dict(planned.settings),
+        "settings": json.loads(json.dumps(dict(planned.settings))),  # tuples as the lists that are read back
         "metrics": {name: list(metric.units) for name, metric in zip(planned.names, planned.metrics, strict=True)},
         "designs": [
             {
