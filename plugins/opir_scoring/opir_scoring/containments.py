@@ -214,10 +214,10 @@ def rms(error: FloatArray, cluster: IntArray | None = None, most: float = np.inf
     return {"value": value, "interval_95": [lower, min(upper, most)]}
 
 
-def energy(score: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
-    """Return the mean of energy scores (n,), dependent within a cluster (n,), with an interval as of `rms`."""
+def energy(score: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
+    """Return the mean of energy scores (n,), at most `most`, dependent in a cluster (n,), with its interval."""
     value, lower, upper = np.square(root_mean_square(np.sqrt(score), cluster)).tolist()
-    return {"value": value, "interval_95": [lower, upper]}
+    return {"value": value, "interval_95": [lower, min(upper, most)]}
 
 
 def over(figure: Mapping[str, Any], bound: float) -> dict[str, Any]:

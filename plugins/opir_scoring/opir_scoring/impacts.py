@@ -116,7 +116,7 @@ def _figures(scores: ImpactScores) -> dict[str, Any]:
         "targets": len(landing),
         "predicted": share(*proportion(int(np.count_nonzero(landing.is_predicted)), len(landing))),
         "impact_m": rms(landing.impact_m, most=FARTHEST_M),
-        "energy_m": energy(landing.energy_m),
+        "energy_m": energy(landing.energy_m, most=FARTHEST_M),
         "regions": _region_figures(landing.contained, landing.area_km2),
         "regions_given_condition": _region_figures(landing.contained_given, landing.area_given_km2),
         "condition_brier": mean(landing.condition_brier, 2.0),

@@ -220,7 +220,7 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
         "launches_reported": int(np.count_nonzero(np.isfinite(points.launch_m))),
         "impacts_reported": int(np.count_nonzero(np.isfinite(points.impact_m))),
         "launch_m": rms(points.launch_m, most=FARTHEST_M),
-        "launch_energy_m": energy(points.launch_energy_m),
+        "launch_energy_m": energy(points.launch_energy_m, most=FARTHEST_M),
         "launch_time_s": rms(points.launch_time_s),
         "impact_m": rms(points.impact_m, most=FARTHEST_M),
         "impact_time_s": rms(points.impact_time_s),

@@ -8,7 +8,7 @@ import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
 from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
-from opir_scoring.containments import FARTHEST_M, rms
+from opir_scoring.containments import FARTHEST_M, energy, rms
 from opir_scoring.impacts import PHASES
 from opir_scoring.region_points import region_energy_m
 from opir_testing.doubles import stub_estimates
@@ -299,5 +299,7 @@ def test_no_interval_of_an_impact_error_is_longer_than_half_the_equator() -> Non
     low, high = rms(two)["interval_95"]
     assert (low < 1e3, high > 1e9) == (True, True)
     assert rms(two, most=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
+    assert energy(two)["interval_95"][1] > 1e9
+    assert energy(two, most=FARTHEST_M)["interval_95"][1] == pytest.approx(20_037_508.3)
     few = np.array([1e3, 1.1e3, 0.9e3])
     assert rms(few, most=FARTHEST_M) == rms(few)
