@@ -290,8 +290,7 @@ def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, ep
 def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
     """Return the OMM of a configuration; `SceneError` unless there is exactly one."""
     try:
-        text = text_of(file_bytes(config.path))
-        data = json.loads(text)
+        data = json.loads(text_of(file_bytes(config.path)))
     except OSError as error:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
     except ValueError as error:

@@ -2,7 +2,7 @@
 
 import os
 import stat
-from errno import EISDIR
+from errno import EISDIR, ENOENT
 from pathlib import Path
 
 #: What is no file, and how to say so.
@@ -31,7 +31,11 @@ def file_bytes(path: str | os.PathLike[str], most_bytes: int | None = None) -> b
     Raises `OSError`: `NotAFileError` at once for a pipe, a socket or a device, `IsADirectoryError` for a folder.
     """
     # Before opening, because to open a device may act on it; after it, because the path may have changed.
-    _require_file(Path(path).stat().st_mode, path)
+    try:
+        _require_file(Path(path).stat().st_mode, path)
+    except FileNotFoundError:
+        words = "no such file" if Path(path).is_absolute() else "no such file, relative to the working directory"
+        raise FileNotFoundError(ENOENT, words) from None
     with os.fdopen(os.open(path, _READING), "rb") as file:
         _require_file(os.fstat(file.fileno()).st_mode, path)
         return file.read() if most_bytes is None else file.read(most_bytes + 1)

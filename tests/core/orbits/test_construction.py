@@ -116,7 +116,7 @@ def test_a_file_that_holds_no_omm_is_refused(tmp_path, content, satellite, words
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(SceneError, match="cannot be read: No such file"):
+    with pytest.raises(SceneError, match="cannot be read: no such file"):
         orbit_of(file_orbit(str(tmp_path / "none.json")), OMM_EPOCH_US)
     binary = tmp_path / "binary.json"
     binary.write_bytes(b"{}\n\xc3\x28")

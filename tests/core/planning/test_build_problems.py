@@ -49,7 +49,10 @@ def test_two_files_that_are_none_are_two_problems(reported):
     assert reported(HEAD + FILES) == [
         "opir: scene.yaml: 2 problems",
         "  sensors[0].orbit.omm_file.path: a.json: holds no OMM; exactly one is needed (line 5, column 62)",
-        "  sensors[1].orbit.omm_file.path: b.json: cannot be read: No such file or directory (line 9, column 24)",
+        (
+            "  sensors[1].orbit.omm_file.path: b.json: cannot be read: no such file, relative to the working directory "
+            "(line 9, column 24)"
+        ),
     ]
 
 

@@ -180,7 +180,7 @@ def test_an_ephemeris_that_does_not_cover_the_scene_is_reported(tmp_path):
         compile_plan(scene_from_mapping(late))
     assert "sensors[0].orbit.file.path" in str(refused.value)
     missing = {**sensor, "orbit": {"file": {"path": str(tmp_path / "none.oem")}}}
-    with pytest.raises(SceneError, match="cannot be read: No such file"):
+    with pytest.raises(SceneError, match="cannot be read: no such file"):
         compile_plan(scene_from_mapping({**SCENE, "sensors": [missing]}))
 
 

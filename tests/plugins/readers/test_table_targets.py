@@ -269,7 +269,7 @@ def test_bad_files_give_one_message_with_file_line_and_the_way_out(tmp_path, tex
 
 
 def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path):
-    with pytest.raises(SceneError, match="cannot be read: No such file"):
+    with pytest.raises(SceneError, match="cannot be read: no such file"):
         flown(tmp_path, "", file=str(tmp_path / "none.csv"))
     (tmp_path / "bytes.csv").write_bytes(b"time_s\n\x81\x8d")
     with pytest.raises(SceneError, match="line 2: is not UTF-8 text"):

@@ -131,7 +131,7 @@ class TestCsv:
         assert "\n" not in problem.message
 
     def test_files_that_are_not_there_or_not_text(self, tmp_path):
-        with pytest.raises(SceneError, match=r"sources\[0\].csv: .*none.csv cannot be read: No such file or directory"):
+        with pytest.raises(SceneError, match=r"sources\[0\].csv: .*none.csv cannot be read: no such file"):
             fire_sources(FireConfig(csv=str(tmp_path / "none.csv")), context())
         path = tmp_path / "bytes.csv"
         path.write_bytes(b"lat_deg,lon_deg\n\xff\xfe,1\n")
