@@ -49,6 +49,7 @@ def scene(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> opir.S
         "sensors": sensors,
         "targets": targets,
         "detection": {"model": "snr"},
+        "classification": "paper",  # the laws here are of detections
         "outputs": [],
     }
     return opir.scene_from_mapping({**mapping, **changes})
