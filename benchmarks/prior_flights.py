@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import field, frozen
 from foreign_flights import MU, RADIUS_M, SPIN, STEP_S, Boost, ecef, geodetic
+from opir_trackers.configs import HypothesesConfig
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel, vehicle_model
-from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITE_M
+from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITES, site_shares
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
@@ -25,6 +26,8 @@ from scipy.interpolate import CubicHermiteSpline
 LONGEST_S = 7200.0
 #: Free flight that the tables have, s.
 COAST_S = 40.0
+#: Lowest height of a launch site, m: land is hardly lower.
+LOWEST_M = -500.0
 #: Heights of orbits, m, and the lowest perigee of one.
 ORBITS_M, PERIGEE_M = (180e3, 400e3), 120e3
 #: Ranges of missiles, m: limits of the classes, and octaves in which as many are kept.
@@ -212,7 +215,9 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
     steering = drawn_steering(1, model.data, int(rng.integers(2**31)))
     lead = lambda time_s: float(steering.leads(np.array([time_s]))[0])  # noqa: E731
     burn_s, first = np.exp(drawn[:, BURN]), np.exp(drawn[:, FORCE])
-    return Program(burn_s, first, np.exp(ratio), gap_s, float(steering.rise_s[0]), lead, SITE_M * rng.normal())
+    kind = rng.choice(len(SITES), p=site_shares(HypothesesConfig().inland_share))
+    site_m = max(rng.normal(*SITES[kind]), LOWEST_M)
+    return Program(burn_s, first, np.exp(ratio), gap_s, float(steering.rise_s[0]), lead, site_m)
 
 
 def flown(program: Program, launch: tuple[float, float], azimuth: float) -> PriorFlight | None:
@@ -272,7 +277,7 @@ _ground.terminal, _ground.direction = True, -1.0  # type: ignore[attr-defined]
 
 
 def _below_ground(time_s: float, state: np.ndarray, *_: float) -> float:
-    return _ground(time_s, state) + 5.0 * SITE_M
+    return _ground(time_s, state) - LOWEST_M
 
 
 _below_ground.terminal, _below_ground.direction = True, -1.0  # type: ignore[attr-defined]

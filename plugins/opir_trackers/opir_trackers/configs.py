@@ -176,6 +176,13 @@ class HypothesesConfig:
         maximum=1.0,
         help="share of launches that are first seen in flight: out of cloud, or when a sensor begins to look",
     )
+    inland_share: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        source="the Earth's land is 0.8 km high in the mean, with a standard deviation of 0.8 km (ETOPO1); notional",
+        help="share of launch sites that are as high as land is; the others are at sea level: ships, coasts, lowlands",
+    )
     ground_drift_m_s: float = number(
         default=1.0,
         unit="m/s",

@@ -42,8 +42,12 @@ BEFORE_S, _TIMES = 80.0, 80
 #: at first.
 AT_ONCE = 0.5
 
-#: Standard deviations of the height of launch sites above the ellipsoid, m, and of the velocity at ignition, m/s.
-SITE_M, _REST_M_S = 100.0, 1.0
+#: Kinds of launch sites, at sea level and inland: means and standard deviations of heights above the ellipsoid, m, and
+#: the shares of the inland ones, together as high as land is: 0.9 km in the mean, 0.85 km about it (ETOPO1: 0.8 km).
+SITES, _INLAND = np.array([[0.0, 100.0], [500.0, 300.0], [1800.0, 1000.0]]), np.array([0.7, 0.3])
+
+#: Standard deviation of the velocity at ignition, m/s.
+_REST_M_S = 1.0
 
 #: Gate, squared distance with 4 degrees of freedom, for a start from rest at the best time.
 _LAUNCHED = 25.0
@@ -55,8 +59,20 @@ _MIDDLES_S, _WIDTHS_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1]), np.diff(EDGES_S)
 #: Prior probability of a late detection in each interval.
 _LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
 
-#: Variances of the height of a site, m², and of the velocity at rest, m²/s².
-_AT_REST = np.square([SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
+#: Starts from rest are worked out at each kind of site and each time: means and variances of heights, times before the
+#: first detection, and the widths of their intervals (cases,).
+_SITE_HEIGHT_M, _SITE_M2 = np.repeat([SITES[:, 0], SITES[:, 1] ** 2], _TIMES, axis=1)
+_CASES_S, _CASE_WIDTHS_S = np.tile([_MIDDLES_S, _WIDTHS_S], len(SITES))
+
+
+def site_shares(inland: float) -> FloatArray:
+    """Return the prior probabilities of the kinds of launch sites, with a share of sites inland."""
+    return np.array([1.0 - inland, *(inland * _INLAND)])
+
+
+def site_height_m(inland: float) -> float:
+    """Return the root mean square of the heights of launch sites, m, with a share of sites inland."""
+    return float(np.sqrt(site_shares(inland) @ np.sum(SITES**2, axis=1)))
 
 
 #: Indices below the diagonal.
@@ -77,17 +93,17 @@ class FirstMotion(NamedTuple):
     sigmas: tuple[FloatArray, FloatArray, float, float]
 
     def log_rest_densities(self, noise: float) -> FloatArray:
-        """Return the log densities (n, times), but for a constant, of rest on the ground before the first detection."""
-        span = _MIDDLES_S
+        """Return the log densities (n, cases), but for a constant, of rest on the ground before the first detection."""
+        span = _CASES_S
         place, speed, force, growth = (np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas))
         noisy, square = noise * noise, span * span
-        fast = _AT_REST[1] + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
-        high = _AT_REST[0] + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        fast = _REST_M_S**2 + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
+        high = _SITE_M2 + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
         high = high + noisy / 20.0 * square * square * span
         both = -span * (speed + square * (0.5 * force + square / 12.0 * growth)) - noisy / 8.0 * square * square
         climb = self.climb[:, None]
         gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span) - climb
-        height = self.height[:, None] - climb * span
+        height = self.height[:, None] - _SITE_HEIGHT_M - climb * span
         height += square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
         apart = high * fast - both * both
         misfit = (fast * height * height + 2.0 * both * height * gained + high * gained * gained) / apart
@@ -103,11 +119,12 @@ class LaunchDelayPrior(NamedTuple):
     The path seen is followed back from the filter's estimate, which holds the prior `motion`: a start from rest is as
     likely as the ratio of its densities after and before the lines (Dickey, Annals of Mathematical Statistics 42,
     1971). Without the ratio, late detections would seem earlier ones: what was known before is wider the longer the
-    path is.
+    path is. A share `inland` of sites is as high as land is.
     """
 
     at_once: FloatArray
     motion: FirstMotion
+    inland: float
 
 
 def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray) -> FloatArray:
@@ -138,29 +155,31 @@ def launches(
     count = len(predicted.root)
     if not count:
         return LaunchPoints.nowhere(0)
-    when = (first_s[:, None] - _MIDDLES_S).ravel()
-    starts = _rest_likelihood(predicted, when, noise, biased)
-    log_density = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
-    chance = _launch_times(log_density - prior.motion.log_rest_densities(noise), prior.at_once)
+    starts = _rest_likelihood(predicted, (first_s[:, None] - _MIDDLES_S).ravel(), noise, biased)
+    when = (first_s[:, None] - _CASES_S).ravel()
+    log_density = (starts.log - 0.5 * starts.misfit).reshape(count, -1)
+    chance = _launch_chances(log_density - prior.motion.log_rest_densities(noise), prior)
     place, covariance = moment_matched(*_places(starts, when), when, chance)
-    covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
+    covariance[:, 2, 2] += chance @ (_CASE_WIDTHS_S**2 / 12.0)
     row, column = _BELOW
     covariance[:, row, column] = covariance[:, column, row]
-    nowhere = starts.misfit.reshape(count, _TIMES).min(axis=1) >= _LAUNCHED
+    nowhere = starts.misfit.reshape(count, -1).min(axis=1) >= _LAUNCHED
     if np.count_nonzero(nowhere):
         place[nowhere], covariance[nowhere] = np.nan, np.nan
     return LaunchPoints(place, covariance)
 
 
-def _launch_times(log_likelihood: FloatArray, at_once: FloatArray) -> FloatArray:
-    """Return the probabilities (n, times) of a launch in each of `EDGES_S`, given the likelihoods."""
-    log = log_likelihood + np.log(AT_ONCE * at_once + _LATER)
+def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> FloatArray:
+    """Return the probabilities (n, cases) of a launch at each kind of site in each of `EDGES_S`, given likelihoods."""
+    before = (AT_ONCE * prior.at_once + _LATER)[:, None] * site_shares(prior.inland)[:, None]
+    with np.errstate(divide="ignore"):
+        log = log_likelihood + np.log(before).reshape(len(before), -1)
     chance: FloatArray = np.exp(log - log.max(axis=1, keepdims=True))
     return chance / chance.sum(axis=1, keepdims=True)
 
 
 class _Starts(NamedTuple):
-    """Paths at times (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood of a start from rest.
+    """Paths at cases (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood of a start from rest.
 
     `white` (4, 4, m) is whitened: the first three columns are by the position, the last is the residual. `misfit` (m,)
     is the squared distance of a start from rest, `log` (m,) the logarithm of its normalisation.
@@ -176,7 +195,7 @@ class _Starts(NamedTuple):
 def _rest_likelihood(
     predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
 ) -> _Starts:
-    """Return the likelihood of starts from rest at times (m,), equally many per track."""
+    """Return the likelihood of starts from rest at times (m,), those of `EDGES_S` per track, at each kind of site."""
     count = len(predicted.root)
     weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
     path = predicted.derivative.transpose(0, 2, 1)
@@ -192,18 +211,27 @@ def _rest_likelihood(
         [_height_and_velocity(crossed.transpose(1, 0, 2), up), crossed[:, :3], _height_and_velocity(state, up)], axis=1
     )
     points[0, -1] = height
-    log = _whitened(points)
+    points, place, spread = (_at_sites(each, count) for each in (points, place, covariance[:3, :3]))
+    points[0, -1] -= np.tile(_SITE_HEIGHT_M, count)
+    log = _whitened(points, np.tile(_SITE_M2, count))
     white = points[:, 4:]
-    return _Starts(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+    return _Starts(place, spread, white, np.add.reduce(white[:, 3] * white[:, 3]), log)
 
 
-def _whitened(rows: FloatArray) -> FloatArray:
+def _at_sites(rows: FloatArray, count: int) -> FloatArray:
+    """Return rows (..., count · times) for each kind of site, (..., count · cases)."""
+    each = rows.reshape(*rows.shape[:-1], count, 1, _TIMES)
+    return np.repeat(each, len(SITES), axis=-2).reshape(*rows.shape[:-1], -1)
+
+
+def _whitened(rows: FloatArray, site_m2: FloatArray) -> FloatArray:
     """Replace rows [S | B] (4, 4 + c, m) by L⁻¹ B, L Lᵀ = S + the covariance at rest; return -log det L (m,).
 
-    In place; S is overwritten. Each pivot is at least that of the covariance at rest.
+    In place; S is overwritten. Each pivot is at least that of the covariance at rest: of the height of a site (m,), and
+    of velocities.
     """
     log = np.zeros(rows.shape[2])
-    for k, at_rest in enumerate(_AT_REST.tolist()):
+    for k, at_rest in enumerate((site_m2, *[_REST_M_S**2] * 3)):
         pivot = np.sqrt(np.maximum(rows[k, k] + at_rest, _LEAST_PIVOT))
         log -= np.log(pivot)
         rows[k, k + 1 :] /= pivot

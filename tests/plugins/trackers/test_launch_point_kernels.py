@@ -77,7 +77,7 @@ def test_rows_are_whitened_as_by_a_cholesky_factor() -> None:
     side, right = rng.normal(size=(7, 4, 4)) * [1e3, 10.0, 1.0, 30.0], rng.normal(size=(7, 4, 4))
     spread = side.transpose(0, 2, 1) @ side
     rows = np.ascontiguousarray(np.concatenate([spread, right], axis=2).transpose(1, 2, 0))
-    log = _whitened(rows)
+    log = _whitened(rows, np.full(7, 1e4))
     root = np.linalg.cholesky(spread + np.diag([1e4, 1.0, 1.0, 1.0]))
     assert np.allclose(rows[:, 4:].transpose(2, 0, 1), np.linalg.solve(root, right), rtol=1e-8)
     assert np.allclose(log, -np.linalg.slogdet(root)[1], rtol=1e-12)

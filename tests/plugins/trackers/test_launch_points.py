@@ -33,7 +33,7 @@ def prior_of(runs: int, period_s: float) -> LaunchDelayPrior:
     zero, wide = np.zeros(runs), np.full(runs, 1e9)
     nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
     looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
-    return LaunchDelayPrior(looks, nothing)
+    return LaunchDelayPrior(looks, nothing, 0.5)
 
 
 def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
@@ -52,15 +52,31 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     assert np.isnan(launches(high, seen, prior, 0.0).place).all()
 
 
+@pytest.mark.parametrize("height_m", [1500.0, 3000.0])
+def test_a_launch_from_high_land_is_no_earlier_launch_from_the_sea(height_m: float) -> None:
+    side = np.zeros((1, 12, 12))
+    side[0, :3, :3], side[0, 3:6, 3:6] = 100.0 * np.eye(3), 5.0 * np.eye(3)
+    path = risen(8.0)
+    path[0] += height_m * UP
+    known, seen, prior = PredictedMeasurements(8.0, path[None], side), np.array([0.05]), prior_of(1, 0.1)
+    found = launches(known, seen, prior, 0.0)
+    assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
+    assert found.place[0, 2] == pytest.approx(0.0, abs=0.5)
+    at_sea = launches(known, seen, prior._replace(inland=0.0), 0.0)
+    assert at_sea.place[0, 2] < -0.5
+
+
 @pytest.mark.slow
 def test_launches_are_as_sure_as_they_say() -> None:
-    """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 80 s late."""
+    """3000 from half at sea level, half as high as land is, at 1 m/s about rest, seen at once or up to 80 s late."""
     rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4
     first_s = np.where(rng.random(runs) < 0.5, rng.uniform(0.0, pause_s, runs), rng.uniform(0.0, 80.0, runs))
     sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
     path = np.tile(risen(now_s), (runs, 1, 1))
     drift = rng.normal(size=(runs, 3))
-    path[:, 0] += 100.0 * rng.normal(size=(runs, 1)) * UP + drift * now_s
+    kind = rng.choice(3, runs, p=[0.5, 0.35, 0.15])
+    height = rng.normal(np.array([0.0, 500.0, 1800.0])[kind], np.array([100.0, 300.0, 1000.0])[kind])
+    path[:, 0] += height[:, None] * UP + drift * now_s
     path[:, 1] += drift
     path[:, :4] += (sigma * rng.normal(size=(runs, 12))).reshape(runs, 4, 3)
     found = launches(
@@ -98,7 +114,7 @@ def test_a_late_detection_is_weighed_against_what_was_known_before() -> None:
     motion = FirstMotion(
         np.array([1e4]), np.zeros(1), np.array([8.0]), 0.2, (np.full(1, sigma[0]), np.full(1, sigma[1]), *sigma[2:])
     )
-    found = launches(known, np.zeros(1), LaunchDelayPrior(prior.at_once, motion), 0.25)
+    found = launches(known, np.zeros(1), LaunchDelayPrior(prior.at_once, motion, 0.5), 0.25)
     # Half at once, half uniform over 80 s: mean 20 s.
     assert found.place[0, 2] == pytest.approx(-20.0, abs=0.2)
     assert launches(known, np.zeros(1), prior, 0.25).place[0, 2] > -15.0

@@ -55,12 +55,13 @@ def expected_looks(schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatAr
 
 
 def launches(
-    lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool
+    lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool, site_m: float
 ) -> LaunchPoints:
-    """Return launch points of `count` tracks, where the first lines of sight of their sensors meet the ground.
+    """Return launch points of `count` tracks, where the first lines of sight of their sensors meet.
 
-    Lines (m,) are in order of time with tracks `owner` (m,). The time is the first emission minus the expected latency.
-    A sensor whose first detection is later than expected is not used.
+    Lines (m,) are in order of time with tracks `owner` (m,). A site is on the ellipsoid, but for a normal height of the
+    standard deviation `site_m`. The time is the first emission minus the expected latency. A sensor whose first
+    detection is later than expected is not used.
     """
     ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
     range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
@@ -74,13 +75,15 @@ def launches(
     first, row = lines.take(firsts), owner[firsts]
     place = ground[firsts]
     axes = local_axes(place)
-    spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
-    weight = np.linalg.inv(spread).astype(np.float64, copy=False)
-    information, pull, about = np.zeros((count, 2, 2)), np.zeros((count, 2)), np.full((count, 3), np.nan)
+    flat, spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
+    moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
+    weighed = moves.transpose(0, 2, 1) @ np.linalg.inv(spread).astype(np.float64, copy=False)
+    information, pull, about = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.full((count, 3), np.nan)
+    information[:, 2, 2] = site_m**-2
     about[row[::-1]] = place[::-1]
     apart = matvec(axes, place - about[row])[:, :2]
-    np.add.at(information, row, weight)
-    np.add.at(pull, row, matvec(weight, apart))
+    np.add.at(information, row, weighed @ moves)
+    np.add.at(pull, row, matvec(weighed, apart))
     when, wait_s = np.full(count, np.nan), np.full(count, np.nan)
     order = np.argsort(-left_s[firsts], kind="stable")
     when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
@@ -88,25 +91,28 @@ def launches(
     return _pooled(about, information, pull, when, wait_s)
 
 
-def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) -> FloatArray:
-    """Return covariances (n, 2, 2), east and north, of the ground points of lines with a spread across them."""
+def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what the height of a site moves the ground points of lines by (n, 2), east and north, and covariances.
+
+    The covariances (n, 2, 2) are those of lines with a spread across them.
+    """
     local = matvec(axes, direction)
     flat = -local[:, :2] / local[:, 2:]
     foot: FloatArray = np.square(spread_m)[:, None, None] * (np.eye(2) + flat[:, :, None] * flat[:, None, :])
-    return foot
+    return flat, foot
 
 
 def _pooled(
     about: FloatArray, information: FloatArray, pull: FloatArray, when: FloatArray, wait_s: FloatArray
 ) -> LaunchPoints:
-    """Return the weighted mean points of tracks."""
+    """Return the weighted mean points of tracks, from east, north and height."""
     points = LaunchPoints.nowhere(len(about))
     known = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
     if not len(known):
         return points
     spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
-    away = matvec(spread, pull[known])
+    away, spread = matvec(spread, pull[known])[:, :2], spread[:, :2, :2]
     axes = local_axes(about[known])
     place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])
     points.place[known] = np.stack([place.latitude_rad, place.longitude_rad, when[known]], axis=1)

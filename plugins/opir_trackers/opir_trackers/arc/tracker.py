@@ -20,6 +20,7 @@ from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.gating import candidates, gated
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.launch_points import site_height_m
 from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
@@ -113,7 +114,8 @@ class ArcTracker(Tracker):
         if not len(rows):
             return
         lines, owner_row = self._pool.take(mine), np.searchsorted(rows, owner[mine])
-        launch = launches(lines, owner_row, len(rows), self._watch, self._light_time)
+        site_m = site_height_m(self._config.hypotheses.inland_share)
+        launch = launches(lines, owner_row, len(rows), self._watch, self._light_time, site_m)
         arcs = ArcFits.unfitted(self._arcs.number[rows], len(self._watch.period_s))
         arcs = evolve(arcs, launch=launch.place, launch_covariance=launch.covariance)
         arcs = arc_fit.initialised(

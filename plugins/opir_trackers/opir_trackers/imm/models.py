@@ -19,6 +19,7 @@ from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import UNSTATED, TrackTable, clipped, longest_silence_s, sighting_memory_s
+from opir_trackers.launch_points import site_height_m
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.registration.registration import Registration
@@ -86,7 +87,7 @@ class TrackingModels:
             memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, model.detection_probability),
-            single=SingleSensor(outcomes, filter_, biases, period_s),
+            single=SingleSensor(outcomes, filter_, biases, period_s, site_height_m(config.hypotheses.inland_share)),
         )
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:

@@ -15,7 +15,7 @@ from opir_trackers.forecast.along_sight import AlongSight, Sighting, along_sight
 from opir_trackers.forecast.ascents import BoostAscents, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.launch_points import BEFORE_S, SITE_M
+from opir_trackers.launch_points import BEFORE_S
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
@@ -37,12 +37,13 @@ _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0
 
 @frozen(eq=False)
 class SingleSensor:
-    """The law of boosts for tracks that one sensor alone sees."""
+    """The law of boosts for tracks that one sensor alone sees, from sites of the height `site_m`, root mean square."""
 
     outcomes: Outcomes
     filter: ImmFilter
     biases: Biases
     period_s: FloatArray
+    site_m: float
 
     def with_ascents(
         self,
@@ -131,7 +132,7 @@ class SingleSensor:
         sighting = Sighting(
             first_sensor_m=then,
             first_m=ground + first[:2] @ first_axes[:2],
-            first_sigma_m=float(np.hypot(np.sqrt(spread[1, 1]), SITE_M)),
+            first_sigma_m=float(np.hypot(np.sqrt(spread[1, 1]), self.site_m)),
             ground_radius_m=float(np.linalg.norm(ground)),
             since_s=time_s - first_s,
             sensor_m=now,

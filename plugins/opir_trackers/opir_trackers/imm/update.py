@@ -155,11 +155,12 @@ def with_launch_points(models: TrackingModels, now: TrackerState) -> TrackerStat
         return now
     table, estimates = now.table.part(young), now.estimates.part(young)
     predicted, thrust = models.path(estimates, now.time_s), models.config.thrust
+    inland = models.config.hypotheses.inland_share
     place, seen = estimates.likelier_position_m, table.reports >= 0
     biased = models.shared_covariance(now, estimates, table)
     first_s = emission_s(table.first_s, models.biases.ranges_m(place, now.time_s, seen), models.light_time)
     at_once = delays_at_once(models.period_s, models.association.detection_probability, seen)
-    prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust))
+    prior = LaunchDelayPrior(at_once, first_motion(predicted, first_s, seen.sum(axis=1) < 2, thrust), inland)
     points = launches(
         predicted, first_s, prior, thrust.launch_noise_m_s2, None if biased is None else biased[:, :3, :3]
     )

@@ -191,7 +191,7 @@ def test_launches_are_where_first_rays_meet_the_ground():
         line / distance[:, None],
         np.full(4, SIGMA_RAD),
     )
-    found = launches(rays, owner, 2, watch, True)
+    found = launches(rays, owner, 2, watch, True, 100.0)
     assert np.degrees(found.place[:, :2]) == pytest.approx(np.array([[35.0, -120.0], [-10.0, -100.0]]), abs=1e-9)
     period_s = sensors[0].scan.period_ns * 1e-9
     # The paper's mean latency: T/P, 2 periods at 0.5.
@@ -202,20 +202,20 @@ def test_launches_are_where_first_rays_meet_the_ground():
 
 def test_launches_err_as_their_covariance_says():
     rng = np.random.default_rng(7)
-    place = geodetic_to_ecef(np.radians(50.0), np.radians(-120.0), 0.0)
+    count, site_m = 2000, 800.0
+    place = geodetic_to_ecef(np.radians(50.0), np.radians(-120.0), site_m * rng.normal(size=count))
     longitude = np.radians(SLOTS_DEG)
     origins = 4.2164e7 * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
-    line = place - origins
+    line = (place[:, None] - origins).reshape(-1, 3)
     unit = line / np.linalg.norm(line, axis=1)[:, None]
-    count = 2000
-    noisy = np.tile(unit, (count, 1)) + SIGMA_RAD * rng.normal(size=(2 * count, 3))
+    noisy = unit + SIGMA_RAD * rng.normal(size=(2 * count, 3))
     noisy /= np.linalg.norm(noisy, axis=1)[:, None]
     sensor = np.tile([0, 1], count).astype(np.int32)
     watch = SensorSchedule.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0)
     rays = LinesOfSight(
         np.full(2 * count, 5.0), sensor, np.arange(2 * count), origins[sensor], noisy, np.full(2 * count, SIGMA_RAD)
     )
-    found = launches(rays, np.repeat(np.arange(count), 2), count, watch, True)
+    found = launches(rays, np.repeat(np.arange(count), 2), count, watch, True, site_m)
     north = 6.378e6 * (found.place[:, 0] - np.radians(50.0))
     east = 6.378e6 * np.cos(np.radians(50.0)) * (found.place[:, 1] - np.radians(-120.0))
     error = np.stack([east, north], axis=1)
