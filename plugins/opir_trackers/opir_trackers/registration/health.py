@@ -17,7 +17,8 @@ _UNOBSERVED = 0.5
 #: Least weight of an error in a combination that is named with it.
 _PART = 0.3
 
-#: Mean square of normalised innovations, and number of looks, from which a sensor is said not to be as stated.
+#: Mean square of normalised innovations, and number of looks, from which a sensor is said not to be as stated. Outliers
+#: of fewer looks have no share: the looks of tracks that ended are forgotten.
 _WRONG, _ENOUGH = 2.0, 50.0
 
 _NAMES = ("east", "north", "clock")
@@ -43,7 +44,7 @@ def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
         "noise_scale_sigma": sums.noise_scale_sigma,
         "innovations": sums.mean_square,
         "outlier_share": np.divide(
-            now.tracks.explained.sum(axis=0), looks, out=np.full(len(looks), np.nan), where=looks > 0.0
+            now.tracks.explained.sum(axis=0), looks, out=np.full(len(looks), np.nan), where=looks > _ENOUGH
         ),
     }
     text = tuple("; ".join(_sentence(now, found, hidden, row, names)) for row in range(len(names)))
