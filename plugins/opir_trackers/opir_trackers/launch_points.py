@@ -149,7 +149,7 @@ def launches(
     """Return launch points of boosts from rest on the ground at an unknown time before `first_s` (n,); nan if none.
 
     `first_s` is the time at which the light of the first detection was emitted, `noise` the process-noise density of
-    the force, m/s²/√s, on the path followed back. Mean and covariance are the moments of the mixture over launch times.
+    the force, m/s²/√s, on the path followed back. Mean and covariance are moments of the mixture over times and sites.
     `biased` (n, 3, 3) is the position covariance due to sensor biases, along the whole path.
     """
     count = len(predicted.root)
@@ -163,7 +163,8 @@ def launches(
     covariance[:, 2, 2] += chance @ (_CASE_WIDTHS_S**2 / 12.0)
     row, column = _BELOW
     covariance[:, row, column] = covariance[:, column, row]
-    nowhere = starts.misfit.reshape(count, -1).min(axis=1) >= _LAUNCHED
+    possible = np.repeat(site_shares(prior.inland) > 0.0, _TIMES)
+    nowhere = starts.misfit.reshape(count, -1)[:, possible].min(axis=1) >= _LAUNCHED
     if np.count_nonzero(nowhere):
         place[nowhere], covariance[nowhere] = np.nan, np.nan
     return LaunchPoints(place, covariance)
