@@ -108,7 +108,7 @@ def test_what_is_no_event_is_reported_with_its_line(tmp_path):
     path.write_text("{}\n")
     with pytest.raises(SceneError, match="line 1: is no event of the encoder forge"):
         OpirDetectionReader.of_events(path)
-    with pytest.raises(SceneError, match="cannot be read: No such file"):
+    with pytest.raises(SceneError, match="cannot be read: no such file"):
         OpirDetectionReader.of_events(tmp_path / "none")
 
 
