@@ -63,7 +63,10 @@ class Rank(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """The mixture of one launch point: places (3, m), covariances (3, 3, m), times (m,) and probabilities (m,)."""
+    """The mixture of one launch point: places (3, m), covariances (3, 3, m), times (m,) and probabilities (m,).
+
+    Times are those of each kind of site, one after the other.
+    """
 
     place: np.ndarray
     covariance: np.ndarray
@@ -79,7 +82,8 @@ class Mixture(NamedTuple):
         ]
         edges_s = launch_points.EDGES_S
         before_s = self.when[0] + 0.5 * (edges_s[0] + edges_s[1]) - START_S
-        return (*sides, 1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(self.chance)))))
+        at_times = np.sum(self.chance.reshape(-1, len(edges_s) - 1), axis=0)
+        return (*sides, 1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(at_times)))))
 
 
 MOMENTS = launch_points.moment_matched
