@@ -54,7 +54,7 @@ there are [regions on foreign flights](tracker_honesty.md).
 The mixture is not normal. Of launches that are seen at once, it has some 95 % within a tenth of a second of the first
 detection, and the rest seconds earlier, for a launch that clouds hid for a few seconds looks the same. The tracker
 reports mean and variance of all of it: a standard deviation of one to three seconds where the error is mostly 0.1 s.
-These moments hold on average, not as an interval: the mean of error² / variance is {square} (1 is consistent, above 1
+These moments are no interval: the mean of error² / variance is {square} (1 is consistent, above 1
 is overconfident).
 
 By `--flights N --write docs/benchmarks`, 150 by default, three minutes of processor time. Flights that clouds hide
