@@ -33,7 +33,10 @@ class SyncThread:
         self._thread.join()
 
     def _work(self) -> None:
-        while self._written.wait() and not self._stopping.wait(self._within_s):
+        while not self._stopping.is_set():  # asked again after each clear: `stop` may have set both just before it
+            self._written.wait()
+            if self._stopping.wait(self._within_s):
+                break
             self._written.clear()
             try:
                 self._sync()
