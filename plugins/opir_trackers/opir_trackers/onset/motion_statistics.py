@@ -54,10 +54,11 @@ class MotionStatistics(Columns):
     """Statistics of tracks, one row each, and the latest probabilities of their groups.
 
     `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up;
-    `epoch_s` (n,) is the time of the first detection. Up to the horizon of a cubic: `information` (n, 7, 3, 3), `pull`
-    (n, 4, 3) and `misfit` (n,) in local axes, number of `lines`, and `noise_log` (n,), the log likelihood of the lines
-    as false alarms over that of lines without error. Of all lines: `static_information` (n, 3, 3) and `static_pull`
-    (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows keep theirs.
+    `epoch_s` (n,) is the time of the first detection. Of lines with the weight that the horizon of a cubic leaves them:
+    `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,) in local axes, number of `lines`, and `noise_log`
+    (n,), the log likelihood of the lines as false alarms over that of lines without error. Of all lines:
+    `static_information` (n, 3, 3) and `static_pull` (n, 3). `probability` (n, 5) is over the groups;
+    `is_decided` rows keep theirs.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType(
@@ -139,16 +140,19 @@ class MotionStatistics(Columns):
         of, used = owner[mine], lines.take(mine)
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         since_s = used.time_s - self.epoch_s[of]
-        near = (since_s <= self.horizon_s()[of]) & ~self.is_decided[of]
+        # What a cubic leaves out grows as τ⁴; its variance adds to that of the lines' mean.
+        near = np.where(self.is_decided[of], 0.0, 1.0 / (1.0 + (since_s / self.horizon_s()[of]) ** 8))
         weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
-        powers = np.where(near[:, None], since_s[:, None] ** np.arange(_POWERS), 0.0)
+        powers = near[:, None] * since_s[:, None] ** np.arange(_POWERS)
         pulled = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
-        of_each = [square, np.ones(len(mine)), _noise_log(used, log_clutter)]
+        of_each = np.array([square, np.ones(len(mine)), _noise_log(used, log_clutter)])
+        # No clutter has the log density -inf.
+        weighed = np.multiply(near, of_each, where=near > 0.0, out=np.zeros_like(of_each))
         terms = {
             "information": powers[:, :, None] * weight[:, None, :],
             "pull": powers[:, :ORDERS, None] * pulled[:, None, :],
-            **dict(zip(("misfit", "lines", "noise_log"), np.where(near, of_each, 0.0), strict=True)),
+            **dict(zip(("misfit", "lines", "noise_log"), weighed, strict=True)),
             "static_information": weight,
             "static_pull": pulled,
         }

@@ -16,9 +16,12 @@ from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE,
 
 _DAY_S = 86400.0
 
-#: A track is decided once ground and noise together are less probable than the first and a launch more than the second,
-#: or when its horizon is over.
+#: A track is decided once ground and noise together are less probable than the first and a launch more than the second.
 RARE, _SURE = 1e-4, 0.999
+
+#: One that stands is decided after a horizon, once a launch is less probable than this, 1/1000 of its share before
+#: the first line; any other after so many horizons, where a line weighs 1/257.
+_DOUBT, _HORIZONS = 1e-6, 2.0
 
 #: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has gone out.
 _BURN_S, _GONE_SCANS = 100.0, 5.0
@@ -76,7 +79,7 @@ class GroupPosterior:
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s` (n,) the longest scan
         period of the sensors that see the track. What has been seen for long, still is, and is less probably a launch
         than before the first line is assessed now and then. Lines that are not of one motion say nothing of it: these
-        statistics begin anew.
+        statistics begin anew, as do those of what still shines and probably, but not surely, stands.
         """
         steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + step_s)
         steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
@@ -90,11 +93,15 @@ class GroupPosterior:
         found = probability[open_] = self.probabilities(mine, age_s, pause_s, gone)
         still = found[:, GROUND] + found[:, NOISE]
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
-        decided[open_] = launched | (time_s - mine.epoch_s > mine.horizon_s())
-        mixed = open_[mine.are_unlike_any_motion()]
-        decided[mixed] = False
+        horizons, stands = (time_s - mine.epoch_s) / mine.horizon_s(), found.argmax(axis=1) == GROUND
+        # Of a slow launch that was decided to stand the lines would be lost.
+        surely, over = stands & (found[:, LAUNCH] < _DOUBT), horizons > _HORIZONS
+        decided[open_] = launched | (surely & (horizons > 1.0)) | (over & ~stands)
+        still_shines = time_s - seen_s[open_] < pause_s + step_s
+        anew = mine.are_unlike_any_motion() | (over & stands & ~surely & still_shines)
+        decided[open_[anew]] = False
         statistics = evolve(statistics, probability=probability, is_decided=decided)
-        return statistics.restarted(mixed, time_s) if len(mixed) else statistics
+        return statistics.restarted(open_[anew], time_s) if np.count_nonzero(anew) else statistics
 
     def probabilities(
         self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
