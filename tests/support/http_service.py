@@ -14,6 +14,7 @@ import jsonschema
 from attrs import define
 from opir_http.arguments import add_arguments
 from opir_http.openapi import document
+from opir_http.routes import application
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of
@@ -106,7 +107,7 @@ def serving(
     begun, servers = threading.Event(), []
 
     async def run() -> None:
-        servers.append(server_of(service, token))
+        servers.append(server_of(service, application(service), token))
         begun.set()
         await servers[0].serve(sockets=[listening])
 

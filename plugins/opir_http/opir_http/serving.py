@@ -67,13 +67,15 @@ def serve(arguments: argparse.Namespace) -> int:
     watchdog = RunWatchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     service.watchdog, stopping = watchdog.thread, threading.Event()
     with bound_socket(arguments) as listening:
+        # Built before the run starts, which takes a second: whoever connects at once misses little of it.
+        app = application(service)
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
             service.run.start()
         log_health(service.health, stopping)
         asked_at_s = None
         try:
-            asked_at_s = asyncio.run(_served(service, (token, log), listening, arguments.host, watchdog.start))
+            asked_at_s = asyncio.run(_served(service, app, (token, log), listening, arguments.host, watchdog.start))
         finally:
             stopping.set()
             watchdog.stop()
@@ -221,6 +223,7 @@ def bound_socket(arguments: argparse.Namespace) -> socket.socket:
 
 async def _served(
     service: Service,
+    app: Any,
     access: tuple[str | None, RequestLog],
     listening: socket.socket,
     host: str,
@@ -234,7 +237,7 @@ async def _served(
         on_start()
 
     token, log = access
-    server = server_of(service, token, print_address, log)
+    server = server_of(service, app, token, print_address, log)
     await server.serve(sockets=[listening])
     return server.asked_at_s
 
@@ -247,13 +250,13 @@ def address_text(host: str, port: int) -> str:
 
 def server_of(
     service: Service,
+    app: Any,
     token: str | None,
     on_start: Callable[[], None] = lambda: None,
     log: RequestLog | None = None,
 ) -> Server:
-    """Return the server of a service, for the running event loop."""
+    """Return the server of a service and its application, for the running event loop."""
     service.feed.start(asyncio.get_running_loop())
-    app: Any = application(service)
 
     def stop() -> None:
         service.run.halt()
