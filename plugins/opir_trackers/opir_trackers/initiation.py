@@ -3,7 +3,8 @@
 Lines of a sensor within a few standard deviations of each other form a cluster. Clusters of different sensors whose
 mean lines intersect at a height possible for a target form a candidate. A candidate starts a track once its lines come
 from M different scans of the last N. Before its first update a track has only its prior, given in `track_priors.py` and
-docs/explanation/association.md: for a cluster of a single sensor, launches begin near the ground.
+docs/explanation/association.md: for a cluster of a single sensor, launches begin near the ground, unless its lines move
+so fast that the target has flown for a while, or a line of another sensor says how high it is.
 
 Neighbouring launches may lie closer than the size of a cluster. A scan sees a target at most once, so a cluster that
 has lines of one scan farther apart than the noise allows holds several targets. Its lines are split scan by scan,
@@ -17,7 +18,7 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot
-from opir_core.geometry import WGS84
+from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, group_sums, ranks
 from opir_trackers.configs import GATE_SIGMAS
@@ -25,6 +26,9 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
 from opir_trackers.triangulation import (
     FAR_M,
+    FIRST_HEIGHT_M,
+    HIGHEST_M,
+    LOWEST_M,
     are_low_orbits,
     geostationary_directions,
     mean_directions,
@@ -120,6 +124,12 @@ _NARROWEST_RAD = 2.0**-17 + 2.0**-30
 #: Height that shifts where a line meets the ground, m: more where it grazes it.
 HIGHER_M = 5e3
 
+#: Standard deviations above which the rate of a cluster's lines is that of its target.
+_SURE_SIGMAS = 3.0
+
+#: A steady upward acceleration of targets first seen in flight, m/s², and their greatest height, m. Notional.
+STEADY_M_S2, _HIGHEST_BURN_M = 20.0, 200e3
+
 #: Squared semi-axes of the Earth, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
 
@@ -128,7 +138,8 @@ _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84
 class Clusters(Columns):
     """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of scans.
 
-    `is_part` (n,) marks parts of wide clusters.
+    `speed_m_s` (n,) is the least speed that moves a target across a high sensor's lines; `is_part` (n,) marks parts of
+    wide clusters.
     """
 
     sensor: IntArray
@@ -137,6 +148,7 @@ class Clusters(Columns):
     direction_ecef: FloatArray
     sigma_rad: FloatArray
     scans: IntArray
+    speed_m_s: FloatArray
     is_part: BoolArray
 
 
@@ -144,8 +156,8 @@ class Clusters(Columns):
 class TrackCandidates(Columns):
     """Candidates for new tracks: position (n, 3) in ECEF, m, time, and number of sensors.
 
-    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground; `is_of_parts` (n,) marks
-    candidates from parts of wide clusters.
+    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground, `speed_m_s` (n,) the least
+    speed across it; `is_of_parts` (n,) marks candidates from parts of wide clusters.
     """
 
     position_ecef_m: FloatArray
@@ -153,6 +165,17 @@ class TrackCandidates(Columns):
     sensors: IntArray
     sine: FloatArray = field(default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True))
     is_of_parts: BoolArray = field(default=Factory(lambda self: np.zeros(len(self.sensors), bool), takes_self=True))
+    speed_m_s: FloatArray = field(default=Factory(lambda self: np.zeros(len(self.sensors)), takes_self=True))
+
+    @property
+    def flown_m(self) -> FloatArray:
+        """The heights (n,), m, that targets of a single sensor have reached with such speeds."""
+        return flown_m(self.speed_m_s)
+
+
+def flown_m(speed_m_s: FloatArray) -> FloatArray:
+    """Return heights (n,), m, at which a steady boost has reached speeds (n,)."""
+    return np.asarray(np.minimum(np.square(speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M))
 
 
 @frozen(eq=False)
@@ -191,6 +214,7 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     scans = np.bincount(group, likely.scans, count)
     sensors = np.bincount(group, minlength=count)
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
+    speed = np.where(sensors == 1, np.bincount(group, likely.speed_m_s, count), 0.0)
     position = _positions(likely, group, count, sensors)
     is_part = np.bincount(group, likely.is_part, count) > 0.0
     # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
@@ -202,8 +226,27 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     place, number = np.full(len(clusters), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = TrackCandidates(position, time_s, sensors, sine, is_part)
+    begun = TrackCandidates(position, time_s, sensors, sine, is_part, speed)
     return Initiation(cluster, place[cluster], begun.take(ready))
+
+
+def where_lines_meet(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
+    """Return the candidates, those of a single sensor where their lines meet if they own (m,) lines of others too."""
+    mine = np.flatnonzero(owner >= 0)
+    sensors = np.unique(np.stack([owner[mine], lines.sensor[mine].astype(np.int64)]), axis=1)[0]
+    rows = np.flatnonzero((begun.sensors == 1) & (np.bincount(sensors, minlength=len(begun)) > 1))
+    if not len(rows):
+        return begun
+    place = np.full(len(begun) + 1, -1)
+    place[rows] = np.arange(len(rows))
+    used = lines.take(np.flatnonzero(place[owner] >= 0))
+    group = place[owner][place[owner] >= 0]
+    met = triangulated(group, len(rows), used.origin_ecef_m, used.direction_ecef, used.sigma_rad).position_m
+    height_m = ecef_to_geodetic(met).height_m
+    lawful = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
+    position, number = begun.position_ecef_m.copy(), begun.sensors.copy()
+    position[rows[lawful]], number[rows[lawful]] = met[lawful], 2
+    return evolve(begun, position_ecef_m=position, sensors=number)
 
 
 def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
@@ -269,8 +312,21 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
         direction_ecef=direction,
         sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total[:, 0],
         scans=np.bincount(scan_of, minlength=count),
+        speed_m_s=_least_speeds(lines, cluster, count),
         is_part=np.zeros(count, dtype=bool),
     )
+
+
+def _least_speeds(lines: LinesOfSight, cluster: IntArray, count: int) -> FloatArray:
+    """Return the least speeds (count,), m/s, of targets across the lines of clusters; 0 of sensors in low orbits."""
+    mean_s = np.bincount(cluster, lines.time_s, count) / np.maximum(np.bincount(cluster, minlength=count), 1)
+    since_s = lines.time_s - mean_s[cluster]
+    spread = np.bincount(cluster, since_s * since_s, count)
+    rate = group_sums(cluster, since_s[:, None] * lines.direction_ecef, count)
+    sigma = np.sqrt(np.bincount(cluster, np.square(since_s * lines.sigma_rad), count))
+    surely = np.maximum(np.sqrt(dot(rate, rate)) - _SURE_SIGMAS * sigma, 0.0)
+    low = np.bincount(cluster, are_low_orbits(lines.origin_ecef_m), count) > 0.0
+    return np.where(low | (spread == 0.0), 0.0, FAR_M * surely / np.maximum(spread, 1e-300))
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
@@ -313,7 +369,9 @@ def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArra
     """Return the positions of candidates: triangulated, or near the ground on a single line."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    position[group[single]] = points_near_ground(clusters.origin_ecef_m[single], clusters.direction_ecef[single])
+    alone = clusters.take(np.flatnonzero(single))
+    height_m = FIRST_HEIGHT_M + flown_m(alone.speed_m_s)
+    position[group[single]] = points_near_ground(alone.origin_ecef_m, alone.direction_ecef, height_m)
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)

@@ -15,7 +15,7 @@ from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
-from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, TrackCandidates
+from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
 from opir_trackers.launch_points import FirstMotion
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
@@ -106,7 +106,8 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
     rate, sigmas = _first_rates(config.thrust)
     place, speed = prior_sigmas(candidates)
-    velocity += np.where(candidates.sensors == 1, FIRST_CLIMB_M_S, 0.0)[:, None] * inertial[:, 2]
+    climb = np.maximum(FIRST_CLIMB_M_S, 0.5 * candidates.speed_m_s)
+    velocity += np.where(candidates.sensors == 1, climb, 0.0)[:, None] * inertial[:, 2]
     mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
     size = mean.shape[1]
     root = np.zeros((count, size, size))
@@ -153,23 +154,27 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
 
     For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a climb: a line of
     sight alone does not say whether its target climbs or descends. Where its line grazes the ground the
-    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. A candidate
-    of several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
+    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. One that
+    moves faster across the line has flown for longer: it is as uncertain as its height and speed. A candidate of
+    several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
     steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights, those near the ground were
     chosen: the height is within its own value, or 3 km.
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
-    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [FARTHER_M] * 3)
-    shift = HIGHER_M / np.maximum(candidates.sine, GRAZING_SINE)
+    higher = np.maximum(candidates.flown_m, HIGHER_M)
+    place = np.where(alone[:, None], 30e3, np.full((len(alone), 3), FARTHER_M))
+    place[:, 2] = np.where(alone, higher, FARTHER_M)
+    shift = higher / np.maximum(candidates.sine, GRAZING_SINE)
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, FARTHER_M)
-    return place, np.where(alone[:, None], _SPEEDS_M_S, _speed_sigmas(height)[:, None])
+    fast = np.maximum(candidates.speed_m_s[:, None], _SPEEDS_M_S)
+    return place, np.where(alone[:, None], fast, _speed_sigmas(height)[:, None])
 
 
 def _speed_sigmas(height_m: FloatArray) -> FloatArray:
-    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(40.0 * height_m)
+    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(2.0 * STEADY_M_S2 * height_m)
     return speed
 
 
@@ -183,12 +188,15 @@ def first_motion(
     position = predicted.positions(np.arange(len(first_s)), first_s)
     radius = np.sqrt(dot(position, position))
     height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
-    place = np.where(alone, HIGHER_M, FARTHER_M)
-    speed = np.where(alone, _SPEEDS_M_S[2], _speed_sigmas(np.maximum(height, 0.0)))
+    # A lone sensor's target begins so high only if it has flown for longer.
+    fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * np.maximum(height, 0.0)), 0.0)
+    place = np.where(alone, np.maximum(height, HIGHER_M), FARTHER_M)
+    speed = np.where(alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0)))
     jerk, force = thrust.growth_per_s * FIRST_FORCE_M_S2, thrust.force_sigma_m_s2
     growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
     net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
-    return FirstMotion(height, np.where(alone, FIRST_CLIMB_M_S, 0.0), net, jerk, (place, speed, force, growth))
+    climb = np.where(alone, np.maximum(FIRST_CLIMB_M_S, 0.5 * fast), 0.0)
+    return FirstMotion(height, climb, net, jerk, (place, speed, force, growth))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:

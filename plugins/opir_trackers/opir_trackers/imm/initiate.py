@@ -76,13 +76,13 @@ def _with_initiated(models: TrackingModels, now: TrackerState) -> TrackerState:
     initiation_ = initiation.track_candidates(lines, models.needed_scans, now.registration.loose_rad)
     if not len(initiation_.begun):
         return now
-    first, span = (
-        prior_estimates(initiation_.begun, now.time_s, models.config),
-        now.time_s - float(lines.time_s.min()),
-    )
+    begun, span = initiation_.begun, now.time_s - float(lines.time_s.min())
+    first = prior_estimates(begun, now.time_s, models.config)
     pairs = models.gated_pairs(models.filter.predicted_measurements(first, now.time_s), lines, span)
     pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
     association = associate_nearest(pairs, lines, models.association)
+    met = initiation.where_lines_meet(begun, lines, association.owner)
+    first = first if met is begun else prior_estimates(met, now.time_s, models.config)
     estimates = models.filter.updated(first, now.time_s, hard_measurements(association.assigned), span)
     return _with_new_tracks(models, now, first, estimates, association.owner)
 
