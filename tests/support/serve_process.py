@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import opir_http.serving
 import opir_kafka.transport
+from forked_processes import is_alive
 from waiting import within
 
 from opir_core.cli.main import main
@@ -32,15 +34,20 @@ class Nursery:
         doomed = str(Path(__file__).with_name("forked_processes.py"))
         command = [sys.executable, doomed, module]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+        self._last = 0
 
     def born(self, log: Path, *words: str) -> int:
         """Start the module's `opir` with these words; return the process's number."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f"opir {json.dumps([str(log), *words])}\n")
-        return int(within(120.0, self._process.stdout.readline))
+        self._last = int(within(120.0, self._process.stdout.readline))
+        return self._last
 
     def close(self) -> None:
+        """End the nursery, and its last process if a test that failed has left it."""
+        if self._last and is_alive(self._last):
+            os.kill(self._last, signal.SIGKILL)
         self._process.communicate(timeout=60.0)
 
 
