@@ -33,10 +33,8 @@ class SyncThread:
         self._thread.join()
 
     def _work(self) -> None:
-        while not self._stopping.is_set():  # asked again after each clear: `stop` may have set both just before it
-            self._written.wait()
-            if self._stopping.wait(self._within_s):
-                break
+        # `stop` sets both events: one that comes just before `clear` is seen by `is_set`.
+        while not self._stopping.is_set() and self._written.wait() and not self._stopping.wait(self._within_s):
             self._written.clear()
             try:
                 self._sync()
