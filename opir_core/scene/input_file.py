@@ -16,7 +16,6 @@ _KINDS = (
 #: A pipe is opened without waiting for somebody to write into it.
 _READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 
-
 #: Marks at the beginning of a text, and the encoding of which each is.
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 

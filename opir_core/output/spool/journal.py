@@ -77,8 +77,7 @@ class Journal:
     def __init__(self, path: str, max_bytes: int, *, survives_power_cut: bool = False) -> None:
         self.path = path
         self._max_bytes = max_bytes
-        self._bytes = 0
-        self.waiting = 0
+        self._bytes = self.waiting = 0
         self._sync: SyncThread | None = None
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
         #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
