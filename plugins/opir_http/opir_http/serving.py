@@ -67,7 +67,7 @@ def serve(arguments: argparse.Namespace) -> int:
     watchdog = RunWatchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     service.watchdog, stopping = watchdog.thread, threading.Event()
     with bound_socket(arguments) as listening:
-        # Built before the run starts, which takes a second: whoever connects at once misses little of it.
+        # Building it takes a second or two, which viewers would miss if the run had already started.
         app = application(service)
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
