@@ -13,7 +13,7 @@ PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 30
 
-#: What a first run is compared with. An editable installation imports `__future__` and `pathlib` at start, wheels do not.
+#: What a first run is compared with. Editable installations import `__future__` and `pathlib` at start.
 BASELINE = "import __future__, numpy, pathlib"
 
 #: How many modules more than `BASELINE` a first run may import, two of them opir-render: files are put in place
