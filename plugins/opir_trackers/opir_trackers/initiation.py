@@ -3,8 +3,8 @@
 Lines of a sensor within a few standard deviations of each other form a cluster. Clusters of different sensors whose
 mean lines intersect at a height possible for a target form a candidate. A candidate starts a track once its lines come
 from M different scans of the last N. Before its first update a track has only its prior, given in `track_priors.py` and
-docs/explanation/association.md: for a cluster of a single sensor, launches begin near the ground, unless its lines move
-so fast that the target has flown for a while, or a line of another sensor says how high it is.
+docs/explanation/association.md: a candidate of a single sensor is near the ground, unless its speed across the line of
+sight or its crossing with a line of another sensor places it higher.
 
 Neighbouring launches may lie closer than the size of a cluster. A scan sees a target at most once, so a cluster that
 has lines of one scan farther apart than the noise allows holds several targets. Its lines are split scan by scan,
@@ -26,7 +26,7 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
 from opir_trackers.triangulation import (
     FAR_M,
-    FIRST_HEIGHT_M,
+    GRAZING_SINE,
     HIGHEST_M,
     LOWEST_M,
     are_low_orbits,
@@ -124,10 +124,12 @@ _NARROWEST_RAD = 2.0**-17 + 2.0**-30
 #: Height that shifts where a line meets the ground, m: more where it grazes it.
 HIGHER_M = 5e3
 
-#: Standard deviations above which the rate of a cluster's lines is that of its target.
-_SURE_SIGMAS = 3.0
+#: The speed of a candidate across the line of sight is its estimate less this many standard deviations: a speed that
+#: noise alone exceeds in 1 % of candidates.
+_SPEED_SIGMAS = 3.0
 
-#: A steady upward acceleration of targets first seen in flight, m/s², and their greatest height, m. Notional.
+#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height, and the greatest height, m.
+#: Notional.
 STEADY_M_S2, _HIGHEST_BURN_M = 20.0, 200e3
 
 #: Squared semi-axes of the Earth, m².
@@ -138,8 +140,7 @@ _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84
 class Clusters(Columns):
     """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of scans.
 
-    `speed_m_s` (n,) is the least speed that moves a target across a high sensor's lines; `is_part` (n,) marks parts of
-    wide clusters.
+    `is_part` (n,) marks parts of wide clusters.
     """
 
     sensor: IntArray
@@ -148,7 +149,6 @@ class Clusters(Columns):
     direction_ecef: FloatArray
     sigma_rad: FloatArray
     scans: IntArray
-    speed_m_s: FloatArray
     is_part: BoolArray
 
 
@@ -156,8 +156,8 @@ class Clusters(Columns):
 class TrackCandidates(Columns):
     """Candidates for new tracks: position (n, 3) in ECEF, m, time, and number of sensors.
 
-    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground, `speed_m_s` (n,) the least
-    speed across it; `is_of_parts` (n,) marks candidates from parts of wide clusters.
+    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground, `speed_m_s` (n,) a lower
+    bound of the speed across it, 0 if unknown; `is_of_parts` (n,) marks candidates from parts of wide clusters.
     """
 
     position_ecef_m: FloatArray
@@ -168,14 +168,9 @@ class TrackCandidates(Columns):
     speed_m_s: FloatArray = field(default=Factory(lambda self: np.zeros(len(self.sensors)), takes_self=True))
 
     @property
-    def flown_m(self) -> FloatArray:
-        """The heights (n,), m, that targets of a single sensor have reached with such speeds."""
-        return flown_m(self.speed_m_s)
-
-
-def flown_m(speed_m_s: FloatArray) -> FloatArray:
-    """Return heights (n,), m, at which a steady boost has reached speeds (n,)."""
-    return np.asarray(np.minimum(np.square(speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M))
+    def height_by_speed_m(self) -> FloatArray:
+        """The heights (n,), m, at which a boost of `STEADY_M_S2` from the ground reaches `speed_m_s`."""
+        return np.asarray(np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M))
 
 
 @frozen(eq=False)
@@ -214,7 +209,6 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     scans = np.bincount(group, likely.scans, count)
     sensors = np.bincount(group, minlength=count)
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
-    speed = np.where(sensors == 1, np.bincount(group, likely.speed_m_s, count), 0.0)
     position = _positions(likely, group, count, sensors)
     is_part = np.bincount(group, likely.is_part, count) > 0.0
     # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
@@ -226,27 +220,67 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     place, number = np.full(len(clusters), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = TrackCandidates(position, time_s, sensors, sine, is_part, speed)
-    return Initiation(cluster, place[cluster], begun.take(ready))
+    begun = TrackCandidates(position, time_s, sensors, sine, is_part).take(ready)
+    return Initiation(cluster, place[cluster], _raised_by_speed(begun, lines, place[cluster]))
 
 
-def where_lines_meet(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
-    """Return the candidates, those of a single sensor where their lines meet if they own (m,) lines of others too."""
-    mine = np.flatnonzero(owner >= 0)
-    sensors = np.unique(np.stack([owner[mine], lines.sensor[mine].astype(np.int64)]), axis=1)[0]
-    rows = np.flatnonzero((begun.sensors == 1) & (np.bincount(sensors, minlength=len(begun)) > 1))
+def _raised_by_speed(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
+    """Return candidates with the speeds of those of a single distant sensor, at the heights that these give.
+
+    `owner` (m,) are the candidates of lines. The speed is the rate of the points where lines meet the ground, across
+    the line of sight; seen from a low orbit, a target above the ground would have the speed of the sensor.
+    """
+    rows = _lines_of(begun.sensors == 1, owner)
+    rows = rows[~are_low_orbits(lines.origin_ecef_m[rows])]
     if not len(rows):
         return begun
-    place = np.full(len(begun) + 1, -1)
-    place[rows] = np.arange(len(rows))
-    used = lines.take(np.flatnonzero(place[owner] >= 0))
-    group = place[owner][place[owner] >= 0]
-    met = triangulated(group, len(rows), used.origin_ecef_m, used.direction_ecef, used.sigma_rad).position_m
-    height_m = ecef_to_geodetic(met).height_m
-    lawful = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
-    position, number = begun.position_ecef_m.copy(), begun.sensors.copy()
-    position[rows[lawful]], number[rows[lawful]] = met[lawful], 2
-    return evolve(begun, position_ecef_m=position, sensors=number)
+    mine, of, count = lines.take(rows), owner[rows], len(begun)
+    total = np.maximum(np.bincount(of, minlength=count), 1)
+    since_s = mine.time_s - (np.bincount(of, mine.time_s, count) / total)[of]
+    foot = points_near_ground(mine.origin_ecef_m, mine.direction_ecef)
+    across = foot - begun.position_ecef_m[of]
+    across -= dot(across, mine.direction_ecef)[:, None] * mine.direction_ecef
+    blur_m = mine.sigma_rad * np.sqrt(np.sum((foot - mine.origin_ecef_m) ** 2, axis=1))
+    spread = np.maximum(np.bincount(of, since_s * since_s, count), 1e-9)
+    rate = group_sums(of, since_s[:, None] * across, count)
+    noise = np.sqrt(np.bincount(of, np.square(since_s * blur_m), count))
+    speed = np.fmax(np.sqrt(dot(rate, rate)) - _SPEED_SIGMAS * noise, 0.0) / spread
+    if not np.count_nonzero(speed):
+        return begun
+    faster = evolve(begun, speed_m_s=speed)
+    # Along the line of sight, towards the sensor.
+    last = np.zeros(count, dtype=np.int64)
+    last[of] = rows
+    away = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
+    return evolve(faster, position_ecef_m=begun.position_ecef_m - away[:, None] * lines.direction_ecef[last])
+
+
+def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
+    """Return the rows of lines whose candidate, by `owner` (m,), -1 for none, is one of some (n,)."""
+    return np.flatnonzero(np.append(candidate, False)[owner])
+
+
+def placed_at_crossings(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
+    """Return the candidates, those of a single sensor with lines of others in their gates where these lines cross.
+
+    `owner` (m,) are the candidates of lines, by association.
+    """
+    mine = np.flatnonzero(owner >= 0)
+    seen = np.unique(np.stack([owner[mine], lines.sensor[mine].astype(np.int64)]), axis=1)[0]
+    sensors = np.bincount(seen, minlength=len(begun))
+    several = (begun.sensors == 1) & (sensors > 1)
+    if not np.count_nonzero(several):
+        return begun
+    rows = _lines_of(several, owner)
+    used, number = lines.take(rows), np.cumsum(several) - 1
+    of = number[owner[rows]]
+    point = triangulated(of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad).position_m
+    height_m = ecef_to_geodetic(point).height_m
+    possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
+    moved = np.flatnonzero(several)[possible]
+    position, count = begun.position_ecef_m.copy(), begun.sensors.copy()
+    position[moved], count[moved] = point[possible], sensors[moved]
+    return evolve(begun, position_ecef_m=position, sensors=count)
 
 
 def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
@@ -312,21 +346,8 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
         direction_ecef=direction,
         sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total[:, 0],
         scans=np.bincount(scan_of, minlength=count),
-        speed_m_s=_least_speeds(lines, cluster, count),
         is_part=np.zeros(count, dtype=bool),
     )
-
-
-def _least_speeds(lines: LinesOfSight, cluster: IntArray, count: int) -> FloatArray:
-    """Return the least speeds (count,), m/s, of targets across the lines of clusters; 0 of sensors in low orbits."""
-    mean_s = np.bincount(cluster, lines.time_s, count) / np.maximum(np.bincount(cluster, minlength=count), 1)
-    since_s = lines.time_s - mean_s[cluster]
-    spread = np.bincount(cluster, since_s * since_s, count)
-    rate = group_sums(cluster, since_s[:, None] * lines.direction_ecef, count)
-    sigma = np.sqrt(np.bincount(cluster, np.square(since_s * lines.sigma_rad), count))
-    surely = np.maximum(np.sqrt(dot(rate, rate)) - _SURE_SIGMAS * sigma, 0.0)
-    low = np.bincount(cluster, are_low_orbits(lines.origin_ecef_m), count) > 0.0
-    return np.where(low | (spread == 0.0), 0.0, FAR_M * surely / np.maximum(spread, 1e-300))
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
@@ -369,9 +390,7 @@ def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArra
     """Return the positions of candidates: triangulated, or near the ground on a single line."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    alone = clusters.take(np.flatnonzero(single))
-    height_m = FIRST_HEIGHT_M + flown_m(alone.speed_m_s)
-    position[group[single]] = points_near_ground(alone.origin_ecef_m, alone.direction_ecef, height_m)
+    position[group[single]] = points_near_ground(clusters.origin_ecef_m[single], clusters.direction_ecef[single])
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)

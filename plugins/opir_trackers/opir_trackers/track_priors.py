@@ -154,15 +154,15 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
 
     For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a climb: a line of
     sight alone does not say whether its target climbs or descends. Where its line grazes the ground the
-    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. One that
-    moves faster across the line has flown for longer: it is as uncertain as its height and speed. A candidate of
-    several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
-    steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights, those near the ground were
-    chosen: the height is within its own value, or 3 km.
+    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. Where its
+    speed across the line is known to be higher, height and velocity have the standard deviations of the height by speed
+    and of the speed. A candidate of several sensors may be at any height; its speed grows with the height: 300 m/s plus
+    1.5 times the speed from a steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights,
+    those near the ground were chosen: the height is within its own value, or 3 km.
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
-    higher = np.maximum(candidates.flown_m, HIGHER_M)
+    higher = np.maximum(candidates.height_by_speed_m, HIGHER_M)
     place = np.where(alone[:, None], 30e3, np.full((len(alone), 3), FARTHER_M))
     place[:, 2] = np.where(alone, higher, FARTHER_M)
     shift = higher / np.maximum(candidates.sine, GRAZING_SINE)
@@ -188,7 +188,7 @@ def first_motion(
     position = predicted.positions(np.arange(len(first_s)), first_s)
     radius = np.sqrt(dot(position, position))
     height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
-    # A lone sensor's target begins so high only if it has flown for longer.
+    # As `prior_sigmas` for a candidate of one sensor that its speed has placed at this height.
     fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * np.maximum(height, 0.0)), 0.0)
     place = np.where(alone, np.maximum(height, HIGHER_M), FARTHER_M)
     speed = np.where(alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0)))

@@ -32,15 +32,13 @@ def are_low_orbits(origin_m: FloatArray) -> BoolArray:
     return np.asarray(np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2)
 
 
-def points_near_ground(
-    origin_m: FloatArray, direction: FloatArray, height_m: FloatArray | float = FIRST_HEIGHT_M
-) -> FloatArray:
+def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     """Return the points (n, 3) of lines at a target's first height or, where they pass above it, at their lowest.
 
     A biased line near the horizon may miss the Earth, as does one of a target that rises behind it. Lines above any
     target give nan.
     """
-    point = intersection_with_ellipsoid(origin_m, direction, height_m)
+    point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
     missed = np.flatnonzero(np.isnan(point[:, 0]))
     if len(missed):
         ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)

@@ -81,8 +81,8 @@ def _with_initiated(models: TrackingModels, now: TrackerState) -> TrackerState:
     pairs = models.gated_pairs(models.filter.predicted_measurements(first, now.time_s), lines, span)
     pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
     association = associate_nearest(pairs, lines, models.association)
-    met = initiation.where_lines_meet(begun, lines, association.owner)
-    first = first if met is begun else prior_estimates(met, now.time_s, models.config)
+    crossing = initiation.placed_at_crossings(begun, lines, association.owner)
+    first = first if crossing is begun else prior_estimates(crossing, now.time_s, models.config)
     estimates = models.filter.updated(first, now.time_s, hard_measurements(association.assigned), span)
     return _with_new_tracks(models, now, first, estimates, association.owner)
 
