@@ -1,4 +1,4 @@
-"""`imm` behind scanners of 10 s against real space launches, which are like fires for the first minute."""
+"""`imm` with scanners of 10 s against real space launches, for the first minute likeliest ground sources."""
 
 from pathlib import Path
 
@@ -33,12 +33,12 @@ def run_of(flight: str, seed: int) -> opir.Run:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("flight", "seed"), [("crs8", 8), ("crs8", 50), ("fhdemo", 50), ("orbcomm2", 51)])
-def test_what_is_taken_for_a_fire_is_followed_until_it_is_sure(flight: str, seed: int) -> None:
+def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int) -> None:
     run = run_of(flight, seed)
     late = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
     number = np.unique(run.detections.track[late])
     assert len(number) == 1
-    assert number[0] >= 0, "light that rises from where a fire was thought to burn has no track"
+    assert number[0] >= 0, "the launch has left the gate of a ground source"
     mine = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
     assert mine.probability_launch[np.searchsorted(mine.tick_s, START_S + 60.0)] < 0.5
     assert mine.probability_launch[-1] > 0.95

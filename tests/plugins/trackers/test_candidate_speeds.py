@@ -30,7 +30,7 @@ def candidate(sensor: np.ndarray, sensor_m_s: np.ndarray, height_m: float, climb
 
 
 @pytest.mark.parametrize("sensor", [(GEO, np.zeros(3)), (HEO, HEO_M_S)])
-def test_what_stands_has_no_speed_whatever_the_sensor_does(sensor: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_source_that_stands_has_no_speed_though_the_sensor_moves(sensor: tuple[np.ndarray, np.ndarray]) -> None:
     assert candidate(*sensor, 0.0, 0.0).speed_m_s[0] == 0.0
 
 

@@ -1,4 +1,4 @@
-"""`imm` behind scanners of 10 s that see launches first above a deck of cloud, kilometres high and fast."""
+"""`imm` with scanners of 10 s: launches first seen in flight, above a cloud deck."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -45,7 +45,7 @@ def track_of(run: opir.Run) -> tuple[Tracks, int]:
     """Return the estimates, up to its last line, of the track with most lines, and how many other lines there are."""
     mine = run.detections.take(np.flatnonzero(run.truth.target == 0))
     tracked = mine.track[mine.track >= 0]
-    assert len(tracked), "what is first seen in flight has no track"
+    assert len(tracked), "the launch has no track"
     number = np.bincount(tracked).argmax()
     estimates = run.tracks.take(np.flatnonzero(run.tracks.track == number))
     last = int(np.searchsorted(estimates.tick_s, mine.time_s.max()))
@@ -69,7 +69,7 @@ def test_two_sensors_begin_a_track_with_the_third_line(kind: str, seed: int) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [31, 32, 33])
-def test_one_sensor_knows_by_its_speed_that_it_has_flown(seed: int) -> None:
+def test_one_sensor_follows_and_dates_a_launch_first_seen_in_flight(seed: int) -> None:
     estimates, _ = track_of(run_of("IRBM", seed, 1))
     assert estimates.probability_launch[-1] > 0.9
     late_s = estimates.launch[-1, 2] - LAUNCH_S

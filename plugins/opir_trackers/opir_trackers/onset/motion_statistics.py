@@ -140,7 +140,7 @@ class MotionStatistics(Columns):
         of, used = owner[mine], lines.take(mine)
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         since_s = used.time_s - self.epoch_s[of]
-        # What a cubic leaves out grows as τ⁴; its variance adds to that of the lines' mean.
+        # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same at the horizon.
         near = np.where(self.is_decided[of], 0.0, 1.0 / (1.0 + (since_s / self.horizon_s()[of]) ** 8))
         weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
         powers = near[:, None] * since_s[:, None] ** np.arange(_POWERS)

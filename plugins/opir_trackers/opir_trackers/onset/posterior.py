@@ -19,9 +19,12 @@ _DAY_S = 86400.0
 #: A track is decided once ground and noise together are less probable than the first and a launch more than the second.
 RARE, _SURE = 1e-4, 0.999
 
-#: One that stands is decided after a horizon, once a launch is less probable than this, 1/1000 of its share before
-#: the first line; any other after so many horizons, where a line weighs 1/257.
-_DOUBT, _HORIZONS = 1e-6, 2.0
+#: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior. Of fires it is
+#: 1e-9 by then, of real space launches seen by scanners of 10 s it was at least 4e-5.
+_NO_LAUNCH = 1e-6
+
+#: All else is decided after this number of horizons, where a line has 1/257 of its weight.
+_HORIZONS = 2.0
 
 #: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has gone out.
 _BURN_S, _GONE_SCANS = 100.0, 5.0
@@ -79,7 +82,7 @@ class GroupPosterior:
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s` (n,) the longest scan
         period of the sensors that see the track. What has been seen for long, still is, and is less probably a launch
         than before the first line is assessed now and then. Lines that are not of one motion say nothing of it: these
-        statistics begin anew, as do those of what still shines and probably, but not surely, stands.
+        statistics begin anew. So do those of a source that is still seen and likeliest stands, but may be a launch.
         """
         steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + step_s)
         steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
@@ -94,11 +97,11 @@ class GroupPosterior:
         still = found[:, GROUND] + found[:, NOISE]
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
         horizons, stands = (time_s - mine.epoch_s) / mine.horizon_s(), found.argmax(axis=1) == GROUND
-        # Of a slow launch that was decided to stand the lines would be lost.
-        surely, over = stands & (found[:, LAUNCH] < _DOUBT), horizons > _HORIZONS
-        decided[open_] = launched | (surely & (horizons > 1.0)) | (over & ~stands)
-        still_shines = time_s - seen_s[open_] < pause_s + step_s
-        anew = mine.are_unlike_any_motion() | (over & stands & ~surely & still_shines)
+        # The track of a ground source has a narrow gate: a launch that was decided to be one would leave it.
+        no_launch, over = found[:, LAUNCH] < _NO_LAUNCH, horizons > _HORIZONS
+        decided[open_] = launched | np.where(stands, no_launch & (horizons > 1.0), over)
+        is_seen = time_s - seen_s[open_] < pause_s + step_s
+        anew = mine.are_unlike_any_motion() | (over & stands & ~no_launch & is_seen)
         decided[open_[anew]] = False
         statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(open_[anew], time_s) if np.count_nonzero(anew) else statistics
