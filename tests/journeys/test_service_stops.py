@@ -140,7 +140,7 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
             answers: list[tuple[int, Any]] = []
             asking = threading.Thread(target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH)))
             asking.start()
-            time.sleep(0.3)
+            time.sleep(2.0)  # until the service has read the request: nothing shows that it waits
             reported = running.terminated()
             asking.join(30.0)
             assert running.process.returncode == 5, reported  # the window that waited for room is lost, and reported
