@@ -2,9 +2,7 @@
 
 A boost begins on the ground, so the first line of sight says where. Since then each ascent of the law (`ascents`), in
 the direction that fits best, leads to a place and a motion in the image plane; those near to what is seen there say how
-far away the target is. This is approximate Bayesian computation with regression adjustment (Beaumont, Zhang and
-Balding, Genetics 162, 2002): ascents are weighted by a normal kernel of their distance in the image plane, and what the
-kernel adds to the noise is removed by linear regression.
+far away the target is (`kernel_regression`).
 """
 
 from typing import NamedTuple
@@ -24,24 +22,22 @@ from opir_trackers.forecast.ascents import (
     LIFT,
     BoostAscents,
 )
+from opir_trackers.forecast.kernel_regression import ENOUGH, hidden_moments
 from opir_trackers.forecast.planar_boost import RADIUS_M
 from opir_trackers.triangulation import GRAZING_SINE
 
 #: Directions over the ground in which an ascent is tried before the best are refined, and steps of that.
 _DIRECTIONS, _REFINEMENTS = 24, 3
 
-#: Most ascents that are compared exactly, and least effective number of them: eight numbers are regressed on.
-_MOST, _ENOUGH = 400, 100.0
-
-#: Fewer say nothing: a regression on eight numbers needs twice as many.
-_FEWEST = 20.0
+#: Most ascents that are compared exactly.
+_MOST = 400
 
 #: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and of the velocity at
 #: the first detection, m/s. Wider ones are multiples of it. Positions have that of the velocity times half of the time.
 _SHARE, _FORCE_M_S2, _FIRST_M_S, _SLOWEST_M_S = 0.06, 3.0, 6.0, 100.0
 
-#: The first kernel, the factor from one to the next, and the widest; the one of the first choice.
-_NARROW, _WIDER, _WIDEST, _CHOICE = 0.25, 1.3, 10.0, 2.0
+#: The kernel of the first choice.
+_CHOICE = 2.0
 
 _SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
@@ -85,7 +81,7 @@ def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArra
     `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first detection.
     """
     paths = [_Paths.of(sighting, ascents, each) for each in ignition_s]
-    if sum(len(each.log_weight) for each in paths) < _ENOUGH:
+    if sum(len(each.log_weight) for each in paths) < ENOUGH:
         return None
     path = _Paths(*(np.concatenate(columns, axis=-1) for columns in zip(*paths, strict=True)))
     scale = _scale(sighting)
@@ -93,14 +89,10 @@ def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArra
     best = np.argsort(-log)[:_MOST]
     which, azimuth = which[best], azimuth[best]
     seen, hidden = path.compared(sighting, which, azimuth)
-    factor, log_prior = _NARROW, path.log_weight[which]
-    weight = _weights(seen, factor * scale, sighting.noise, log_prior)
-    while 1.0 / np.sum(weight * weight) < _ENOUGH and factor < _WIDEST:
-        factor *= _WIDER
-        weight = _weights(seen, factor * scale, sighting.noise, log_prior)
-    if 1.0 / np.sum(weight * weight) < _FEWEST:
+    moments = hidden_moments(seen, hidden, scale, sighting.noise, path.log_weight[which])
+    if moments is None:
         return None
-    found = _regressed(seen, hidden, weight, _beyond_kernel(sighting.noise, factor * scale))
+    found = AlongSight(*moments)
     found.covariance[0, 0] += _ground_variance(sighting)
     return found
 
@@ -112,41 +104,11 @@ def _ground_variance(sighting: Sighting) -> float:
     return (sighting.first_sigma_m / max(sine, GRAZING_SINE)) ** 2
 
 
-def _beyond_kernel(noise: FloatArray, width: FloatArray) -> FloatArray:
-    """Return the covariance (8, 8) of a look that is as informative as one with noise beside one with a kernel too.
-
-    (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N: ascents weighted by the noise N and a kernel W lack just this look.
-    """
-    return noise + (noise / (width * width)) @ noise
-
-
-def _regressed(seen: FloatArray, hidden: FloatArray, weight: FloatArray, noise: FloatArray) -> AlongSight:
-    """Return the moments of what is hidden (m, 3) after a look that sees nothing of what is seen (m, 8), with noise."""
-    samples = 1.0 / float(np.sum(weight * weight))
-    mean_seen, mean = weight @ seen, weight @ hidden
-    apart, away = seen - mean_seen, hidden - mean
-    freed = samples / max(samples - 1.0 - seen.shape[1], 1.0)
-    spread = (apart * weight[:, None]).T @ apart + noise
-    gain = np.linalg.solve(spread, (apart * weight[:, None]).T @ away)
-    left = away - apart @ gain
-    covariance = freed * ((left * weight[:, None]).T @ left + gain.T @ noise @ gain)
-    return AlongSight(mean - mean_seen @ gain, covariance, samples)
-
-
 def _scale(sighting: Sighting) -> FloatArray:
     """Return the widths (8,) of the narrowest kernel."""
     speed = sighting.axes @ sighting.state[3:6]
     wide = np.full(2, _SHARE * max(float(np.linalg.norm(speed)), _SLOWEST_M_S))
     return np.concatenate([0.5 * sighting.since_s * wide, wide, np.full(2, _FORCE_M_S2), np.full(2, _FIRST_M_S)])
-
-
-def _weights(seen: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray) -> FloatArray:
-    """Return the weights (m,) of ascents by their distances (m, 8), with a kernel of widths (8,) and noise."""
-    root = np.linalg.cholesky(np.diag(width * width) + noise)
-    white = np.linalg.solve(root, seen.T)
-    log = log_prior - 0.5 * np.sum(white * white, axis=0)
-    weight: FloatArray = np.exp(log - log.max())
-    return weight / weight.sum()
 
 
 class _Paths(NamedTuple):
