@@ -18,13 +18,14 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm.associate import associate, track_numbers
 from opir_trackers.imm.initiate import initiate
+from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.prune import prune
 from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
-from opir_trackers.imm.update import update, with_launch_points
+from opir_trackers.imm.update import update
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import MotionStatistics
