@@ -20,6 +20,9 @@ LEAST_SIGMA_M = 1.0
 #: Least height of a sensor for this, m.
 _LOWEST_M = 100e3
 
+#: Cross product with the Earth's rotation, 1/s.
+SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
 
 @frozen(eq=False, repr=False)
 class LinesOfSight(Columns):

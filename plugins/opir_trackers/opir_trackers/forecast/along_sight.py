@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_trackers.forecast.ascents import (
     ABOVE_S,
     AHEAD_S,
@@ -24,6 +23,7 @@ from opir_trackers.forecast.ascents import (
 )
 from opir_trackers.forecast.kernel_regression import ENOUGH, hidden_moments
 from opir_trackers.forecast.planar_boost import RADIUS_M
+from opir_trackers.lines_of_sight import SPIN
 from opir_trackers.triangulation import GRAZING_SINE
 
 #: Directions over the ground in which an ascent is tried before the best are refined, and steps of that.
@@ -38,8 +38,6 @@ _SHARE, _FORCE_M_S2, _FIRST_M_S, _SLOWEST_M_S = 0.06, 3.0, 6.0, 100.0
 
 #: The kernel of the first choice.
 _CHOICE = 2.0
-
-_SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 
 class Sighting(NamedTuple):
@@ -159,8 +157,8 @@ class _Paths(NamedTuple):
         first, now = self.first[:, which], self.now[:, which]
         place = radius * up
         velocity = now[LEVEL] * level + now[CLIMB] * up
-        velocity -= 2.0 * np.cross(_SPIN, place - self.start_m[:, which], axisb=0, axisc=0)
-        place = place - 2.0 * np.cross(_SPIN, ahead_s * ahead + above_s * above, axisb=0, axisc=0)
+        velocity -= 2.0 * SPIN @ (place - self.start_m[:, which])
+        place = place - 2.0 * SPIN @ (ahead_s * ahead + above_s * above)
         force = now[LEVEL_FORCE] * level + now[LIFT] * up
         return np.stack([place, velocity, force, first[LEVEL] * ahead + first[CLIMB] * above]).transpose(0, 2, 1)
 
@@ -195,7 +193,7 @@ class _Paths(NamedTuple):
         first, now = self.first, self.now
         ways = np.stack([self.north, self.east, self.up], axis=1)
         seen = np.tensordot(sighting.axes, ways, axes=1)
-        turn = np.tensordot(-2.0 * sighting.axes @ _SPIN_MATRIX, ways, axes=1)
+        turn = np.tensordot(-2.0 * sighting.axes @ SPIN, ways, axes=1)
         early = np.tensordot(sighting.first_axes, ways, axes=1)
         above, level = seen[:, 2], seen[:, :2]
         state = sighting.axes @ sighting.state.reshape(3, 3).T
@@ -213,10 +211,6 @@ class _Paths(NamedTuple):
         ]
         size = 1.0 / np.sqrt(width * width + np.diag(sighting.noise))
         return np.concatenate(shift) * size[:, None], np.concatenate(slope) * size[:, None, None]
-
-
-#: Cross product with the Earth's rotation.
-_SPIN_MATRIX = np.cross(_SPIN, np.eye(3), axisa=0, axisb=0).T
 
 
 def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:

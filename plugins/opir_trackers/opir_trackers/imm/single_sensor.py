@@ -6,7 +6,6 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import COAST, dot, square_root
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
@@ -16,7 +15,7 @@ from opir_trackers.forecast.ascents import BoostAscents, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.launch_points import BEFORE_S
-from opir_trackers.lines_of_sight import earth_rotated
+from opir_trackers.lines_of_sight import SPIN, earth_rotated
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import are_low_orbits
@@ -30,9 +29,6 @@ _LEAST_SINE = 0.17
 
 #: A free burn more probable than this is no ascent of the law.
 _FREE = 0.5
-
-#: Cross product with the Earth's rotation.
-_SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
 @frozen(eq=False)
@@ -73,7 +69,7 @@ class SingleSensor:
         moments: list[AlongSight] = [each for each in found if each is not None]
         mean, axis = np.array([each.mean for each in moments]), np.array(axes)[known]
         # Ascents move relative to the Earth, and the part of its rotation along the line is the same at all distances.
-        mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ _SPIN.T)
+        mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ SPIN.T)
         return self.filter.replaced_along(
             estimates,
             rows[known],
@@ -163,7 +159,7 @@ def _image_rows(axes: FloatArray) -> FloatArray:
     """Return the rows (6, 9) that take position, velocity and force to the image plane, velocities over the ground."""
     rows = np.zeros((6, 9))
     rows[:2, :3] = rows[2:4, 3:6] = rows[4:, 6:] = axes
-    rows[2:4, :3] = -axes @ _SPIN
+    rows[2:4, :3] = -axes @ SPIN
     return rows
 
 
