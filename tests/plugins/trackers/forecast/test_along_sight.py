@@ -6,32 +6,13 @@ from opir_trackers.forecast.along_sight import Sighting, along_sight
 from opir_trackers.forecast.ascents import CLIMB, HEIGHT, LAUNCHERS, LEVEL, MISSILES, NUMBERS, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.vehicles import vehicle_model
+from plain_boosts import RADIUS_M, flown
 
 from opir_core.scene import core_hypotheses
 
-MU, RADIUS_M, SPIN = 3.986004418e14, 6378137.0, np.array([0.0, 0.0, 7.292115e-5])
 ASCENTS = ascents_of(Outcomes(vehicle_model(), core_hypotheses()))
 SENSOR = 4.2164e7 * np.array([np.cos(0.5), np.sin(0.5), 0.0])
 AT_ONCE = np.zeros((1, len(ASCENTS.log_weight)))
-
-
-def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
-    """Return start (3,) and ECEF place, velocity and specific force (9,) of a gravity turn on a sphere."""
-    up = np.array([np.cos(latitude), 0.0, np.sin(latitude)])
-    ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(azimuth) * np.array(
-        [0.0, 1.0, 0.0]
-    )
-    place, velocity, step = RADIUS_M * up, 1e-3 * up, 0.05
-    for now in np.arange(0.0, until_s, step):
-        unit = up if now < 6.0 else velocity / np.linalg.norm(velocity)
-        if 6.0 <= now < 16.0:
-            lead = kick * np.sin(np.pi * (now - 6.0) / 10.0) ** 2
-            unit = np.cos(lead) * unit + np.sin(lead) * ahead
-        push = force / (1.0 - growth * now) * unit
-        pull = -MU * place / np.linalg.norm(place) ** 3 - 2.0 * np.cross(SPIN, velocity)
-        velocity = velocity + step * (push + pull)
-        place = place + step * velocity
-    return RADIUS_M * up, np.concatenate([place, velocity, push])
 
 
 def sighting(start, state, since_s):
