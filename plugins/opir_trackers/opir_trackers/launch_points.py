@@ -198,13 +198,7 @@ def _rest_likelihood(
 ) -> _Starts:
     """Return the likelihood of starts from rest at times (m,), those of `EDGES_S` per track, at each kind of site."""
     count = len(predicted.root)
-    weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
-    path = predicted.derivative.transpose(0, 2, 1)
-    place, velocity = _rows(path @ weight), _rows(path[:, :, 1:] @ weight[:, :4])
-    covariance = _covariances(predicted, weight)
-    _add_noise(covariance, noise * noise, predicted.time_s - when)
-    if biased is not None:
-        covariance[:3, :3] += np.repeat(biased.transpose(1, 2, 0), _TIMES, axis=2)
+    place, velocity, covariance = path_moments(predicted, when, noise, biased)
     height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
     state = np.concatenate([place, velocity])[:, None]
     crossed = _height_and_velocity(covariance, up)
@@ -217,6 +211,20 @@ def _rest_likelihood(
     log = _whitened(points, np.tile(_SITE_M2, count))
     white = points[:, 4:]
     return _Starts(place, spread, white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+
+
+def path_moments(
+    predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return inertial positions and velocities (3, m) and covariances (6, 6, m) at times (m,), as many per track."""
+    count = len(predicted.root)
+    weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
+    path = predicted.derivative.transpose(0, 2, 1)
+    covariance = _covariances(predicted, weight)
+    _add_noise(covariance, noise * noise, predicted.time_s - when)
+    if biased is not None:
+        covariance[:3, :3] += np.repeat(biased.transpose(1, 2, 0), len(when) // count, axis=2)
+    return _rows(path @ weight), _rows(path[:, :, 1:] @ weight[:, :4]), covariance
 
 
 def _at_sites(rows: FloatArray, count: int) -> FloatArray:
@@ -317,11 +325,16 @@ def moment_matched(
     total = (chance[:, None] * apart) @ apart.transpose(0, 2, 1)
     spreads = covariance.reshape(9, count, times).transpose(1, 0, 2)
     total[:, :3, :3] += (spreads @ weighed).reshape(count, 3, 3)
-    points, level = _on_ground(mean[:, :3, 0])
-    points[:, 2] = mean[:, 3, 0]
-    flat = np.zeros((count, 3, 4))
+    return on_ground(mean[:, :, 0], total)
+
+
+def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of ECEF position and time (n, 4)."""
+    points, level = _on_ground(mean[:, :3])
+    points[:, 2] = mean[:, 3]
+    flat = np.zeros((len(mean), 3, 4))
     flat[:, :2, :3], flat[:, 2, 3] = level, 1.0
-    return points, flat @ total @ flat.transpose(0, 2, 1)
+    return points, flat @ covariance @ flat.transpose(0, 2, 1)
 
 
 def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
