@@ -6,7 +6,7 @@ of their boosts, low and level ends of those of gliders.
 """
 
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +65,29 @@ class BoostAscents:
         before, after = (self.path[row, :, each].astype(np.float64) for row in (first, first + 1))
         nearest = np.minimum(np.rint(since_s / TABLE_S).astype(np.int64), len(self.path) - 1)
         return Moment((before + part[:, None] * (after - before)).T, self.burns[nearest, each] & (since_s < LONGEST_S))
+
+    def reaching(self, height_m: FloatArray) -> FloatArray:
+        """Return the times since ignition (n,) at which ascents first reach heights (n,), m; `LONGEST_S` if never."""
+        highest, each = self._highest_m, np.arange(len(height_m))
+        below, above = np.zeros_like(each), np.full_like(each, len(highest) - 1)
+        for _ in range(len(highest).bit_length()):
+            middle = (below + above) // 2
+            is_below = highest[middle, each] < height_m
+            below, above = np.where(is_below, middle, below), np.where(is_below, above, middle)
+        low, high = highest[below, each], highest[below + 1, each]
+        part = np.clip((height_m - low) / np.maximum(high - low, _LEAST_RISE_M), 0.0, 1.0)
+        # From rest the height grows as the square of the time.
+        since_s = (below + np.where(below == 0, np.sqrt(part), part)) * TABLE_S
+        return np.where(highest[-1] < height_m, LONGEST_S, since_s)
+
+    @cached_property
+    def _highest_m(self) -> FloatArray:
+        return np.maximum.accumulate(self.path[:, HEIGHT], axis=0).astype(np.float64)
+
+    @cached_property
+    def burning_s(self) -> FloatArray:
+        """Return for how long (n,) ascents burn, s."""
+        return np.asarray(TABLE_S * np.count_nonzero(self.burns, axis=0))
 
 
 def ascents_of(outcomes: Outcomes) -> BoostAscents:
@@ -138,6 +161,9 @@ def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray
     share = (missile, glide, orbit, none + outcomes.odd)[family]
     return np.asarray(np.log(np.maximum(share * weight / max(float(weight.sum()), 1e-9), _LEAST)))
 
+
+#: Least rise of an ascent in a step, m, by which is divided.
+_LEAST_RISE_M = 1e-3
 
 #: Weight of an ascent that no hypothesis explains.
 _LEAST = 1e-12

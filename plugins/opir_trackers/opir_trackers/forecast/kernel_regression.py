@@ -36,11 +36,15 @@ def hidden_moments(
 
 def kernel_weights(seen: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray) -> FloatArray:
     """Return the weights (m,) of draws by their distances (m, d), with a kernel of widths (d,) and noise (d, d)."""
-    root = np.linalg.cholesky(np.diag(width * width) + noise)
-    white = np.linalg.solve(root, seen.T)
-    log = log_prior - 0.5 * np.sum(white * white, axis=0)
+    log = log_prior - 0.5 * squared_distances(seen, width, noise)
     weight: FloatArray = np.exp(log - log.max())
     return weight / weight.sum()
+
+
+def squared_distances(seen: FloatArray, width: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the squared lengths (m,) of distances (m, d), in units of a kernel of widths (d,) and noise (d, d)."""
+    white = np.linalg.solve(np.linalg.cholesky(np.diag(width * width) + noise), seen.T)
+    return np.asarray(np.sum(white * white, axis=0))
 
 
 def _beyond_kernel(noise: FloatArray, width: FloatArray) -> FloatArray:
