@@ -11,7 +11,7 @@ import opir_core as opir
 from opir_core.plugin import Tracks
 
 LAUNCH_S = 20.0
-REACH_DEG = {"IRBM": 18.0, "SLBM": 48.0}
+REACH_DEG = {"IRBM": 18.0, "ICBM": 70.0, "SLBM": 48.0}
 SLOTS: Mapping[int, tuple[float, ...]] = {1: (-100.0,), 2: (-130.0, -40.0)}
 
 
@@ -55,7 +55,7 @@ def track_of(run: opir.Run) -> tuple[Tracks, int]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(REACH_DEG))
 @pytest.mark.parametrize("seed", [31, 32, 33])
-def test_two_sensors_begin_a_track_with_the_third_line(kind: str, seed: int) -> None:
+def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(kind: str, seed: int) -> None:
     run = run_of(kind, seed, 2)
     estimates, missed = track_of(run)
     # Two of one sensor and one of the other, and what comes before the tick at which they have a track.
@@ -65,6 +65,8 @@ def test_two_sensors_begin_a_track_with_the_third_line(kind: str, seed: int) -> 
     truth = run.plan.targets.position_ecef_m(np.zeros(1, dtype=np.int32), when)
     # χ² of three degrees of freedom exceeds 25 once in 60 000; wrong by the height of the target it is hundreds.
     assert nees(estimates.state[-1:, :3] - truth, estimates.state_covariance[-1:, :3, :3])[0] < 25.0
+    late_s = estimates.launch[-1, 2] - LAUNCH_S
+    assert abs(late_s) < min(2.5 * np.sqrt(estimates.launch_covariance[-1, 2, 2]), 15.0)
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ class ImmTracking:
         found = associate(models, now, ahead)
         then = update(models, now, ahead, found, reported)
         then = initiate(models, then, ahead, found.owner, raw, reported)
-        then = prune(models, with_launch_points(models, then), lines, found.owner)
+        then = prune(models, with_launch_points(models, then, ahead.span_s), lines, found.owner)
         if not then.crowds.are_there:
             return then
         return renewed(then, models.view(then.registration), models.filter, models.config)
