@@ -27,7 +27,7 @@ from opir_trackers.track_priors import first_motion
 _YOUNG_S, _YOUNG_SCANS = 10.0, 3.0
 
 #: A path that is followed back for longer than this, s, from the middle of its lines is compared with ascents instead:
-#: no boost is a cubic from rest through its pitch-over. It is every so many seconds: a comparison takes milliseconds.
+#: no boost is a cubic from rest through its pitch-over. A comparison takes milliseconds: it is made so often, in s.
 _CUBIC_S, _EVERY_S = 10.0, 2.0
 
 #: One sensor alone sees neither height nor climb, which ascents are compared by.
@@ -74,18 +74,24 @@ def with_launch_points(models: TrackingModels, now: TrackerState, span_s: float)
     is_far = ~(young.middle_s - points.place[:, 2] <= _CUBIC_S)
     far = np.flatnonzero(is_far & is_launch & (young.seen.sum(axis=1) >= _SENSORS))
     if len(far):
-        is_due = now.time_s // _EVERY_S > (now.time_s - span_s) // _EVERY_S
         # Between two comparisons the last one stays.
-        found = LaunchPoints.nowhere(len(far))
-        if is_due:
-            cubic = LaunchPoints(points.place[far], points.covariance[far])
-            found = updated_points(cubic, _by_ascents(models, young.take(far)))
+        found, due = LaunchPoints.nowhere(len(far)), _due(models, now, rows[far], span_s).nonzero()[0]
+        cubic = LaunchPoints(points.place[far[due]], points.covariance[far[due]])
+        found.place[due], found.covariance[due] = updated_points(cubic, _by_ascents(models, young.take(far[due])))
         points.place[far], points.covariance[far] = found
     points.covariance[:, 2, 2] += models.config.clock_sigma_s**2
     known = LaunchPoints(now.table.launch[rows], now.table.launch_covariance[rows])
     launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(known, points)
     return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance))
+
+
+def _due(models: TrackingModels, now: TrackerState, rows: IntArray, span_s: float) -> BoolArray:
+    """Return which tracks (n,) are compared with ascents after a slice: those seen in it, every `_EVERY_S` at most."""
+    table = now.table.take(rows)
+    is_time = now.time_s // _EVERY_S > (now.time_s - span_s) // _EVERY_S
+    is_slow = models.longest(models.period_s, table) >= _EVERY_S
+    return np.asarray((now.time_s - table.seen_s < span_s) & (is_slow | is_time))
 
 
 def _young(models: TrackingModels, now: TrackerState, rows: IntArray) -> _Young:
@@ -112,6 +118,8 @@ def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
 def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
     """Return the launch points that ascents of the law of boosts say; unknown where none is like the track."""
     when_s, inland = young.middle_s, models.config.hypotheses.inland_share
+    if not len(when_s):
+        return LaunchPoints.nowhere(0)
     place, velocity, covariance = path_moments(young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased)
     points = LaunchPoints.nowhere(len(when_s))
     for row, time_s in enumerate(when_s.tolist()):
