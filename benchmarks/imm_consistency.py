@@ -40,8 +40,8 @@ HEAD = (
 
 PAGE = """# Consistency of `imm`
 
-Are the covariances of `imm` consistent in whole scenes? States and impacts are conservative, and launch points of what
-is seen from the ground on. Launch points of what a deck of cloud hides for some 40 s are too sure, and seconds early.
+Are the covariances of `imm` consistent in whole scenes? States, impacts and launch points of what is seen from the
+ground on are conservative.
 
 {table}
 
@@ -51,9 +51,9 @@ RMSE; *energy*: their mean energy scores. *Launch time*: median error. {runs} ru
 IRBMs, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from
 20 s after the first detection to burnout, launches and impacts by each track's last estimate.
 
-It is conservative because the boost model allows other boosts. A path that is followed back for 40 s, though, is one of
-a force that changes evenly, which no boost through the thick of the air is. With biases, each line of sight counts with
-noise and bias together, although a constant bias shifts the position, not the velocity.
+It is conservative because the boost model allows other boosts. What a deck of cloud hides for half a minute is dated by
+the law of boosts, whose first stages rise a little slower in the mean than these. With biases, each line of sight counts
+with noise and bias together, although a constant bias shifts the position, not the velocity.
 """
 
 

@@ -9,8 +9,9 @@ the truth, as burnout does, would say more than the tracker knows. They are the 
 truth; those of states are the containment of the ellipsoid on which the truth lies, with the reported radii; those of
 impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
 missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
-are true. A launch point is a mixture over launch times, of which the moments are reported: ranks are those in the
-mixture, and the moments of the time have a figure of their own, error² / variance.
+are true. The launch point of what is seen at once is a mixture over launch times, of which the moments are reported: ranks
+are those in the mixture, others those in a normal distribution. The moments of the time have a figure of their own,
+error² / variance.
 """
 
 import argparse
@@ -86,6 +87,17 @@ class Mixture(NamedTuple):
         return (*sides, 1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(at_times)))))
 
 
+def normal_ranks(track: opir.Tracks, launch: tuple[float, float]) -> tuple[float, float, float]:
+    """Return the shares east, north and later of a launch at `START_S`, of a track whose launch point is normal."""
+    (latitude, longitude, launch_s), spread = track.launch[0], np.sqrt(np.diag(track.launch_covariance[0]))
+    apart = ecef(*launch) - ecef(latitude, longitude)
+    east, north = (directions(launch, azimuth)[1] @ apart for azimuth in (0.5 * np.pi, 0.0))
+    return tuple(norm.cdf(np.array([east, north, START_S - launch_s]) / spread).tolist())
+
+
+#: Times of the same launch point differ by less than this, s: clocks change variances alone.
+SAME_S = 1e-9
+
 MOMENTS = launch_points.moment_matched
 #: The mixtures of a run by their mean times.
 MIXTURES = dict[float, Mixture]()
@@ -144,8 +156,10 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
     """Yield the ranks of what a track reports; of nothing that it does not."""
     launch_s = float(track.launch[0, 2])
     if mark == LAUNCH_MARK and np.isfinite(launch_s):
-        mixture = MIXTURES[min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))]
-        yield from (Rank(mark, *one) for one in zip(LAUNCH, mixture.ranks(flight.launch), strict=True))
+        nearest_s = min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))
+        is_mixture = abs(nearest_s - launch_s) < SAME_S
+        ranks = MIXTURES[nearest_s].ranks(flight.launch) if is_mixture else normal_ranks(track, flight.launch)
+        yield from (Rank(mark, *one) for one in zip(LAUNCH, ranks, strict=True))
         yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / float(track.launch_covariance[0, 2, 2]))
     square = on_normal_scale(
         nees(track.state - flight.state(float(track.tick_s[0]) - START_S), track.state_covariance),

@@ -39,7 +39,8 @@ there are [regions on foreign flights](tracker_honesty.md).
 - **Flights**: missiles with log-uniform ranges and space launchers, with the stages, steering and failures of the
   tracker's prior, half from sites at sea level, half as high as land is; half are hidden by clouds for up to 80 s.
   SciPy flies them. Each is a scene of its own, before two SBIRS-GEO.
-- **Launch**: ranks of place and time in the tracker's mixture over launch times and sites, which is kept after 10 s.
+- **Launch**: ranks of place and time in the tracker's mixture over launch times and sites, which is kept after 10 s; of
+  what is first seen in flight, in a normal distribution with the moments that ascents of the law leave.
 - **State**: the containment of the ellipsoid of position and velocity on which the truth lies, up to 40 s after
   burnout: many ranks near 0 say that the covariance is too wide, near 1 that it is too narrow. Where it is wrong the
   filter is, and regions with it; where it is right and regions are wrong, the forecast.
