@@ -52,8 +52,8 @@ IRBMs, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown associa
 20 s after the first detection to burnout, launches and impacts by each track's last estimate.
 
 It is conservative because the boost model allows other boosts. What a deck of cloud hides for half a minute is dated by
-the law of boosts, whose first stages rise a little slower in the mean than these. With biases, each line of sight counts
-with noise and bias together, although a constant bias shifts the position, not the velocity.
+the law of boosts, whose first stages rise a little slower in the mean than these. With biases, each line of sight
+counts with noise and bias together, although a constant bias shifts the position, not the velocity.
 """
 
 

@@ -9,9 +9,9 @@ the truth, as burnout does, would say more than the tracker knows. They are the 
 truth; those of states are the containment of the ellipsoid on which the truth lies, with the reported radii; those of
 impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
 missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
-are true. The launch point of what is seen at once is a mixture over launch times, of which the moments are reported: ranks
-are those in the mixture, others those in a normal distribution. The moments of the time have a figure of their own,
-error² / variance.
+are true. The launch point of what is seen at once is a mixture over launch times, of which the moments are reported:
+ranks are those in the mixture, others those in a normal distribution. The moments of the time have a figure of their
+own, error² / variance.
 """
 
 import argparse

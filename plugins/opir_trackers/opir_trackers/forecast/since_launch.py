@@ -1,8 +1,8 @@
 """When and where what is first seen in flight was launched, given the law of boosts.
 
 A path that is followed back for longer than it was seen misses how a boost begins: upright, slowly, and then turning.
-Ascents of the law (`ascents`) that pass the height of the target as fast, and as steeply, say how long it has flown, and
-how far. Its velocity is best known in the middle of its lines of sight, whatever force acts.
+Ascents of the law (`ascents`) that pass the height of the target as fast, and as steeply, say how long it has flown,
+and how far. Its velocity is best known in the middle of its lines of sight, whatever force acts.
 """
 
 from functools import lru_cache
