@@ -10,7 +10,7 @@ from opir_core.arrays import FloatArray
 
 #: Least effective number of draws under a kernel, and fewest that say anything: a regression on eight numbers needs
 #: twice as many.
-ENOUGH, FEWEST = 100.0, 20.0
+ENOUGH, _FEWEST = 100.0, 20.0
 
 #: The first kernel, the factor from one to the next, and the widest.
 _NARROW, _WIDER, _WIDEST = 0.25, 1.3, 10.0
@@ -25,16 +25,16 @@ def hidden_moments(
     the rest. The kernel is the narrowest multiple of `scale` (d,) under which enough draws count.
     """
     factor = _NARROW
-    weight = kernel_weights(seen, factor * scale, noise, log_prior)
+    weight = _kernel_weights(seen, factor * scale, noise, log_prior)
     while 1.0 / np.sum(weight * weight) < ENOUGH and factor < _WIDEST:
         factor *= _WIDER
-        weight = kernel_weights(seen, factor * scale, noise, log_prior)
-    if 1.0 / np.sum(weight * weight) < FEWEST:
+        weight = _kernel_weights(seen, factor * scale, noise, log_prior)
+    if 1.0 / np.sum(weight * weight) < _FEWEST:
         return None
     return _regressed(seen, hidden, weight, _beyond_kernel(noise, factor * scale))
 
 
-def kernel_weights(seen: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray) -> FloatArray:
+def _kernel_weights(seen: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray) -> FloatArray:
     """Return the weights (m,) of draws by their distances (m, d), with a kernel of widths (d,) and noise (d, d)."""
     log = log_prior - 0.5 * squared_distances(seen, width, noise)
     weight: FloatArray = np.exp(log - log.max())
