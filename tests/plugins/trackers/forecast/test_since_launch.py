@@ -62,7 +62,7 @@ def test_the_place_is_known_across_the_heading_better_than_along_it():
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0, 4.0])
 def test_the_earth_turns_below_a_flight(azimuth):
-    """In a minute a flight of 40 km is put aside by 100 m and more; it is known to a few metres if the velocity is."""
+    """A minute after the launch, 28 km away: unless the turn of the heading counts, the place is off by over 30 m."""
     site, target = in_flight((azimuth, np.radians(12.0), 22.0, 0.006), 60.0)
     mean, _ = launch_of(ASCENTS, target._replace(covariance=np.diag(np.repeat([1.0, 1.0], 3))))
     north = np.array([-np.sin(LATITUDE), 0.0, np.cos(LATITUDE)])
