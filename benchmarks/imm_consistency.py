@@ -40,8 +40,8 @@ HEAD = (
 
 PAGE = """# Consistency of `imm`
 
-Are the covariances of `imm` consistent in whole scenes? States, launch points and impacts are conservative: their 95 %
-regions hold the truth more often than they say; launch points with pointing biases of 3σ as often.
+Are the covariances of `imm` consistent in whole scenes? States are conservative. The 95 % regions of launch points and
+impacts hold the truth about as often as they say, or more often.
 
 {table}
 
