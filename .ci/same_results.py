@@ -50,7 +50,8 @@ Difference = tuple[str, Any, Any, float]
 
 def main(first: str, other: str, *scenes: str, without_simd: bool = False) -> int:
     """Run and compare all scenes; return the number of those that differ."""
-    failed, variables = 0, simd_disabled(other) if without_simd else {}
+    failed = 0
+    variables = simd_disabled(other) if without_simd else {}
     with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(2) as pool:
         for scene in scenes or SCENES:
             one, two = (Path(place) / name for name in ("first.jsonl", "other.jsonl"))
@@ -77,7 +78,10 @@ def simd_disabled(python: str) -> dict[str, str]:
 
 def same(scene: str, first: Path, other: Path) -> bool:
     """Return whether two files of events agree; print how they differ."""
-    events, changed, worst, failures = 0, Counter[str](), dict[str, Difference](), list[str]()
+    events = 0
+    changed = Counter[str]()
+    worst = dict[str, Difference]()
+    failures = list[str]()
     with first.open(encoding="utf-8") as lines, other.open(encoding="utf-8") as other_lines:
         for number, (line, other_line) in enumerate(zip_longest(lines, other_lines, fillvalue="null"), 1):
             events = number

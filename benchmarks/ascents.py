@@ -16,7 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-STEP_S, DARK_S = 0.25, 45.0
+STEP_S = 0.25
+DARK_S = 45.0
 
 
 @frozen(eq=False)
@@ -66,14 +67,20 @@ def drawn_ascent(rng: np.random.Generator, share: float = 1.0, cut_off: tuple[fl
     `cut_off` are its height and flight-path angle, m and rad; without it, it is level at a random height.
     """
     while True:
-        latitude, longitude = np.radians(rng.uniform(-35.0, 45.0)), np.radians(rng.uniform(-180.0, 180.0))
+        latitude = np.radians(rng.uniform(-35.0, 45.0))
+        longitude = np.radians(rng.uniform(-180.0, 180.0))
         azimuth = np.radians(rng.uniform(40.0, 120.0))
-        first_s, gap_s = rng.uniform(130.0, 200.0), rng.uniform(6.0, 16.0)
-        lift, growth = rng.uniform(11.5, 15.0), rng.uniform(2.6, 3.6)
-        upper, most = rng.uniform(6.5, 9.5), rng.uniform(3.5, 5.5)
+        first_s = rng.uniform(130.0, 200.0)
+        gap_s = rng.uniform(6.0, 16.0)
+        lift = rng.uniform(11.5, 15.0)
+        growth = rng.uniform(2.6, 3.6)
+        upper = rng.uniform(6.5, 9.5)
+        most = rng.uniform(3.5, 5.5)
         dip = rng.uniform(0.0, 0.35)
-        end, bend = (rng.uniform(150e3, 280e3), 0.0), rng.uniform(0.55, 0.85)
-        site, stages = (latitude, longitude, azimuth), (first_s, gap_s, lift, growth, dip, upper, most)
+        end = (rng.uniform(150e3, 280e3), 0.0)
+        bend = rng.uniform(0.55, 0.85)
+        site = (latitude, longitude, azimuth)
+        stages = (first_s, gap_s, lift, growth, dip, upper, most)
         found = _flown(site, stages, cut_off or end, bend, share)
         if found is not None:
             return found
@@ -90,7 +97,8 @@ def drawn_return(rng: np.random.Generator) -> Ascent:
         rows = ascent.rows[ascent.rows[:, 0] <= cut_s]
         rows = rows[: np.argmax(rows[:, 0] == cut_s) + 1].copy()
         rows[-1, 7] = 0.0
-        place, velocity = rows[-1, 1:4], rows[-1, 4:7]
+        place = rows[-1, 1:4]
+        velocity = rows[-1, 4:7]
         level = velocity - place * (place @ velocity) / (place @ place)
         rows = _flown_on(rows, begin_s, np.zeros(3))
         rows = _flown_on(rows, end_s, -size * level / np.linalg.norm(level))
@@ -100,10 +108,13 @@ def drawn_return(rng: np.random.Generator) -> Ascent:
 
 def _flown_on(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray:
     """Return rows (n, 8), the last of which begins a leg, with those of the leg under a force, m/s²."""
-    state, now, leg = rows[-1, 1:7], float(rows[-1, 0]), []
+    state = rows[-1, 1:7]
+    now = float(rows[-1, 0])
+    leg = []
     while now < until_s - 1e-9:
         step = min(STEP_S, until_s - now)
-        state, now = _rk4(state, step, force), now + step
+        state = _rk4(state, step, force)
+        now = now + step
         leg.append([now, *state, 0.0])
     leg = [[*rows[-1, :7], 0.0], *leg]
     burns = float(np.any(force != 0.0))
@@ -118,7 +129,8 @@ def fallen(state: np.ndarray) -> tuple[float, float] | None:
     def height(_time_s: float, at: np.ndarray) -> float:
         return geodetic(at[:3])[2]
 
-    height.terminal, height.direction = True, -1.0  # type: ignore[attr-defined]
+    height.terminal = True
+    height.direction = -1.0  # type: ignore[attr-defined]
     exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "max_step": 60.0}
     fall = solve_ivp(lambda _, at: _rates(at, np.zeros(3)), (0.0, 7200.0), state, events=height, **exact)
     return geodetic(fall.y_events[0][0][:3])[:2] if len(fall.t_events[0]) else None
@@ -131,7 +143,9 @@ def turned(time_s: np.ndarray, rate: np.ndarray) -> np.ndarray:
 
 
 def _rates(at: np.ndarray, force: np.ndarray) -> np.ndarray:
-    place, velocity, axis = at[:3], at[3:], np.array([0.0, 0.0, SPIN])
+    place = at[:3]
+    velocity = at[3:]
+    axis = np.array([0.0, 0.0, SPIN])
     pull = -MU * place / np.linalg.norm(place) ** 3
     turn = -2.0 * np.cross(axis, velocity) - np.cross(axis, np.cross(axis, place))
     return np.concatenate([velocity, pull + turn + force])
@@ -147,7 +161,8 @@ def _rk4(state: np.ndarray, step: float, force: np.ndarray) -> np.ndarray:
 
 def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, share: float) -> Ascent | None:
     first_s, gap_s, lift, growth, dip, upper, most = stages
-    (latitude, longitude, azimuth), height_m = site, cut_off[0]
+    height_m = cut_off[0]
+    (latitude, longitude, azimuth) = site
     # What the rotation gives along the azimuth at this latitude.
     east = SPIN * RADIUS_M * np.cos(latitude) * np.sin(azimuth)
 
@@ -186,7 +201,8 @@ def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, sh
     for edge in edges:
         row = int(np.argmin(np.abs(table[:, 0] - edge)))
         before = table[row].copy()
-        before[0], before[7] = table[row, 0], table[row - 1, 7]
+        before[0] = table[row, 0]
+        before[7] = table[row - 1, 7]
         table = np.insert(table, row, before, axis=0)
     table[-1, 7] = 0.0
     table = _flown_on(table, end_s + DARK_S, np.zeros(3))
@@ -199,10 +215,15 @@ def _course(
     bend: float, late_rad: float, height_m: float, last_rad: float, east: float, share: float,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Return rows (n, 4) of time, height, speed over ground and flight-path angle, and the cut-off."""
-    rise_s, rows = 12.0, []
-    height, speed, now, end_s = 0.0, 0.1, 0.0, np.inf
+    rise_s = 12.0
+    rows = []
+    height = 0.0
+    speed = 0.1
+    now = 0.0
+    end_s = np.inf
     goal = share * np.sqrt(MU / (RADIUS_M + height_m)) - east
-    angle, cut_angle = 0.5 * np.pi, late_rad
+    angle = 0.5 * np.pi
+    cut_angle = late_rad
     while now < end_s - 1e-9 and now < 800.0:
         rows.append([now, height, speed, angle])
         step = min(
@@ -216,7 +237,8 @@ def _course(
             since = now - first_s - gap_s
             force = upper / max(1.0 - upper * since / 3200.0, 1.0 / most)
         pull = MU / (RADIUS_M + height) ** 2
-        was_speed, was_angle = speed, angle
+        was_speed = speed
+        was_angle = angle
         speed += step * (force - pull * np.sin(angle))
         now += step
         if now <= first_s:
@@ -224,8 +246,10 @@ def _course(
             angle = 0.5 * np.pi + (cut_angle - 0.5 * np.pi) * part**bend
         elif now <= first_s + gap_s:
             turn = (speed / (RADIUS_M + height) - pull / speed) * np.cos(angle)
-            angle, kept = angle + step * turn, angle
-            start_speed, start_angle = speed, kept
+            kept = angle
+            angle = angle + step * turn
+            start_speed = speed
+            start_angle = kept
         else:
             part = np.clip((speed - start_speed) / (goal - start_speed), 0.0, 1.0)
             angle = last_rad + (start_angle - last_rad) * (1.0 - part) ** 1.2

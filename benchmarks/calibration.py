@@ -25,10 +25,12 @@ from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 #: Coldest and hottest, K, and median and logarithmic spread of emissivity times area, m², as in the classifier's prior.
 SOURCES = {"fire": (800.0, 1200.0, 1800.0, 1.5), "flare": (1600.0, 2000.0, 9.0, 1.5)}
 SHINING_S = {"fire": 21_600.0, "flare": 86_400.0}
-PERIOD_S, DURATION_S = 2.0, 256.0
+PERIOD_S = 2.0
+DURATION_S = 256.0
 EDGES = np.linspace(0.0, 1.0, 11)
 #: Events of a bin, and how far from the diagonal its share may be.
-ENOUGH, WITHIN = 200, 0.05
+ENOUGH = 200
+WITHIN = 0.05
 #: Before the sunlit ground the light of the Earth hides plumes from DSP's long waves: its noise is stated.
 STATED = {"focal_plane": None, "nei_w_m2": 5e-13}
 SENSORS: dict[str, dict[str, Any]] = {
@@ -197,7 +199,8 @@ def main() -> None:
             # Each false alarm is by itself.
             emitter = np.where(target < 0, -1 - np.arange(len(target)), target) + seed * 1j
             parts[name].append((confidence[own], right[own], missile[own], emitter))
-    found, noise = [], {}
+    found = []
+    noise = {}
     for name, of_seeds in parts.items():
         confidence, right, missile, emitter = (np.concatenate(column) for column in zip(*of_seeds, strict=True))
         noise[name] = float(np.mean(emitter.real < 0))

@@ -44,7 +44,8 @@ from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 
-BEGIN, END = "<!-- campaign: begin -->", "<!-- campaign: end -->"
+BEGIN = "<!-- campaign: begin -->"
+END = "<!-- campaign: end -->"
 HEAD = "| trial | tried | survived | events | reported as lost | lost unreported |\n|---|--:|--:|--:|--:|--:|"
 
 SCENE = {
@@ -161,7 +162,8 @@ def spool_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Found
     """Five lives of an output with a spool on a disk that fails at random calls."""
     arrived: dict[str, None] = {}
     given: list[str] = []
-    reported, first = 0, 0
+    reported = 0
+    first = 0
     with FailingDisk(folder) as disk:
         for life in range(6):
             kinds = rng.choice([WRITING, (WRITE,), (SYNC,), (READ,), (*WRITING, READ)])
@@ -201,7 +203,8 @@ def compared(given: list[str], arrived: dict[str, None], reported: int) -> Found
 
 def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Found:
     """A spool with bits flipped between two runs."""
-    path, given = folder / "spool", ids_of(window(2000))
+    path = folder / "spool"
+    given = ids_of(window(2000))
     journal = Journal(str(path), 64 * MIB)
     for number in range(20):
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(100, 100 * number))))
@@ -221,7 +224,8 @@ def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Found:
 
 def kafka_faults(rng: random.Random, folder: Path, stand: Stand) -> Found:
     """Four lives of the Kafka sink with a spool; the broker comes, goes, is slow, refuses or freezes."""
-    broker, first = stand.broker, 0
+    broker = stand.broker
+    first = 0
     topic = broker.topic()
     for life in range(4):
         policy = Policy(wait_s=1.0, stall_s=0.5 if life < 3 else 15.0, retry_s=0.3)
@@ -296,8 +300,10 @@ KINDS: dict[str, Callable[[random.Random, Path, Stand], Found]] = {
 def campaign(minutes: float, seed: int, only: str, first: int) -> tuple[dict[str, Row], list[str]]:
     """Make trials until the time is over; return their rows and the failures."""
     kinds = {name: trial for name, trial in KINDS.items() if only in trial.__name__}
-    rows, failures = {name: Row() for name in kinds}, list[str]()
-    give_up_s, number = time.monotonic() + 60.0 * minutes, first
+    rows = {name: Row() for name in kinds}
+    failures = list[str]()
+    give_up_s = time.monotonic() + 60.0 * minutes
+    number = first
     with nursery() as plain, nursery("faulty_process") as faulty:
         broker = kafka_broker.MockBroker()
         try:
@@ -327,11 +333,9 @@ def tried(name: str, rng: random.Random, row: Row, stand: Stand, number: int) ->
             place = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(place.filename).name}, line {place.lineno}"
             return [f"trial {number} ({name}): {type(error).__name__} in {where}: {str(error)[:2000]}"]
-    row.events, row.reported, row.missing = (
-        row.events + found.events,
-        row.reported + found.reported,
-        row.missing + found.missing,
-    )
+    row.events = row.events + found.events
+    row.reported = row.reported + found.reported
+    row.missing = row.missing + found.missing
     row.survived += not found.missing
     return [f"trial {number} ({name}): {found.missing} events are missing"] if found.missing else []
 

@@ -93,9 +93,11 @@ def child(values: Mapping[str, float]) -> None:
 
     plan = compile_plan(opir_scene)
     encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=0, render=chosen_renderer(plan.host)[1]))
-    looks = events = 0
+    looks = 0
+    events = 0
     for window in plan_windows(plan):
-        looks, events = looks + window.looks, events + len(window.detections)
+        looks = looks + window.looks
+        events = events + len(window.detections)
         for block in window_blocks(window):
             encoder.encode(block)
     print(json.dumps({"looks": looks, "events": events}))

@@ -135,7 +135,8 @@ def area_orders(
     people: Population, looks: dict[str, Looks], *, of_looks: bool
 ) -> list[tuple[str, str, float, float, float]]:
     """Return each step of the order of sensors with gain, deviation and p."""
-    plume, found = np.isin(people.kind, TARGET_TYPES), []
+    plume = np.isin(people.kind, TARGET_TYPES)
+    found = []
     for worse, better in pairwise(SENSORS):
         scores = [looks[f"{sensor}-ANY"].log_odds for sensor in (worse, better)]
         parts = [[score[plume], score[~plume]] for score in scores]
@@ -162,7 +163,8 @@ def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion
 def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]:
     """Return the gains of each step of the order of sensors: in AUC, and in correct types with their shares."""
     steps = [step for of_looks in (False, True) for step in area_orders(people, looks, of_looks=of_looks)]
-    least, worst_p = min(gain for *_, gain, _sigma, _p in steps), max(p for *_, p in steps)
+    least = min(gain for *_, gain, _sigma, _p in steps)
+    worst_p = max(p for *_, p in steps)
     areas = f"Each step of the order gains {least:+.3f} or more against all kinds (largest one-sided p {worst_p:.1e})."
     types = []
     for sensor in SENSORS:

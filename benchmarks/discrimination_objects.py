@@ -26,11 +26,15 @@ NOISE = {
     "SBIRS-GEO": {"focal_plane": None, "nei_w_m2": 1e-12},
     "NEXTGEN-GEO": {"focal_plane": None, "nei_w_m2": 1e-13, "collection_m2_s": 0.02},
 }
-PERIOD_S, DURATION_S = 2.0, 256.0
+PERIOD_S = 2.0
+DURATION_S = 256.0
 #: All sensors look at the same whole periods, at which the moments lie.
 ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
-RADIUS_KM, SLOT_KM = 6371.0, 42164.2
-BRIGHTNESS, COLOUR, AREA = 0.2, 0.05, 1.0
+RADIUS_KM = 6371.0
+SLOT_KM = 42164.2
+BRIGHTNESS = 0.2
+COLOUR = 0.05
+AREA = 1.0
 CODES = (*REPORTED_TYPES, "not detected")
 
 
@@ -156,15 +160,18 @@ def simulated(people: Population) -> tuple[Any, Run]:
 
 def looks_at(people: Population, classifier: Any, run: Run) -> dict[str, Looks]:
     """Return, by sensor id, what the engine says of each emitter at its moment."""
-    found, target = run.detections, run.truth.target
+    found = run.detections
+    target = run.truth.target
     due = np.append(np.round(people.moment_s * 1e9).astype(np.int64), -1)[target]
     log_odds = classifier.log_odds(found.type_log_probability)
     looks = {}
     for number, sensor in enumerate(run.sensors):
         rows = np.flatnonzero((found.sensor == number) & (found.time_ns == due))
-        score, code = np.full(len(people.kind), -np.inf), np.full(len(people.kind), len(REPORTED_TYPES))
+        score = np.full(len(people.kind), -np.inf)
+        code = np.full(len(people.kind), len(REPORTED_TYPES))
         probability = np.full((len(people.kind), 4), np.nan)
-        score[target[rows]], code[target[rows]] = log_odds[rows], found.reported_type[rows]
+        score[target[rows]] = log_odds[rows]
+        code[target[rows]] = found.reported_type[rows]
         probability[target[rows]] = found.type_probability[rows]
         looks[sensor.id] = Looks(score, code, probability)
     return looks

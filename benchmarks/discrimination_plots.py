@@ -35,8 +35,10 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
 
 def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: str, *, of_looks: bool) -> None:
     """Draw the curves of all sensors against a kind, with bands of resampled objects."""
-    rng, at = np.random.default_rng(5), np.linspace(0.0, 1.0, 101)
-    plume, other = np.isin(people.kind, TARGET_TYPES), people.kind == kind
+    rng = np.random.default_rng(5)
+    at = np.linspace(0.0, 1.0, 101)
+    plume = np.isin(people.kind, TARGET_TYPES)
+    other = people.kind == kind
     for sensor, colour in zip(SENSORS, ("C1", "C0", "C2"), strict=True):
         score = looks[f"{sensor}-ANY"].log_odds
         shown = np.isfinite(score) | of_looks

@@ -9,7 +9,8 @@ from opir_core.arrays import FloatArray
 
 def placements(plume: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how often each plume scores above the others, and each other below the plumes; ties count half."""
-    m, n = len(plume), len(other)
+    m = len(plume)
+    n = len(other)
     together = rankdata(np.concatenate([plume, other]))
     return (together[:m] - rankdata(plume)) / n, 1.0 - (together[m:] - rankdata(other)) / m
 
@@ -21,7 +22,8 @@ def area(plume: FloatArray, other: FloatArray) -> tuple[float, float, float]:
     """
     up, down = placements(plume, other)
     sigma = np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down))
-    middle, fewest = float(up.mean()), min(len(up), len(down))
+    middle = float(up.mean())
+    fewest = min(len(up), len(down))
     least = min(middle - 1.96 * sigma, interval(fewest, fewest)[0])
     return middle, max(least, 0.0), min(middle + 1.96 * sigma, 1.0)
 
@@ -52,7 +54,8 @@ def area_gain(worse: list[FloatArray], better: list[FloatArray], *, of_looks: bo
 
 def type_gain(worse: NDArray[np.bool_], better: NDArray[np.bool_]) -> tuple[float, float]:
     """Return by how much a share of the same looks is larger, and one-sided p (McNemar, exact)."""
-    more, less = int(np.sum(better & ~worse)), int(np.sum(worse & ~better))
+    more = int(np.sum(better & ~worse))
+    less = int(np.sum(worse & ~better))
     p = binomtest(more, more + less, 0.5, alternative="greater").pvalue if more + less else 1.0
     return (more - less) / len(worse), float(p)
 

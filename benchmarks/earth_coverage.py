@@ -88,7 +88,8 @@ def places_ecef_m() -> NDArray[np.float64]:
 
 def in_view(sensors: tuple[Sensor, ...], step_s: float) -> NDArray[np.int64]:
     """Return how many sensors see each place at each time, (places, times)."""
-    time_s, place_m = np.arange(0.0, DAY_S, step_s), places_ecef_m()
+    time_s = np.arange(0.0, DAY_S, step_s)
+    place_m = places_ecef_m()
     count = np.zeros((len(place_m), len(time_s)), dtype=np.int64)
     for sensor in sensors:
         position_m = sensor.orbit.position_ecef_m(time_s)
@@ -136,7 +137,8 @@ def table(rows: list[Row]) -> str:
 
 def span(values: list[float]) -> str:
     """Return the smallest and the largest of some values, or the one value that all have."""
-    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    low = f"{min(values):.2f}"
+    high = f"{max(values):.2f}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -169,7 +171,8 @@ def plot(rows: list[Row], path: Path) -> None:
         # Three fleets have four even slots each: their lines coincide, so widths differ.
         for fleet, width, style in zip(FLEETS, (5.0, 3.0, 1.2, 1.6, 1.6), ("-", "-", "--", "-", "-"), strict=True):
             own = [row for row in rows if row.fleet == fleet]
-            values, latitude = [getattr(row, name) for row in own], [row.latitude_deg for row in own]
+            values = [getattr(row, name) for row in own]
+            latitude = [row.latitude_deg for row in own]
             axis.plot(values, latitude, label=fleet, linewidth=width, linestyle=style)
         axis.set(xlabel=label, xlim=(0.0, None), ylim=(-90.0, 90.0))
         axis.set_yticks(range(-90, 91, 30))

@@ -72,7 +72,8 @@ def main() -> None:
         return
     sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
     context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
-    encoder, with_tracks = ForgeEncoder(context), ForgeEncoder(context, has_tracks=True)
+    encoder = ForgeEncoder(context)
+    with_tracks = ForgeEncoder(context, has_tracks=True)
     plain = sample_window(options.events, is_tracked=False, is_moving=False)
     tracked = sample_window(options.events, is_tracked=True, is_moving=False)
     moving = sample_window(options.events, is_tracked=True, is_moving=True)
@@ -106,7 +107,8 @@ def raid_lines(launches: int, repeats: int) -> None:
     lines = [compiled.encode(block) for window in windows for block in window_blocks(window)]
     structs = [msgspec.json.decode(line, type=RaidEvent) for block in lines for line in block.splitlines()]
     mappings = [msgspec.json.decode(line) for block in lines for line in block.splitlines()]
-    whole, encode = b"".join(lines), msgspec.json.Encoder().encode_lines
+    whole = b"".join(lines)
+    encode = msgspec.json.Encoder().encode_lines
     if encode(structs) != whole or encode(mappings) != whole:
         raise SystemExit("msgspec makes other lines than the encoder")
     ways: dict[str, Callable[[], object]] = {
@@ -137,7 +139,8 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
     """Return a window as a raid makes it: every sensor sees every target, 20 times a second."""
     random = np.random.default_rng(1)
     look = np.arange(count)
-    scan, sensor = look // (SENSORS * TARGETS), (look // TARGETS % SENSORS).astype(np.int32)
+    scan = look // (SENSORS * TARGETS)
+    sensor = (look // TARGETS % SENSORS).astype(np.int32)
     stream = look % (SENSORS * TARGETS)
     keys = np.array([id_key("benchmark", n) for n in range(SENSORS * TARGETS)], dtype=np.uint64)
     home = 4.2e7 * random.random((SENSORS, 3))[sensor]
@@ -249,13 +252,16 @@ class RaidEvent(msgspec.Struct, gc=False):
 
 def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     """Return the lines of events without tracks from sensors that stay where they are."""
-    d, encode = window.detections, msgspec.json.Encoder()
+    d = window.detections
+    encode = msgspec.json.Encoder()
     raw = [msgspec.Raw(encode.encode(value)) for value in ("MWIR", ["MWIR"])]
     slots = [msgspec.Raw(encode.encode(sensor.orbital_slot_deg)) for sensor in sensors]
     sigma = msgspec.Raw(encode.encode(sensors[0].line_of_sight_sigma_rad * 1e6))
     _, first = np.unique(d.sensor, return_index=True)
     homes = [msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()]
-    sensor, count, angles = d.sensor.tolist(), len(d), d.angles()
+    sensor = d.sensor.tolist()
+    count = len(d)
+    angles = d.angles()
     when = timestamp_text(unix_microseconds(d.time_ns, EPOCH_US))
     columns = (
         uuid_text(d.detection_id),
@@ -285,7 +291,8 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
 
 def dictionary_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     """Return the lines of events without tracks, one dictionary at a time."""
-    d, angles = window.detections, window.detections.angles()
+    d = window.detections
+    angles = window.detections.angles()
     events = (dictionary(d, angles, row, sensors) for row in range(len(d)))
     return b"".join(json.dumps(event, separators=(",", ":")).encode() + b"\n" for event in events)
 

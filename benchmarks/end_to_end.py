@@ -108,7 +108,8 @@ def answered(plain: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunAns
         "tolerance_m": tolerance[0] if tolerance else None,
     }
     with tempfile.TemporaryDirectory() as folder:
-        out, asked = Path(folder, "answers"), Path(folder, "request.json")
+        out = Path(folder, "answers")
+        asked = Path(folder, "request.json")
         asked.write_text(json.dumps(request), encoding="utf-8")
         process = subprocess.Popen([sys.executable, __file__, "--child", str(asked), str(out)])
         _, status, used = os.wait4(process.pid, 0)

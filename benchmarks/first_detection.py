@@ -209,7 +209,8 @@ def first_reports(chance: NDArray[np.float64], needed: int, scans: int) -> NDArr
     states = np.arange(1 << (scans - 1))
     hits = np.array([state.bit_count() for state in states.tolist()])
     shifted = (states << 1) & (len(states) - 1)
-    weight, first = (states == 0).astype(np.float64), np.zeros(len(chance))
+    weight = (states == 0).astype(np.float64)
+    first = np.zeros(len(chance))
     for look, p in enumerate(chance.tolist()):
         reported = hits >= needed - 1
         first[look] = p * weight[reported].sum()
@@ -274,7 +275,8 @@ def air(climate: str) -> Iterator[Air]:
     """Yield the transmittances of the three bands from several heights."""
     lowtran = Host.discover().component("opir_atmosphere_models", "lowtran")
     sky = lowtran.build(lowtran.config(climate=climate), AtmosphereContext(bands=BANDS, path="atmosphere", seed=0))
-    height_m, nowhere = 1e3 * np.array(HEIGHTS_KM), np.zeros((len(HEIGHTS_KM), 3))
+    height_m = 1e3 * np.array(HEIGHTS_KM)
+    nowhere = np.zeros((len(HEIGHTS_KM), 3))
     sine = np.full(len(height_m), np.sin(np.radians(ELEVATION_DEG)))
     paths = Paths(height_m, sine, nowhere, nowhere, np.zeros(len(height_m)))
     columns = [sky.transmittance(number, paths).tolist() for number in range(len(BANDS))]
@@ -284,7 +286,8 @@ def air(climate: str) -> Iterator[Air]:
 
 def spread(found: list[Cell]) -> str:
     """Return the range of times and heights of some cases."""
-    times, heights = [cell.time_s for cell in found], [cell.height_km for cell in found]
+    times = [cell.time_s for cell in found]
+    heights = [cell.height_km for cell in found]
     time = between(*(f"{each:.1f}" if each < 9.95 else f"{each:.0f}" for each in (min(times), max(times))))
     return f"{time} s, {between(f'{min(heights):.1f}', f'{max(heights):.1f}')} km"
 

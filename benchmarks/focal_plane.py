@@ -29,14 +29,17 @@ from opir_photons.radiometry.focal_plane import centroid_factor_rad, photon_cent
 from result_files import BLUE, GREY, ORANGE, Row, column, markdown_table, read_csv, svg_plot, write_csv
 from scipy.special import ndtr
 
-READ_E, LEAST_BACKGROUND_E = 20.0, 2e4
+READ_E = 20.0
+LEAST_BACKGROUND_E = 2e4
 #: Reference cells of a threshold: the other places of a frame.
 CELLS = 15
 
 FILTERS = (("sum", 1), ("sum", 2), ("surround", 1), ("matched", 1))
 #: Registration error of a frame and drift between two, pixels; None: no difference.
 TEMPORAL = (None, (0.05, 0.0), (0.3, 0.0), (0.05, 0.4))
-SPOTS, EXPONENTS, RATIOS = (0.3, 0.45, 0.7), (8.0 / 3.0, 3.0, 3.5), (0.5, 1.5, 4.0)
+SPOTS = (0.3, 0.45, 0.7)
+EXPONENTS = (8.0 / 3.0, 3.0, 3.5)
+RATIOS = (0.5, 1.5, 4.0)
 THRESHOLDS = (1.5, 2.0, 2.5, 3.0)
 #: Mean SNR above the threshold.
 SIGNALS = (-0.5, 0.5, 1.5, 3.0)
@@ -118,7 +121,8 @@ def images_of(
     registration, drift = temporal or (0.0, 0.0)
     left = float(SpatialTransfer.of(weights, PointSpread(np.inf, spot), 3.0).variance(scale, exponent, frames))
     counted = noise_gain(weights) * (1 if temporal is None else 2)
-    background_e, structure_e = LEAST_BACKGROUND_E, 0.0
+    background_e = LEAST_BACKGROUND_E
+    structure_e = 0.0
     for _ in range(200):
         # The background is six standard deviations of its structure above darkness, and makes the noise.
         structure_e = ratio * np.sqrt(counted * (background_e + READ_E**2) / left)
@@ -177,7 +181,8 @@ class Noise:
 
 def expected(setting: Setting) -> tuple[float, float, float]:
     """Return P_fa and P_d in closed form, and the P_d of the detection model."""
-    images, noise = setting.images, Noise(setting.images)
+    images = setting.images
+    noise = Noise(setting.images)
     moved, weight = noise.distances()
     sigma = noise.sigma_moved(moved)[:, None]
     limit = setting.threshold * (noise.sigma if setting.threshold_of == "fixed" else sigma)
@@ -203,9 +208,11 @@ def expected(setting: Setting) -> tuple[float, float, float]:
 
 def crossed(setting: Setting, outputs: Outputs) -> tuple[Floats, Floats]:
     """Return the shares (frames,) of places that cross the threshold, without and with a target."""
-    images, noise = setting.images, Noise(setting.images)
+    images = setting.images
+    noise = Noise(setting.images)
     mean = 0.0 if images.is_difference else float(images.weights.sum()) * images.background_e
-    empty, target = outputs.empty - mean, outputs.target - mean
+    empty = outputs.empty - mean
+    target = outputs.target - mean
     if setting.threshold_of == "cells":
         limit = float(cfar_threshold(ndtr(-setting.threshold), CELLS)) * np.sqrt(1.0 + 1.0 / CELLS)
         others = (empty.sum(axis=1, keepdims=True) - empty) / CELLS
@@ -219,7 +226,8 @@ def crossed(setting: Setting, outputs: Outputs) -> tuple[Floats, Floats]:
 def compared(setting: Setting, frames: int, rng: np.random.Generator) -> Row:
     """Return the row of a setting."""
     outputs = filtered(setting.images, frames, rng)
-    shares_crossed, images = crossed(setting, outputs), setting.images
+    shares_crossed = crossed(setting, outputs)
+    images = setting.images
     figures = {}
     *closed, model = expected(setting)
     for name, share, chance in zip(("p_fa", "p_d"), shares_crossed, closed, strict=True):
@@ -291,7 +299,8 @@ def page_of(rows: list[Row]) -> str:
     threshold = [row for row in rows if row["kind"] == "threshold"]
     centroid = [row for row in rows if row["kind"] == "centroid"]
     names = (("P_fa", "p_fa"), ("P_d", "p_d"), ("centroid error", "centroid_px"))
-    lines, everything = [], []
+    lines = []
+    everything = []
     for title, name in names:
         off = deviations(rows, name)
         everything.append(off)
@@ -332,7 +341,8 @@ def draw(rows: list[Row], path: Path) -> None:
     threshold = [row for row in rows if row["kind"] == "threshold"]
     with svg_plot(path, 1, 2, figsize=(8.0, 3.6)) as (_, (left, right)):
         for name, colour, title in (("p_d", BLUE, "P_d"), ("p_fa", ORANGE, "P_fa")):
-            closed, found = column(threshold, f"{name}_closed"), column(threshold, name)
+            closed = column(threshold, f"{name}_closed")
+            found = column(threshold, name)
             error = 1.96 * np.array(column(threshold, f"{name}_error"))
             left.errorbar(closed, found, error, fmt="o", ms=3, color=colour, label=title, lw=1)
         left.plot([3e-4, 1.0], [3e-4, 1.0], color=GREY, lw=0.8)

@@ -15,7 +15,9 @@ from scipy import fft
 Floats = NDArray[np.float64]
 
 #: Pixels along a frame, cells along a pixel, pixels from one filtered place to the next.
-PIXELS, SUB, STEP = 32, 5, 8
+PIXELS = 32
+SUB = 5
+STEP = 8
 #: Frames made at once.
 _BATCH = 25
 #: Samples of a spot along a pixel, for its shares.
@@ -74,7 +76,8 @@ def _batch(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
     empty = _counted(images, now, rng)
     if images.is_difference:
         before = _counted(images, _windows(_seen(images, field, off[1] + drift), len(images.weights)), rng)
-        empty, with_target = empty - before, with_target - before
+        empty = empty - before
+        with_target = with_target - before
     sums = [(each * images.weights).sum(axis=(2, 3)) for each in (empty, with_target)]
     return Outputs(sums[0], sums[1], phase, np.linalg.norm(off[1] + drift - off[0], axis=1))
 
@@ -82,7 +85,8 @@ def _batch(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
 def _field(images: Images, frames: int, rng: np.random.Generator) -> NDArray[np.complex64]:
     """Return the transforms of fields of cells, each the mean of the radiance in it."""
     cells = PIXELS * SUB
-    x, y = 2.0 * np.pi * SUB * np.fft.fftfreq(cells)[:, None], 2.0 * np.pi * SUB * np.fft.rfftfreq(cells)
+    x = 2.0 * np.pi * SUB * np.fft.fftfreq(cells)[:, None]
+    y = 2.0 * np.pi * SUB * np.fft.rfftfreq(cells)
     power = (1.0 + (x * x + y * y) * images.scale**2) ** (-0.5 * images.exponent)
     # The integral of the power over all wavenumbers, of which those of the frame are a lattice.
     whole = 2.0 * np.pi / (images.scale**2 * (images.exponent - 2.0))
@@ -96,7 +100,8 @@ def _field(images: Images, frames: int, rng: np.random.Generator) -> NDArray[np.
 def _seen(images: Images, field: NDArray[np.complex64], off: Floats) -> Floats:
     """Return the electrons that pixels expect (frames, PIXELS, PIXELS) of fields moved by (frames, 2)."""
     cells = PIXELS * SUB
-    x, y = 2.0 * np.pi * SUB * np.fft.fftfreq(cells)[:, None], 2.0 * np.pi * SUB * np.fft.rfftfreq(cells)
+    x = 2.0 * np.pi * SUB * np.fft.fftfreq(cells)[:, None]
+    y = 2.0 * np.pi * SUB * np.fft.rfftfreq(cells)
     moved = field * np.exp(-1j * x * off[:, :1, None]).astype(field.dtype)
     moved *= np.exp(-1j * y * off[:, 1:, None]).astype(field.dtype)
     distance = np.minimum(np.arange(cells), cells - np.arange(cells)) / SUB
@@ -140,7 +145,8 @@ def centroid_errors(
     """
     phase = rng.uniform(-0.5, 0.5, (frames, 2))
     image = rng.poisson(target_e * shares(spot, phase, width)) + noise_e * rng.normal(size=(frames, width, width))
-    found, step = phase.copy(), 1e-4
+    found = phase.copy()
+    step = 1e-4
     for _ in range(12):
         expected = target_e * shares(spot, found, width)
         slopes = [

@@ -15,8 +15,10 @@ from opir_core.flight.propagation import impact
 
 #: Standard deviations of the law of flights: of uniform laws, or so wide that a look says more.
 BURN_S = {1: (45.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}
-PLACE_RAD, IGNITION_S = 0.2, 1e3
-LONGEST_STEP_S, FREE_S = 0.5, 40.0
+PLACE_RAD = 0.2
+IGNITION_S = 1e3
+LONGEST_STEP_S = 0.5
+FREE_S = 40.0
 
 
 class Paths(NamedTuple):
@@ -32,12 +34,15 @@ class Paths(NamedTuple):
         return np.array([self._states_of(row, time_s) for row in range(len(self.time_s))])
 
     def _states_of(self, row: int, time_s: np.ndarray) -> np.ndarray:
-        times, place, speed = self.time_s[row], self.position_m[row], self.velocity_m_s[row]
+        times = self.time_s[row]
+        place = self.position_m[row]
+        speed = self.velocity_m_s[row]
         at = np.clip(np.searchsorted(times, time_s, side="right") - 1, 0, len(times) - 2)
         step = np.maximum(times[at + 1] - times[at], 1e-9)[:, None]
         share = (time_s[:, None] - times[at, None]) / step
         gap = place[at + 1] - place[at]
-        left, right = speed[at] * step - gap, gap - speed[at + 1] * step
+        left = speed[at] * step - gap
+        right = gap - speed[at + 1] * step
         bend = (1.0 - share) * left + share * right
         found = place[at] + share * gap + share * (1.0 - share) * bend
         rate = gap + (1.0 - 2.0 * share) * bend + share * (1.0 - share) * (right - left)
@@ -87,12 +92,17 @@ def flown(rows: np.ndarray, stages: int) -> Paths:
     """Return flights with parameters (f, p), by the classical method of Runge and Kutta."""
     place = [(float(row[0]), float(row[1])) for row in rows]
     sides = [directions(there, float(row[2])) for there, row in zip(place, rows, strict=True)]
-    up, ahead = np.array([side[0] for side in sides]), np.array([side[1] for side in sides])
-    ignition, rise, kick = rows[:, 3], rows[:, 4], rows[:, 5]
+    up = np.array([side[0] for side in sides])
+    ahead = np.array([side[1] for side in sides])
+    ignition = rows[:, 3]
+    rise = rows[:, 4]
+    kick = rows[:, 5]
     burn, first, growth = np.split(rows[:, 6 : 6 + 3 * stages], 3, axis=1)
     gap = rows[:, 6 + 3 * stages :] if rows.shape[1] > 6 + 3 * stages else np.zeros((len(rows), stages - 1))
     state = np.concatenate([np.array([ecef(*there) for there in place]), np.zeros((len(rows), 3))], axis=1)
-    times, states, start = [np.zeros(len(rows))], [state], np.zeros(len(rows))
+    times = [np.zeros(len(rows))]
+    states = [state]
+    start = np.zeros(len(rows))
     for stage in range(stages):
         end = start + burn[:, stage]
         edges = [start, rise, rise + PITCH_OVER_S, end] if not stage else [start, end]
@@ -112,7 +122,8 @@ def flown(rows: np.ndarray, stages: int) -> Paths:
 def _leg(times: list[np.ndarray], states: list[np.ndarray], one: np.ndarray, two: np.ndarray, law: Law | None) -> None:
     """Append the steps of a leg from times (f,) to others; its two ends are steps of their own."""
     count = int(np.ceil(np.max(two - one) / LONGEST_STEP_S))
-    step, state = ((two - one) / count)[:, None], states[-1]
+    step = ((two - one) / count)[:, None]
+    state = states[-1]
     for number in range(count):
         now = one + step[:, 0] * number
         half = now + 0.5 * step[:, 0]
@@ -127,7 +138,8 @@ def _leg(times: list[np.ndarray], states: list[np.ndarray], one: np.ndarray, two
 
 def rates(time_s: np.ndarray, state: np.ndarray, law: Law | None) -> np.ndarray:
     """Return the rates (f, 6) of states (f, 6), as `Boost.rates` does for one."""
-    place, speed = state[:, :3], state[:, 3:]
+    place = state[:, :3]
+    speed = state[:, 3:]
     x, y, _ = place.T
     u, v, _ = speed.T
     turning = np.stack([2.0 * SPIN * v + SPIN**2 * x, SPIN**2 * y - 2.0 * SPIN * u, np.zeros(len(state))], axis=1)
@@ -147,7 +159,8 @@ def edges(rows: np.ndarray, stages: int) -> np.ndarray:
     """Return the edges (f, k) between light and dark: ignition, ends of burns before a gap, ignitions after one."""
     burn = rows[:, 6 : 6 + stages]
     gap = rows[:, 6 + 3 * stages :]
-    found, now = [rows[:, 3]], rows[:, 3]
+    found = [rows[:, 3]]
+    now = rows[:, 3]
     for stage in range(stages):
         now = now + burn[:, stage]
         if stage == stages - 1:

@@ -14,8 +14,12 @@ import numpy as np
 from attrs import field, frozen
 from scipy.integrate import solve_ivp
 
-MU, SPIN, RADIUS_M, FLATTENING = 3.986004418e14, 7.292115e-5, 6378137.0, 1.0 / 298.257223563
-STEP_S, PITCH_OVER_S = 0.5, 10.0
+MU = 3.986004418e14
+SPIN = 7.292115e-5
+RADIUS_M = 6378137.0
+FLATTENING = 1.0 / 298.257223563
+STEP_S = 0.5
+PITCH_OVER_S = 10.0
 AXIS = np.array([0.0, 0.0, SPIN])
 
 
@@ -64,8 +68,10 @@ def ecef(latitude: float, longitude: float) -> np.ndarray:
 
 def geodetic(place: np.ndarray) -> tuple[float, float, float]:
     """Return latitude, longitude and height of an ECEF position, by fixed-point iteration."""
-    e2, out = FLATTENING * (2.0 - FLATTENING), float(np.hypot(place[0], place[1]))
-    latitude, height = np.arctan2(place[2], out * (1 - e2)), 0.0
+    e2 = FLATTENING * (2.0 - FLATTENING)
+    out = float(np.hypot(place[0], place[1]))
+    latitude = np.arctan2(place[2], out * (1 - e2))
+    height = 0.0
     for _ in range(8):
         n = RADIUS_M / np.sqrt(1.0 - e2 * np.sin(latitude) ** 2)
         height = out * np.cos(latitude) + place[2] * np.sin(latitude) - n * (1.0 - e2 * np.sin(latitude) ** 2)
@@ -82,7 +88,8 @@ def drawn_flight(
         first = np.concatenate([rng.uniform(14.0, 28.0, 1), rng.uniform(12.0, 30.0, stages - 1)])
         growth = rng.uniform(1.8, 4.5, stages)
         gap = np.append(rng.uniform(*gap_s, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
-        rise, kick = rng.uniform(4.0, 10.0), np.radians(rng.uniform(4.0, 24.0))
+        rise = rng.uniform(4.0, 10.0)
+        kick = np.radians(rng.uniform(4.0, 24.0))
         place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
         flight = _flown(Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi)))
         if flight is not None and 150.0 < flight.range_km < 12000.0:
@@ -148,17 +155,21 @@ def _landed(time_s: float, state: np.ndarray, start_s: float, *_: float) -> floa
     return geodetic(state[:3])[2] if time_s > start_s + 20.0 else 1.0
 
 
-_landed.terminal, _landed.direction = True, -1.0  # type: ignore[attr-defined]
+_landed.terminal = True
+_landed.direction = -1.0  # type: ignore[attr-defined]
 
 
 def _flown(boost: Boost) -> ForeignFlight | None:
     launch = boost.launch
-    legs, state, now = [], np.concatenate([ecef(*launch), np.zeros(3)]), 0.0
+    legs = []
+    state = np.concatenate([ecef(*launch), np.zeros(3)])
+    now = 0.0
     exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
     for one, two, *stage in boost.legs():
         leg = solve_ivp(boost.rates, (one, two), state, args=tuple(stage), **exact)
         legs.append((one, two, bool(stage[2]), leg.sol))
-        state, now = leg.y[:, -1], two
+        state = leg.y[:, -1]
+        now = two
         if geodetic(state[:3])[2] < 0.0 and now > 5.0:
             return None
     if np.linalg.norm(state[3:]) > 7300.0 or now > 260.0:
@@ -168,7 +179,8 @@ def _flown(boost: Boost) -> ForeignFlight | None:
         return None
     legs.append((now, float(fall.t_events[0][0]), False, fall.sol))
     latitude, longitude, _ = geodetic(fall.y_events[0][0][:3])
-    one, two = ecef(*launch), ecef(latitude, longitude)
+    one = ecef(*launch)
+    two = ecef(latitude, longitude)
     angle = float(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two))
     burns = np.cumsum(boost.burn_s + boost.gap_s)
     return ForeignFlight(

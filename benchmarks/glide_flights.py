@@ -11,9 +11,11 @@ from ascents import DARK_S, STEP_S, Ascent, turned
 from foreign_flights import MU, RADIUS_M, directions, ecef, geodetic
 from scipy.optimize import brentq
 
-SCALE_M, LONGEST_S = 7000.0, 4000.0
+SCALE_M = 7000.0
+LONGEST_S = 4000.0
 #: Thrust is no farther than this from the velocity, but for the first seconds.
-FARTHEST_RAD, SLOW_S = np.radians(20.0), 15.0
+FARTHEST_RAD = np.radians(20.0)
+SLOW_S = 15.0
 
 
 def drawn_glide(rng: np.random.Generator) -> Ascent:
@@ -21,12 +23,16 @@ def drawn_glide(rng: np.random.Generator) -> Ascent:
     while True:
         stages = int(rng.integers(1, 3))
         burn_s = rng.uniform(55.0, 110.0, stages) / (1.0, 1.4)[stages - 1]
-        first, growth = rng.uniform(17.0, 28.0, stages), rng.uniform(1.8, 3.5, stages)
+        first = rng.uniform(17.0, 28.0, stages)
+        growth = rng.uniform(1.8, 3.5, stages)
         gap_s = float(rng.uniform(1.0, 8.0)) if stages == 2 else 0.0
-        height_m, level_rad = rng.uniform(42e3, 80e3), np.radians(rng.uniform(-1.0, 3.0))
-        ratio, last_m_s = rng.uniform(1.6, 3.6), rng.uniform(700.0, 1800.0)
+        height_m = rng.uniform(42e3, 80e3)
+        level_rad = np.radians(rng.uniform(-1.0, 3.0))
+        ratio = rng.uniform(1.6, 3.6)
+        last_m_s = rng.uniform(700.0, 1800.0)
         place = float(np.arcsin(rng.uniform(-0.8, 0.8))), float(rng.uniform(-np.pi, np.pi))
-        azimuth, curve = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.normal(0.0, 8.0)) / 4e6
+        azimuth = rng.uniform(0.0, 2.0 * np.pi)
+        curve = np.radians(rng.normal(0.0, 8.0)) / 4e6
         edges = np.cumsum(np.append(0.0, np.insert(burn_s, 1, gap_s)[: 2 * stages - 1]))
         course = _Course(edges, first, growth, height_m, level_rad)
         try:
@@ -45,8 +51,11 @@ class _Course:
     def __init__(
         self, edges: np.ndarray, first: np.ndarray, growth: np.ndarray, height_m: float, level_rad: float
     ) -> None:
-        self.edges, self.first, self.growth = edges, first, growth
-        self.height_m, self.level_rad = height_m, level_rad
+        self.edges = edges
+        self.first = first
+        self.growth = growth
+        self.height_m = height_m
+        self.level_rad = level_rad
 
     def miss_m(self, bend: float) -> float:
         """Return by how much the boost ends too high, m."""
@@ -63,13 +72,18 @@ class _Course:
 
     def rows(self, bend: float) -> list[list[float]]:
         """Return rows of time, height, speed and flight-path angle."""
-        height, speed, angle, now, rows = 0.0, 0.1, 0.5 * np.pi, 0.0, []
+        height = 0.0
+        speed = 0.1
+        angle = 0.5 * np.pi
+        now = 0.0
+        rows = []
         for leg, (begin, end) in enumerate(zip(self.edges[:-1], self.edges[1:], strict=True)):
             while now < end - 1e-9:
                 rows.append([now, height, speed, angle])
                 step = min(STEP_S, end - now)
                 force = self._force(leg, (now - begin) / (end - begin))
-                was_speed, was_angle = speed, angle
+                was_speed = speed
+                was_angle = angle
                 speed += step * (force - MU / (RADIUS_M + height) ** 2 * np.sin(angle))
                 now += step
                 part = np.clip((now - 5.0) / (self.edges[-1] - 5.0), 0.0, 1.0)
@@ -80,14 +94,16 @@ class _Course:
 
     def _force(self, leg: int, part: float) -> float:
         """Return the specific force, m/s², in a leg, of which a part is over; every second leg is dark."""
-        first, growth = self.first[leg // 2], self.growth[leg // 2]
+        first = self.first[leg // 2]
+        growth = self.growth[leg // 2]
         return float(first / (1.0 - (1.0 - 1.0 / growth) * part)) if leg % 2 == 0 else 0.0
 
 
 def _glided(last: list[float], ratio: float, last_m_s: float) -> list[list[float]]:
     """Return rows of a glide from the end of a boost, as those of `_Course.rows`, and of its end on the ground."""
     now, height, speed, angle = last
-    top_m, rows = height, []
+    top_m = height
+    rows = []
     lift = MU / (RADIUS_M + height) ** 2 - speed**2 / (RADIUS_M + height)
     density = lift / speed**2
     while speed > last_m_s and now < LONGEST_S:
@@ -100,7 +116,8 @@ def _glided(last: list[float], ratio: float, last_m_s: float) -> list[list[float
         )
         speed -= STEP_S * (lift / ratio + pull * np.sin(angle))
         angle = float(np.arcsin(np.clip(climb / speed, -0.5, 0.5)))
-        height, now = height + STEP_S * climb, now + STEP_S
+        height = height + STEP_S * climb
+        now = now + STEP_S
         rows.append([now, height, speed, angle])
     # It falls three times as far as it is high.
     return [*rows, [now + STEP_S, height, 300.0, 0.0], [now + STEP_S + 0.01 * height, 0.0, 300.0, 0.0]]
@@ -114,7 +131,8 @@ def _on_the_earth(
     radius = float(np.linalg.norm(ecef(*place)))
     time_s, height, speed, angle = np.concatenate([boost, glide]).T
     up, ahead = np.empty((2, len(time_s), 3))
-    up[0], ahead[0] = up0, ahead0
+    up[0] = up0
+    ahead[0] = ahead0
     turn = np.diff(turned(time_s, speed * np.cos(angle) / (radius + height)))
     bend = np.where(np.arange(len(turn)) >= len(boost) - 1, curve * RADIUS_M * turn, 0.0)
     for row, (far, aside) in enumerate(zip(turn.tolist(), bend.tolist(), strict=True)):

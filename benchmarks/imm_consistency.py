@@ -22,7 +22,8 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
-LAUNCHES, SETTLED_S = 10, 20.0
+LAUNCHES = 10
+SETTLED_S = 20.0
 CLOUD: Mapping[str, Any] = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 10.0}}, "detection": "snr"}
 #: Names of cases, what the scene has beside the rest, the bias of its sensors, µrad, and the height of the sites, m.
 CASES: dict[str, tuple[Mapping[str, Any], float, float]] = {
@@ -90,7 +91,8 @@ def scene_of(seed: int, case: str, tracker: Mapping[str, Any]) -> Any:
 
 def _target(number: int, rng: np.random.Generator, height_m: float) -> Mapping[str, Any]:
     kind = ("SRBM", "IRBM")[number % 2]
-    latitude, longitude = -30.0 + 6.0 * number, -145.0 + 11.0 * (number % 3)
+    latitude = -30.0 + 6.0 * number
+    longitude = -145.0 + 11.0 * (number % 3)
     reach_deg = rng.uniform(3.0, 4.5) if kind == "SRBM" else rng.uniform(18.0, 28.0)
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     launch = {"lat_deg": latitude, "lon_deg": longitude, "height_m": height_m, "time_s": float(rng.uniform(2.0, 8.0))}
@@ -103,7 +105,9 @@ def _target(number: int, rng: np.random.Generator, height_m: float) -> Mapping[s
 
 def case_of(case: str, runs: int, tracker: Mapping[str, Any]) -> Case:
     """Return what came of a case's runs."""
-    states, whose, points = [], [], []
+    states = []
+    whose = []
+    points = []
     for seed in range(runs):
         plan = compile_plan(scene_of(seed, case, tracker))
         evidence = evidence_of_run(run_of_plan(plan), plan)

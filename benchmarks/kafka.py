@@ -60,9 +60,11 @@ RENDERER, RENDER = chosen_renderer(Host.discover())
 #: The encoder as a run has it.
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0, render=RENDER))
 #: How many times the events the Java producer sends, and how many of them its file has at most.
-JAVA_TIMES, JAVA_LINES = 5, 50_000
+JAVA_TIMES = 5
+JAVA_LINES = 50_000
 REPORT = re.compile(r"(\d+) records sent, ([\d.]+) records/sec")
-JAVA, COLD = "Java producer, warm", "Java producer, with its first 5 s"
+JAVA = "Java producer, warm"
+COLD = "Java producer, with its first 5 s"
 
 PAGE = """# Throughput of the Kafka sink
 
@@ -144,7 +146,8 @@ def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: P
     for turn in range(options.repeats + 1):
         for way in ways:
             place = {"bootstrap_servers": broker.address, "topic": broker.topic(options.partitions)}
-            config, before_s = KafkaConfig(**place, compression=compression), processor_s()
+            config = KafkaConfig(**place, compression=compression)
+            before_s = processor_s()
             found = way(config)
             used_s = (processor_s() - before_s) / (JAVA_TIMES if JAVA in found else 1)
             for name, time_s in found.items():
@@ -215,7 +218,8 @@ async def in_batches(config: KafkaConfig, messages: Messages) -> float:
         queues[of_key[key]].append((key, value))
 
     async def send(partition: int) -> None:
-        queue, at = queues[partition], 0
+        queue = queues[partition]
+        at = 0
         while at < len(queue):
             batch = producer.create_batch()
             while at < len(queue):
@@ -251,7 +255,9 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
 def table(took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str) -> str:
     """Return the page."""
     reference = JAVA if has_java() else "confluent-kafka"
-    rows, rate, used = [], dict[tuple[str, str], str](), dict[tuple[str, str], str]()
+    rows = []
+    rate = dict[tuple[str, str], str]()
+    used = dict[tuple[str, str], str]()
     for compression, ways in took.items():
         for name, times in ways.items():
             ratios = [one / other for (one, _), (other, _) in zip(ways[reference], times, strict=True)]

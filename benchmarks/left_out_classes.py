@@ -28,10 +28,14 @@ from opir_core.scene.target_classes import OrbitInsertion, TargetClass
 HYPOTHESES = core_hypotheses()
 NAMES = [each.name for each in HYPOTHESES]
 CLASSES = [each.target_class for each in HYPOTHESES if each.target_class is not None]
-NOISE, GROUND, NONE = NAMES.index("noise"), NAMES.index("ground source"), NAMES.index("none of these")
-EVERY, SOURCES_LEFT = "nothing", "ground source"
+NOISE = NAMES.index("noise")
+GROUND = NAMES.index("ground source")
+NONE = NAMES.index("none of these")
+EVERY = "nothing"
+SOURCES_LEFT = "ground source"
 LEFT_OUT = (EVERY, *(kind.name for kind in CLASSES), SOURCES_LEFT)
-PERIOD_S, DURATION_S = 4.0, 512.0
+PERIOD_S = 4.0
+DURATION_S = 512.0
 SENSORS = {name: settings for name, settings in OBSERVERS.items() if name != "DSP-unconfirmed"}
 #: Edges of the bins: near 0 and 1 finer.
 EDGES = np.array([0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98, 1.0])
@@ -110,7 +114,8 @@ def launched(rng: np.random.Generator, kind: TargetClass, number: int) -> dict[s
     profile = kind.profiles[int(rng.integers(len(kind.profiles)))]
     latitude, longitude = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
     limits = np.log([1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02])
-    range_km, heading = float(np.exp(rng.uniform(*limits))) / 1e3, 2.0 * np.pi * rng.random()
+    range_km = float(np.exp(rng.uniform(*limits))) / 1e3
+    heading = 2.0 * np.pi * rng.random()
     spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
     peaks = kind.plume(profile.name).peak_w_sr
     target = {
@@ -187,9 +192,11 @@ def rise(sensor: str, left_out: str, probability: FloatArray, true: IntArray) ->
     """Return how "none of these" rises for events of a class left out, against those of launches that are known."""
     unknown = true == NONE
     known = ~unknown & (true > GROUND)
-    none, best = probability[:, NONE], probability.copy()
+    none = probability[:, NONE]
+    best = probability.copy()
     best[:, NONE] = 0.0
-    score, choice = best.max(axis=1), best.argmax(axis=1)
+    score = best.max(axis=1)
+    choice = best.argmax(axis=1)
     means = best[unknown].mean(axis=0)
     return Rise(
         sensor,
@@ -206,7 +213,8 @@ def rise(sensor: str, left_out: str, probability: FloatArray, true: IntArray) ->
 
 def measured(launches: int, sources: int, seed: int) -> tuple[list[Bin], list[Rise]]:
     """Return the bins and rises with each class left out in turn."""
-    found, rises = list[Bin](), list[Rise]()
+    found = list[Bin]()
+    rises = list[Rise]()
     for left_out in LEFT_OUT:
         mapping = scene(launches, sources, seed, left_out)
         run = opir.simulate(opir.scene_from_mapping(mapping))

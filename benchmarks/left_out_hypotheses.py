@@ -33,7 +33,9 @@ from opir_core.scene.target_classes import OrbitInsertion
 MARKS = (("30 s after detection", 30.0, None), ("60 s after detection", 60.0, None), ("burnout", None, 5.0))
 #: Distance of launches, degrees, and the time, s, within which all are; time, s, from the longest boost's end to the
 #: scene's.
-APART_DEG, WITHIN_S, AFTER_S = 3.0, 30.0, 10.0
+APART_DEG = 3.0
+WITHIN_S = 30.0
+AFTER_S = 10.0
 #: AUROC from which "none of these" separates a class left out from known ones.
 BAR = 0.95
 
@@ -115,7 +117,8 @@ def scene(launches: int, seed: int) -> dict[str, Any]:
         latitude = np.radians(APART_DEG * (cell // side - 0.5 * side + rng.uniform(-0.2, 0.2)) + 20.0)
         longitude = np.radians(APART_DEG * (cell % side - 0.5 * side + rng.uniform(-0.2, 0.2)))
         limits = np.log([1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02])
-        range_m, heading = float(np.exp(rng.uniform(*limits))), 2.0 * np.pi * rng.random()
+        range_m = float(np.exp(rng.uniform(*limits)))
+        heading = 2.0 * np.pi * rng.random()
         start_s = float(rng.uniform(1.0, WITHIN_S))
         target = {
             "id": f"{kind.name}-{number}",
@@ -149,8 +152,10 @@ def records_of(mapping: dict[str, Any], left_out: str) -> list[Record]:
     host.left_out = left_out
     run = opir.run_of_plan(opir.compile_plan(opir.scene_from_mapping(mapping), host))
     evidence = evidence_of_run(run, run.plan)
-    owners, names = ownership(evidence), [each.name for each in run.plan.hypotheses]
-    tracks, found = run.tracks, list[Record]()
+    owners = ownership(evidence)
+    names = [each.name for each in run.plan.hypotheses]
+    tracks = run.tracks
+    found = list[Record]()
     owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     for target, plain in enumerate(mapping["targets"]):
         rows = np.flatnonzero(owner == target)
@@ -177,7 +182,8 @@ def row_of(records: Sequence[Record], mark: str) -> Row:
     none_out, none_in = (np.array([each.probability["none of these"] for each in part]) for part in (unknown, known))
     best = [_best(each.probability) for each in known]
     right = np.array([name == each.kind for (name, _), each in zip(best, known, strict=True)])
-    score, other = np.array([p for _, p in best]), np.array([_best(each.probability)[1] for each in unknown])
+    score = np.array([p for _, p in best])
+    other = np.array([_best(each.probability)[1] for each in unknown])
     means = (
         {name: np.mean([each.probability[name] for each in unknown]) for name in known[0].probability}
         if unknown
@@ -211,7 +217,9 @@ def calibration(records: Sequence[Record]) -> list[str]:
     Each record is weighted by the tracker's prior of its class (the first records of all), over the class's number.
     """
     marked = [each for each in records if each.mark == MARKS[-1][0]]
-    stated, true, weight = list[float](), list[bool](), list[float]()
+    stated = list[float]()
+    true = list[bool]()
+    weight = list[float]()
     for each in marked:
         truth = each.kind if each.kind != each.left_out else "none of these"
         firsts = [other.probability for other in records if other.mark == "first" and other.left_out == each.left_out]
@@ -221,8 +229,11 @@ def calibration(records: Sequence[Record]) -> list[str]:
         stated += [each.probability[name] for name in launched]
         true += [name == truth for name in launched]
         weight += [prior / alike] * len(launched)
-    p, is_true, w = np.array(stated), np.array(true), np.array(weight)
-    number, cells = bin_numbers(p, EDGES), list[str]()
+    p = np.array(stated)
+    is_true = np.array(true)
+    w = np.array(weight)
+    number = bin_numbers(p, EDGES)
+    cells = list[str]()
     for place_ in range(len(EDGES) - 1):
         own = number == place_
         if not own.any():
@@ -267,7 +278,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=["", *(kind.name for kind in CLASSES)], help="classes left out")
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    mapping, records, rows = scene(arguments.launches, arguments.seed), list[Record](), list[Row]()
+    mapping = scene(arguments.launches, arguments.seed)
+    records = list[Record]()
+    rows = list[Row]()
     for left_out in arguments.only:
         own = records_of(mapping, left_out)
         records += own

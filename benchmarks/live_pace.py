@@ -38,7 +38,8 @@ class Found:
     @property
     def row(self) -> str:
         ages = (np.percentile(self.age_ms, 50), np.percentile(self.age_ms, 99), self.age_ms.max())
-        status, age = self.status, " | ".join(f"{each:.1f}" for each in ages)
+        status = self.status
+        age = " | ".join(f"{each:.1f}" for each in ages)
         return (
             f"| {self.targets} | {self.seconds:g} | {len(self.age_ms) / self.seconds:.0f} | {status.late_cycles} |"
             f" {1e3 * status.latest_s:.1f} | {age} | {100 * self.core:.0f} % |"
@@ -56,7 +57,8 @@ def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Found:
     run = LiveRun(scene, host, LiveSettings(speed=speed, loop=True))
     limit_pauses()
     run.start()
-    outlet, ages = run._sinks[0], []
+    outlet = run._sinks[0]
+    ages = []
     inner: Any = outlet._sink
     write = inner.write
 
@@ -66,7 +68,8 @@ def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Found:
         ages.append(time.monotonic() - due_s)
 
     inner.write = aged
-    cpu_s, began_s = time.process_time(), time.monotonic()
+    cpu_s = time.process_time()
+    began_s = time.monotonic()
     time.sleep(seconds)
     core = (time.process_time() - cpu_s) / (time.monotonic() - began_s)
     return Found(len(scene.targets), seconds, run.stop(), 1e3 * np.concatenate(ages), core)
@@ -98,7 +101,8 @@ def until_behind(host: Host, seconds: float) -> list[Found]:
 
 def page(main: Found, more: list[Found]) -> str:
     """Return the page."""
-    period_ms, p99_ms = 50, np.percentile(main.age_ms, 99)
+    period_ms = 50
+    p99_ms = np.percentile(main.age_ms, 99)
     met = main.status.late_cycles == 0 and p99_ms <= 100.0
     behind = next((each for each in more if each.status.late_cycles), None)
     first = f"first misses a deadline at {behind.targets} targets" if behind else "misses no deadline at higher loads"

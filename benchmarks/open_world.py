@@ -29,7 +29,8 @@ from opir_scoring.impacts import main_regions, regions_given
 
 import opir_core as opir
 
-EPOCH, START_S = "2026-04-01T18:00:00Z", 10.0
+EPOCH = "2026-04-01T18:00:00Z"
+START_S = 10.0
 SLOTS_DEG = (-35.0, 30.0)
 #: 95 % of χ² with six degrees of freedom.
 WITHIN = 12.592
@@ -184,7 +185,8 @@ def mark_of(ascent: Ascent, run: opir.Run, name: str, said: tuple[int, float, fl
 
 def rows_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int = 1) -> tuple[list[Row], str]:
     """Return the rows of flights at their marks, and a sentence on all their ticks with a region."""
-    said, clock = list[Flown](), time.process_time()
+    said = list[Flown]()
+    clock = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ascent.csv"
         for place, ascent in enumerate(flights):
@@ -242,11 +244,14 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="folder of the page")
     wanted = parser.parse_args()
     numbers = range(wanted.from_seed, wanted.from_seed + 2 * wanted.flights, 2)
-    rows, ticks, hours = list[Row](), list[str](), list[str]()
+    rows = list[Row]()
+    ticks = list[str]()
+    hours = list[str]()
     for kind in KINDS:
         if wanted.only in (None, kind.key):
             found = rows_of(kind.title, [kind.drawn(seed) for seed in numbers], kind.sensors, wanted.seeds)
-            rows, ticks = rows + found[0], [*ticks, found[1]]
+            rows = rows + found[0]
+            ticks = [*ticks, found[1]]
             print(csv_text(found[0]), found[1], sep="\n", flush=True)
     if wanted.tables:
         found = rows_of("Tables", [ascent for _, ascent in tables(wanted.tables)], 2, wanted.seeds)

@@ -10,7 +10,8 @@ from opir_scoring.evidence import true_states_ecef
 import opir_core as opir
 
 #: A track claims a launch above this, and has recognised one above that.
-LAUNCHED, KNOWN = 0.5, 0.95
+LAUNCHED = 0.5
+KNOWN = 0.95
 
 #: Types of the launches.
 LAUNCHES = 3 * ("SRBM", "IRBM", "ICBM", "SLV")
@@ -73,7 +74,8 @@ class Watched:
 
     def add(self, window: opir.Window) -> None:
         """Add a window."""
-        found, rows = window.detections, window.tracks
+        found = window.detections
+        rows = window.tracks
         target = window.truth.target
         for one, track in zip(target.tolist(), found.track.tolist(), strict=True):
             if track >= 0:
@@ -114,7 +116,8 @@ def closed_form_s(plan: opir.Plan, target: int, looks: opir.Detections) -> float
         mine = looks.sensor == sensor
         weight = np.where(mine, (looks.line_of_sight_sigma_rad * far) ** -2.0, 0.0)
         whole = np.maximum(np.cumsum(weight), 1e-300)
-        first, second = np.cumsum(weight[:, None] * across, axis=0), np.cumsum(weight * np.sum(across**2, axis=1))
+        first = np.cumsum(weight[:, None] * across, axis=0)
+        second = np.cumsum(weight * np.sum(across**2, axis=1))
         ratio += 0.5 * (second - np.sum(first**2, axis=1) / whole)
     enough = ratio > np.log(KNOWN / (1.0 - KNOWN) * GROUND_SOURCES)
     return float(looks.time_s[np.argmax(enough)]) - begin if enough.any() else np.nan
@@ -124,11 +127,14 @@ def hour(duration_s: float, seed: int) -> list[str]:
     """Return the lines about fires for a time: tracks that claim a launch, and when launches are recognised."""
     plan = opir.compile_plan(hour_scene(duration_s, seed))
     watched = Watched(plan)
-    clock, wall = time.process_time(), time.perf_counter()
+    clock = time.process_time()
+    wall = time.perf_counter()
     for window in opir.plan_windows(plan):
         watched.add(window)
-    cost_s, wall_s = time.process_time() - clock, time.perf_counter() - wall
-    launches, of = len(plan.scene.targets), watched.target_of
+    cost_s = time.process_time() - clock
+    wall_s = time.perf_counter() - wall
+    launches = len(plan.scene.targets)
+    of = watched.target_of
     false = [track for track in watched.claims if not 0 <= of.get(track, -1) < launches]
     keep("false launches", len(false))
     times = list[str]()

@@ -104,6 +104,7 @@ def held(count: int, whole: int) -> str:
 
 def interval(shares: np.ndarray) -> str:
     """Return the mean of flights' shares in percent, with a 95 % interval (Student's over flights)."""
-    mean, count = float(shares.mean()), len(shares)
+    mean = float(shares.mean())
+    count = len(shares)
     half = student.ppf(0.975, count - 1) * shares.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
     return f"{100 * mean:.0f} % [{100 * max(mean - half, 0.0):.0f}–{100 * min(mean + half, 1.0):.0f}]"

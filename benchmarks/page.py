@@ -28,11 +28,14 @@ import yaml
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FIRST_S, LAST_S, DURATION_S = 2.0, 12.0, 600
+FIRST_S = 2.0
+LAST_S = 12.0
+DURATION_S = 600
 #: Longest time, s, until most launches have tracks.
 PATIENCE_S = 240.0
 #: Latitudes and longitudes of the launches, and the difference to their aim points, degrees.
-LATITUDES, LONGITUDES = (-35.0, 40.0), (-175.0, -125.0)
+LATITUDES = (-35.0, 40.0)
+LONGITUDES = (-175.0, -125.0)
 RANGES = {"ICBM": 55.0, "IRBM": 22.0, "SRBM": 4.5}
 
 PAGE = """# The page under a raid
@@ -81,7 +84,8 @@ def scene_of(launches: int, tracker: str) -> dict[str, Any]:
     targets = []
     for number in range(launches):
         kind = rng.choice(list(RANGES))
-        lat, lon = rng.uniform(*LATITUDES), rng.uniform(*LONGITUDES)
+        lat = rng.uniform(*LATITUDES)
+        lon = rng.uniform(*LONGITUDES)
         time_s = FIRST_S + (LAST_S - FIRST_S) * number / launches
         launch = {"lat_deg": round(lat, 3), "lon_deg": round(lon, 3), "time_s": round(time_s, 3)}
         aim = {"lat_deg": round(lat - RANGES[kind], 3), "lon_deg": round(lon + 2.0, 3)}
@@ -181,7 +185,8 @@ def main() -> None:
             page = browser.new_page(viewport={"width": 1600, "height": 900})
             page.goto(f"http://127.0.0.1:{port}/")
             until_tracked(port, arguments.launches)
-            rates, now = measured(page, arguments.seconds), status(port)
+            rates = measured(page, arguments.seconds)
+            now = status(port)
             if arguments.screenshot:
                 page.screenshot(path=str(arguments.screenshot))
             text = PAGE.format(

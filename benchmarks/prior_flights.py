@@ -29,7 +29,8 @@ COAST_S = 40.0
 #: Lowest height of a launch site, m: land is hardly lower.
 LOWEST_M = -500.0
 #: Heights of orbits, m, and the lowest perigee of one.
-ORBITS_M, PERIGEE_M = (180e3, 400e3), 120e3
+ORBITS_M = (180e3, 400e3)
+PERIGEE_M = 120e3
 #: Ranges of missiles, m: limits of the classes, and octaves in which as many are kept.
 RANGES_M = np.geomspace(50e3, 16e6, 9)
 #: A class by range, m.
@@ -108,7 +109,8 @@ class PriorBoost(Boost):
     ) -> np.ndarray:
         """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
         x, y, z, fast_x, fast_y, fast_z = state.tolist()
-        pull, turn = -MU / (x * x + y * y + z * z) ** 1.5, SPIN * SPIN
+        pull = -MU / (x * x + y * y + z * z) ** 1.5
+        turn = SPIN * SPIN
         rates = np.array(
             [
                 fast_x,
@@ -126,13 +128,15 @@ class PriorBoost(Boost):
 
     def _unit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
         """Return the direction of the thrust."""
-        program, speed = self.program, float(np.linalg.norm(state[3:]))
+        program = self.program
+        speed = float(np.linalg.norm(state[3:]))
         assert program
         if time_s < self.rise_s or speed < 1.0:
             return self.up
         if program.orbit_m is not None:
             return self._to_orbit(time_s, state, size)
-        unit, lead = state[3:] / speed, program.lead(time_s)
+        unit = state[3:] / speed
+        lead = program.lead(time_s)
         (x, y, z), (aside_x, aside_y, aside_z) = unit.tolist(), self.aside
         below = np.array([y * aside_z - z * aside_y, z * aside_x - x * aside_z, x * aside_y - y * aside_x])
         return np.cos(lead) * unit + np.sin(lead) * below
@@ -142,7 +146,8 @@ class PriorBoost(Boost):
         assert self.program
         assert self.program.orbit_m
         radius = float(np.linalg.norm(state[:3]))
-        up, inertial = state[:3] / radius, _inertial(state)
+        up = state[:3] / radius
+        inertial = _inertial(state)
         climb = float(inertial @ up)
         level_m_s = np.linalg.norm(inertial - climb * up)
         ahead = state[3:] - climb * up
@@ -184,7 +189,8 @@ def _launchers(model: VehicleModel, rng: np.random.Generator, count: int) -> lis
     found = list[PriorFlight]()
     while len(found) < count:
         program = program_of(model, SPACE, rng)._replace(orbit_m=float(rng.uniform(*ORBITS_M)))
-        place, flight = _place(rng), None
+        place = _place(rng)
+        flight = None
         if (whole := flown(program, *place)) and whole.impact is None:
             fails = rng.random() < model.data["failure_probability"]
             flight = flown(program._replace(cut_off=float(rng.uniform(0.2, 1.0))), *place) if fails else whole
@@ -200,10 +206,12 @@ def _place(rng: np.random.Generator) -> tuple[tuple[float, float], float]:
 def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Program:
     """Return the program of a vehicle drawn from the law of a family."""
     logs = np.full((1, STAGES, 4), np.nan)
-    row, stages = np.array([family]), int(rng.choice(STAGES, p=model.stages[family] / model.stages[family].sum())) + 1
+    row = np.array([family])
+    stages = int(rng.choice(STAGES, p=model.stages[family] / model.stages[family].sum())) + 1
     for stage in range(stages):
         known = model.given(logs)
-        total, number = known.total[:, family], known.number[:, family]
+        total = known.total[:, family]
+        number = known.number[:, family]
         mean, sigma = model.law(row, np.array([stage]), total, number)
         logs[:, stage] = mean + sigma * rng.normal(size=(1, 4))
         if rng.random() < known.hot[0, family]:
@@ -214,7 +222,8 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
     gap_s = np.append(np.exp(drawn[:-1, GAP]), 0.0)
     steering = drawn_steering(1, model.data, int(rng.integers(2**31)))
     lead = lambda time_s: float(steering.leads(np.array([time_s]))[0])  # noqa: E731
-    burn_s, first = np.exp(drawn[:, BURN]), np.exp(drawn[:, FORCE])
+    burn_s = np.exp(drawn[:, BURN])
+    first = np.exp(drawn[:, FORCE])
     kind = rng.choice(len(SITES), p=site_shares(HypothesesConfig().inland_share))
     site_m = max(rng.normal(*SITES[kind]), LOWEST_M)
     return Program(burn_s, first, np.exp(ratio), gap_s, float(steering.rise_s[0]), lead, site_m)
@@ -223,7 +232,9 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
 def flown(program: Program, launch: tuple[float, float], azimuth: float) -> PriorFlight | None:
     """Return the flight of a program from a place; None where it falls back to the ground in its burn."""
     boost = PriorBoost(*program[:4], program.rise_s, 0.0, launch, azimuth, program=program)
-    state, now, rows = np.concatenate([ecef(*launch) + program.site_m * boost.up, 1e-3 * boost.up]), 0.0, []
+    state = np.concatenate([ecef(*launch) + program.site_m * boost.up, 1e-3 * boost.up])
+    now = 0.0
+    rows = []
     exact: dict[str, Any] = {"method": "RK45", "rtol": 1e-8, "atol": 1e-4, "dense_output": True}
     end_s = program.cut_off * float(program.burn_s.sum() + program.gap_s.sum())
     for one, two, *stage in boost.legs():
@@ -246,10 +257,12 @@ def flown(program: Program, launch: tuple[float, float], azimuth: float) -> Prio
 
 def _with_fall(program: Program, boost: PriorBoost, rows: list[np.ndarray]) -> PriorFlight | None:
     """Return the flight of a boost whose rows are known, with its free flight."""
-    now, state = float(rows[-1][-1, 0]), rows[-1][-1, 1:7]
+    now = float(rows[-1][-1, 0])
+    state = rows[-1][-1, 1:7]
     burnt_s = max(float(part[-1, 0]) for part in rows if part[-1, 7])
     exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "dense_output": True}
-    span, dark = (now, now + LONGEST_S), (now, 1.0, 0.0, 1.0)
+    span = (now, now + LONGEST_S)
+    dark = (now, 1.0, 0.0, 1.0)
     fall = solve_ivp(boost.rates, span, state, args=dark, events=_ground, max_step=200.0, **exact)
     times = np.arange(now, min(now + COAST_S, float(fall.t[-1])), STEP_S)
     table = np.concatenate([*rows, np.column_stack([times, fall.sol(times).T, np.zeros(len(times))])])
@@ -257,7 +270,8 @@ def _with_fall(program: Program, boost: PriorBoost, rows: list[np.ndarray]) -> P
         lowest = np.linalg.norm(fall.y[:3], axis=0).min() - RADIUS_M
         return PriorFlight(table, burnt_s, boost.launch, None, "SLV", np.nan) if lowest > PERIGEE_M else None
     impact = geodetic(fall.y_events[0][0][:3])[:2]
-    start, end = ecef(*boost.launch), ecef(*impact)
+    start = ecef(*boost.launch)
+    end = ecef(*impact)
     range_m = RADIUS_M * float(np.arctan2(np.linalg.norm(np.cross(start, end)), start @ end))
     by_range = next(name for least_m, name in KINDS if range_m < least_m)
     kind = by_range if program.orbit_m is None else "SLV"
@@ -273,14 +287,16 @@ def _ground(_time_s: float, state: np.ndarray, *_: float) -> float:
     return geodetic(state[:3])[2]
 
 
-_ground.terminal, _ground.direction = True, -1.0  # type: ignore[attr-defined]
+_ground.terminal = True
+_ground.direction = -1.0  # type: ignore[attr-defined]
 
 
 def _below_ground(time_s: float, state: np.ndarray, *_: float) -> float:
     return _ground(time_s, state) - LOWEST_M
 
 
-_below_ground.terminal, _below_ground.direction = True, -1.0  # type: ignore[attr-defined]
+_below_ground.terminal = True
+_below_ground.direction = -1.0  # type: ignore[attr-defined]
 
 
 def _fast_enough(_time_s: float, state: np.ndarray, *_: float) -> float:
@@ -288,4 +304,5 @@ def _fast_enough(_time_s: float, state: np.ndarray, *_: float) -> float:
     return float(np.linalg.norm(_inertial(state)) - np.sqrt(MU / np.linalg.norm(state[:3])))
 
 
-_fast_enough.terminal, _fast_enough.direction = True, 1.0  # type: ignore[attr-defined]
+_fast_enough.terminal = True
+_fast_enough.direction = 1.0  # type: ignore[attr-defined]

@@ -31,7 +31,8 @@ from opir_core.planning.plan import Plan
 def raid(launches: int, sensors: int, duration_s: float, outputs: list[object]) -> opir.Scene:
     """Return the scene: launches from everywhere between 60° south and north, within its first minute."""
     random = np.random.default_rng(5)
-    latitude, longitude = random.uniform(-60.0, 60.0, launches), random.uniform(-180.0, 180.0, launches)
+    latitude = random.uniform(-60.0, 60.0, launches)
+    longitude = random.uniform(-180.0, 180.0, launches)
     ignition = random.uniform(0.0, 60.0, launches)
     return opir.scene_from_mapping(
         {
@@ -104,13 +105,15 @@ def main() -> None:
             show([("plan", plan_s, "s", f"{len(plan.pairs)} pairs"), memory()])
             return
         profile = cProfile.Profile()
-        times, outcome = [], None
+        times = []
+        outcome = None
         for _ in range(arguments.repeat):
             before_s = time.process_time()
             outcome = profile.runcall(run, plan, truth) if arguments.profile else run(plan, truth)
             times.append(time.process_time() - before_s)
         counts = outcome.summary["counts"]
-        run_s, written = statistics.median(times), sum(file["bytes"] for file in outcome.manifest[FILES_KEY])
+        run_s = statistics.median(times)
+        written = sum(file["bytes"] for file in outcome.manifest[FILES_KEY])
         rows = (
             ("plan", plan_s, "s", ""),
             ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),

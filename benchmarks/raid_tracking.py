@@ -88,7 +88,8 @@ def with_false_alarms(
     place = np.stack([one.orbit.position_ecef_m(np.zeros(1))[0] for one in plan.sensors])[sensor]
     axes = tangent_axes(-place / np.linalg.norm(place, axis=1)[:, None])
     depth = 1.0 - rng.random(len(sensor)) * (1.0 - np.cos(DISC_RAD))
-    turn, across = rng.uniform(0.0, 2.0 * np.pi, len(sensor)), np.sqrt(1.0 - depth**2)
+    turn = rng.uniform(0.0, 2.0 * np.pi, len(sensor))
+    across = np.sqrt(1.0 - depth**2)
     parts = np.stack([across * np.cos(turn), across * np.sin(turn), depth], axis=1)
     false = evolve(
         detections.take(np.zeros(len(sensor), dtype=np.int64)),
@@ -98,7 +99,8 @@ def with_false_alarms(
         sensor_ecef_m=place,
         line_of_sight_ecef=np.einsum("nk,nkc->nc", parts, axes),
     )
-    every, whose = Detections.concatenate([detections, false]), np.concatenate([target, np.full(len(false), -1)])
+    every = Detections.concatenate([detections, false])
+    whose = np.concatenate([target, np.full(len(false), -1)])
     order = np.lexsort((every.sensor, every.time_ns))
     return every.take(order), whose[order]
 
@@ -110,7 +112,10 @@ def outcome(seed: int, duration_s: int, mean: float, settings: dict[str, Any]) -
     detections, target = with_false_alarms(plan, run.detections, run.truth.target, mean, seed)
     context = TrackerContext(sensors=plan.sensors, epoch_us=0, duration_s=float(duration_s))
     tracker = imm_tracker(ImmConfig(**settings), context)
-    label, before, taken, last = np.full(len(detections), -1), 0, 0.0, None
+    label = np.full(len(detections), -1)
+    before = 0
+    taken = 0.0
+    last = None
     for tick in range(1, duration_s + 1):
         cut = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
         part = detections.take(slice(before, cut))
@@ -144,7 +149,8 @@ def errors_m(plan: Plan, tracks: Any, owner: dict[int, int]) -> tuple[float, flo
     rows = [row for row, track in enumerate(tracks.track.tolist()) if owner.get(track, -1) >= 0]
     whose = np.array([owner[int(tracks.track[row])] for row in rows], dtype=np.int32)
     truth = plan.targets.position_ecef_m(whose, np.full(len(rows), tracks.tick_s[0]))
-    error, covariance = tracks.state[rows, :3] - truth, tracks.state_covariance[rows, :3, :3]
+    error = tracks.state[rows, :3] - truth
+    covariance = tracks.state_covariance[rows, :3, :3]
     return float(np.nanmedian(np.linalg.norm(error, axis=1))), float(np.nanmean(energy_scores(error, covariance)))
 
 

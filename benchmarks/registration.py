@@ -29,9 +29,15 @@ from result_files import write_csv
 import opir_core as opir
 from opir_core.plugin import Detections, Tracks
 
-TARGETS, SETTLED_S, DURATION_S, FIRST_SEED = 12, 60.0, 100.0, 39_000
+TARGETS = 12
+SETTLED_S = 60.0
+DURATION_S = 100.0
+FIRST_SEED = 39_000
 SLOTS_DEG = (-150.0, -95.0, -125.0)
-SIGMA_RAD, BIAS_RAD, OUTLIER_RAD, CLOCK_S = 20e-6, 60e-6, 400e-6, 0.12
+SIGMA_RAD = 20e-6
+BIAS_RAD = 60e-6
+OUTLIER_RAD = 400e-6
+CLOCK_S = 0.12
 #: The 95 % quantile of chi-squared with 6 degrees.
 WITHIN = 12.592
 
@@ -139,7 +145,8 @@ def scene_of(seed: int, case: Case, is_stated: bool) -> opir.Scene:
 
 def _target(row: int, rng: np.random.Generator) -> dict[str, Any]:
     kind = ("SRBM", "IRBM")[row % 2]
-    latitude, longitude = rng.uniform(-35.0, 35.0), rng.uniform(-152.0, -92.0)
+    latitude = rng.uniform(-35.0, 35.0)
+    longitude = rng.uniform(-152.0, -92.0)
     reach_deg = rng.uniform(3.0, 4.5) if kind == "SRBM" else rng.uniform(18.0, 28.0)
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     launch = {"lat_deg": latitude, "lon_deg": longitude, "time_s": float(rng.uniform(2.0, 8.0))}
@@ -152,7 +159,8 @@ def _target(row: int, rng: np.random.Generator) -> dict[str, Any]:
 
 def disturbed(detections: Detections, wrong: Disturbance, rng: np.random.Generator) -> Detections:
     """Return detections with what is wrong with their sensors, in order of their stamps."""
-    direction, up = detections.line_of_sight_ecef, detections.sensor_ecef_m
+    direction = detections.line_of_sight_ecef
+    up = detections.sensor_ecef_m
     up = up / np.linalg.norm(up, axis=1)[:, None]
     east = np.cross([0.0, 0.0, 1.0], up)
     east /= np.linalg.norm(east, axis=1)[:, None]
@@ -171,7 +179,10 @@ def disturbed(detections: Detections, wrong: Disturbance, rng: np.random.Generat
 
 def followed(plan: opir.Plan, detections: Detections) -> tuple[np.ndarray, Tracks, Any]:
     """Return the track of each detection, all estimates and the health of the sensors at the end."""
-    tracker, labels, estimates, cut = plan.make_tracker(), [], [], 0
+    tracker = plan.make_tracker()
+    labels = []
+    estimates = []
+    cut = 0
     for tick in range(1, int(DURATION_S) + 1):
         end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
         part = detections.take(slice(cut, end))
@@ -185,7 +196,8 @@ def followed(plan: opir.Plan, detections: Detections) -> tuple[np.ndarray, Track
 def outcome_of(case: Case, seed: int) -> Outcome:
     """Return what came of a run."""
     run = opir.simulate(scene_of(seed, case, is_stated=False))
-    plan, rng = opir.compile_plan(scene_of(seed, case, is_stated=True)), np.random.default_rng([1, seed])
+    plan = opir.compile_plan(scene_of(seed, case, is_stated=True))
+    rng = np.random.default_rng([1, seed])
     wrong = case.drawn(rng, run.detections, case.sensors)
     seen = disturbed(run.detections, wrong, rng)
     order = np.argsort(seen.time_ns, kind="stable")

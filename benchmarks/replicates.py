@@ -30,7 +30,8 @@ SCENES = {
         "sensors[0].scan_period_ms=280",
     ),
 }
-MILLION, HOUR_S = 1_000_000, 3600.0
+MILLION = 1_000_000
+HOUR_S = 3600.0
 #: Parts of a worker's runs after which its memory is taken.
 PARTS = 4
 #: Numbers of runs whose means are compared with the mean of all.
@@ -75,7 +76,9 @@ def share(overrides: tuple[str, ...], first: int, runs: int) -> Share:
     """Run some replicates."""
     start = time.process_time()
     scene = opir.load_scene(SCENE, overrides=overrides)
-    latency_s, detections, peak_mib = np.full(runs, np.nan), 0, list[float]()
+    latency_s = np.full(runs, np.nan)
+    detections = 0
+    peak_mib = list[float]()
     for number, run in enumerate(opir.replicates(evolve(scene, seed=scene.seed + first), runs)):
         found = run.detections
         detections += len(found)
@@ -96,7 +99,8 @@ def measured(overrides: tuple[str, ...], runs: int, workers: int) -> list[Share]
 
 def block_errors(latency_s: np.ndarray) -> list[tuple[int, float, float]]:
     """Return numbers of runs, root-mean-square errors of their means, s, and σ/√n, s."""
-    known, rows = latency_s[np.isfinite(latency_s)], []
+    known = latency_s[np.isfinite(latency_s)]
+    rows = []
     for number in NUMBERS:
         blocks = len(known) // number
         if blocks < 2:
@@ -113,7 +117,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--write", type=Path)
     chosen = parser.parse_args()
-    rows, first = [], None
+    rows = []
+    first = None
     for name, overrides in SCENES.items():
         parts = measured(overrides, chosen.runs, chosen.workers)
         runs = sum(len(part.latency_s) for part in parts)

@@ -50,7 +50,8 @@ def estimate(row: Row, name: str, unit: str = "") -> str:
     """Return a figure with its 95 % interval (columns `<name>_low95`, `<name>_high95`), a dash where it is empty."""
     if not row[name]:
         return "–"
-    low, high = row[f"{name}_low95"], row[f"{name}_high95"]
+    low = row[f"{name}_low95"]
+    high = row[f"{name}_high95"]
     return f"{row[name]}{unit} [{low}, {high}]" if low else f"{row[name]}{unit}"
 
 

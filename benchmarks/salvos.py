@@ -33,11 +33,13 @@ from opir_core.interfaces.records import Detections
 
 LAUNCHES = 20
 HALVES_KM = (0.5, 1.5, 5.0)
-SECONDS, FAN_DEG = 10.0, 8.0
+SECONDS = 10.0
+FAN_DEG = 8.0
 #: Where sensors are, relative to the launches, degrees of longitude.
 SLOTS_DEG = (-35.0, 30.0, -5.0)
 #: The share of a burn at which tracks are compared with the truth, and the 95 % quantile of chi-squared with 6 degrees.
-MARK, WITHIN = 0.95, 12.592
+MARK = 0.95
+WITHIN = 12.592
 #: The time before the mark over which pairings are judged, s.
 LATELY_S = 20.0
 FIRST_SEED = 24_000
@@ -67,7 +69,8 @@ class Salvo(NamedTuple):
 def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Scene:
     """Return a scene with a salvo."""
     rng = np.random.default_rng([seed, round(1e3 * half_km)])
-    lat_deg, lon_deg = rng.uniform(20.0, 50.0), rng.uniform(-150.0, 150.0)
+    lat_deg = rng.uniform(20.0, 50.0)
+    lon_deg = rng.uniform(-150.0, 150.0)
     shift = rng.uniform(-half_km, half_km, (LAUNCHES, 2)) / KM_PER_DEGREE
     times_s = 10.0 + rng.uniform(0.0, SECONDS, LAUNCHES)
     aims = shift + rng.uniform(-fan_deg, fan_deg, (LAUNCHES, 2))
@@ -113,9 +116,12 @@ def salvo(half_km: float, seed: int, sensors: int, fan_deg: float) -> Salvo:
 
 def at_marks(evidence: RunEvidence, sensor: np.ndarray, sensors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Return errors, m, which launches are held, which are paired right, and the number of tracks at the first mark."""
-    targets, tracks = evidence.plan.targets, evidence.tracks
+    targets = evidence.plan.targets
+    tracks = evidence.tracks
     mark_s = np.rint(targets.ignition_s + MARK * (targets.burnout_s - targets.ignition_s))
-    error_m, held, paired = np.full(LAUNCHES, np.nan), np.zeros(LAUNCHES, bool), np.zeros(LAUNCHES, bool)
+    error_m = np.full(LAUNCHES, np.nan)
+    held = np.zeros(LAUNCHES, bool)
+    paired = np.zeros(LAUNCHES, bool)
     for tick_s in np.unique(mark_s):
         now = tracks.take(np.flatnonzero(tracks.tick_s == tick_s))
         burning = np.flatnonzero((targets.ignition_s < tick_s - 5.0) & (targets.burnout_s > tick_s - LATELY_S))
@@ -141,7 +147,9 @@ def is_paired(evidence: RunEvidence, sensor: np.ndarray, sensors: int, track: in
 
 def oracle(evidence: RunEvidence, detections: Detections) -> float:
     """Return the share of wrong labels in the second half of burns where scans are assigned by the true directions."""
-    targets, wrong, total = evidence.plan.targets, 0, 0
+    targets = evidence.plan.targets
+    wrong = 0
+    total = 0
     half_s = 0.5 * (targets.ignition_s + targets.burnout_s)
     for sensor in np.unique(detections.sensor):
         mine = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
@@ -155,13 +163,15 @@ def oracle(evidence: RunEvidence, detections: Detections) -> float:
             look, place = linear_sum_assignment(np.nan_to_num(apart, nan=1.0))
             truth = evidence.target[rows[look]]
             late = time_s > half_s[truth]
-            wrong, total = wrong + np.count_nonzero((there[place] != truth) & late), total + np.count_nonzero(late)
+            wrong = wrong + np.count_nonzero((there[place] != truth) & late)
+            total = total + np.count_nonzero(late)
     return wrong / max(total, 1)
 
 
 def labels(evidence: RunEvidence) -> tuple[int, int]:
     """Return how many detections of the second half of a burn are on another launch's track, and how many there are."""
-    targets, owners = evidence.plan.targets, ownership(evidence)
+    targets = evidence.plan.targets
+    owners = ownership(evidence)
     target = evidence.target
     half_s = 0.5 * (targets.ignition_s + targets.burnout_s)
     late = (target >= 0) & (evidence.track >= 0) & (evidence.time_s > half_s[np.maximum(target, 0)])

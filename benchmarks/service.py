@@ -77,7 +77,8 @@ def status(port: int) -> Any:
 
 async def viewed(port: int, clients: int, seconds: float) -> tuple[int, int]:
     """Return how many detections `clients` viewers of the full stream were sent, and how many bytes, in that time."""
-    counts, size = 0, 0
+    counts = 0
+    size = 0
 
     async def view() -> None:
         nonlocal counts, size
@@ -134,9 +135,11 @@ def measured(seconds: float, clients: int) -> list[str]:
         while status(port)["counts"]["detections"] < 2000:
             time.sleep(0.1)
         turns = [turn(bare, port, seconds) for _ in range(TURNS)]
-        before, began_s = status(port), time.monotonic()
+        before = status(port)
+        began_s = time.monotonic()
         counts, size = asyncio.run(viewed(port, clients, 6 * seconds))
-        after, took_s = status(port), time.monotonic() - began_s
+        after = status(port)
+        took_s = time.monotonic() - began_s
     made = (after["counts"]["detections"] - before["counts"]["detections"]) / took_s
     lost = after["viewers"]["dropped_frames"] - before["viewers"]["dropped_frames"]
     late = after["clock"]["late_cycles"] - before["clock"]["late_cycles"]

@@ -38,18 +38,26 @@ from simulation_calibration_page import write_page
 import opir_core as opir
 from opir_core.interfaces import TRACK_CONTAINMENTS
 
-EPOCH, START_S = "2026-04-01T18:00:00Z", 10.0
+EPOCH = "2026-04-01T18:00:00Z"
+START_S = 10.0
 #: Times since the first detection, s.
 MARKS_S = (30.0, 90.0, 180.0)
 #: Time within which a burn is detected, and between forecasts: half as many as by default, s.
-LATEST_S, REGIONS_EVERY_S = 2.0, 10.0
+LATEST_S = 2.0
+REGIONS_EVERY_S = 10.0
 #: Quantities whose ranks are uniform numbers, taken at one mark, for they are kept; what their moments say of the time;
 #: one whose ranks are cells, and probabilities.
-LAUNCH, LAUNCH_MARK, SQUARE = ("launch east", "launch north", "launch time"), 1, "launch time, error² / variance"
-STATE, IMPACT, ORBIT, OVER = "state", "impact region", "P(orbit)", "P(burn over)"
+LAUNCH = ("launch east", "launch north", "launch time")
+LAUNCH_MARK = 1
+SQUARE = "launch time, error² / variance"
+STATE = "state"
+IMPACT = "impact region"
+ORBIT = "P(orbit)"
+OVER = "P(burn over)"
 #: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and outside.
 CELLS = np.diff([0.0, *TRACK_CONTAINMENTS, 1.0])
-BINS, EDGES = 10, (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
+BINS = 10
+EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 #: Fewer expected counts in a cell than this are too few for a χ² test.
 LEAST_EXPECTED = 5.0
 
@@ -140,7 +148,8 @@ def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
     launch_points.moment_matched = recorded_moments
     with tempfile.TemporaryDirectory() as folder:
         run = opir.run_of_plan(opir.compile_plan(scene_of(flight, Path(folder, "flight.csv"), seed)))
-    tracks, seen = run.tracks, run.truth.target == 0
+    tracks = run.tracks
+    seen = run.truth.target == 0
     number, count = np.unique(tracks.track, return_counts=True)
     found = list[Rank]()
     for mark, since_s in enumerate(MARKS_S if seen.any() else ()):
@@ -168,13 +177,15 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
     )
     if np.isfinite(square[0]):
         yield Rank(mark, STATE, float(chi2.cdf(square[0], 6)))
-    regions, is_over = track.impact_regions[0], float(track.tick_s[0]) >= START_S + flight.burnout_s
+    regions = track.impact_regions[0]
+    is_over = float(track.tick_s[0]) >= START_S + flight.burnout_s
     given = regions_given(regions, is_over) if regions else []
     if given and flight.impact:
         holds = [region.contains(*flight.impact) for region in sorted(given, key=lambda each: each.containment)]
         yield Rank(mark, IMPACT, float(holds.index(True) if any(holds) else len(TRACK_CONTAINMENTS)))
     # Neither gliders nor what is none of these is drawn, and failures are among the latter for the tracker.
-    orbit, missile = float(track.probability_orbit[0]), float(track.probability_missile[0])
+    orbit = float(track.probability_orbit[0])
+    missile = float(track.probability_missile[0])
     if orbit + missile > 0.0 and not (flight.kind == "SLV" and flight.impact):
         yield Rank(mark, ORBIT, orbit / (orbit + missile), flight.impact is None)
     over = float(1.0 - track.probability_burning[0] - np.nan_to_num(track.probability_relights[0]))
@@ -203,7 +214,8 @@ def of_probabilities(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
 
     Hosmer and Lemeshow's test with stated probabilities: one degree of freedom for each bin.
     """
-    stated, is_true = np.array([rank.value for rank in ranks]), np.array([rank.is_true for rank in ranks])
+    stated = np.array([rank.value for rank in ranks])
+    is_true = np.array([rank.is_true for rank in ranks])
     number = np.digitize(stated, EDGES[1:-1])
     count, mean, spread = (
         np.bincount(number, weight, len(EDGES) - 1) for weight in (is_true, stated, stated * (1.0 - stated))

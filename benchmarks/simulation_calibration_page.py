@@ -93,7 +93,8 @@ def write_page(folder: Path) -> None:
 
 def shares_found(flights: int, factor: float, bins: int = 10) -> str:
     """Return in how many of 100 cases the test of ranks finds a standard deviation larger or smaller by a factor."""
-    edges, freedom = norm.ppf(np.linspace(0.0, 1.0, bins + 1)), bins - 1
+    edges = norm.ppf(np.linspace(0.0, 1.0, bins + 1))
+    freedom = bins - 1
     percent = []
     for wrong in (factor, 1.0 / factor):
         share = np.diff(norm.cdf(edges * wrong))
@@ -108,7 +109,8 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     with svg_plot(path, 3, 3, figsize=(10.0, 7.5), sharey=True) as (_, axes):
         for axis, row in zip(axes.ravel(), rows, strict=False):
             count = [float(each) for each in row["counts"].split()]
-            total, cells = sum(count), row["quantity"] == "impact region"
+            total = sum(count)
+            cells = row["quantity"] == "impact region"
             edges = [*shares[: len(count)], 1.0] if cells else [place / len(count) for place in range(len(count) + 1)]
             width = [high - low for low, high in pairwise(edges)]
             sigma = [2.0 * ((1.0 - share) / (share * total)) ** 0.5 for share in width]

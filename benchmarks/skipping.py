@@ -31,7 +31,10 @@ SCENE = Path(__file__).resolve().parents[1] / "examples" / "first_light.yaml"
 
 #: What happens to the events when a part is named: nothing, fields of tracks are filled, others are added, or they
 #: change, as is meant.
-SAME, FILLED, ADDED, CHANGED = "the same", "fields of tracks are filled", "others are added", "changed"
+SAME = "the same"
+FILLED = "fields of tracks are filled"
+ADDED = "others are added"
+CHANGED = "changed"
 
 
 @frozen
@@ -212,8 +215,10 @@ def measured(parts: Sequence[Part], repeat: int, folder: Path) -> list[dict[str,
     counted = {words: used(words, folder) for words in runs}
     rows = []
     for part in parts:
-        without, named = part.beside, (*part.beside, *part.words)
-        off, on = Use.of(part.modules, counted[without]), Use.of(part.modules, counted[named])
+        without = part.beside
+        named = (*part.beside, *part.words)
+        off = Use.of(part.modules, counted[without])
+        on = Use.of(part.modules, counted[named])
         cost_s = statistics.median(times[named]) - statistics.median(times[without])
         rows.append(
             {

@@ -106,7 +106,8 @@ TRIGGER_S = 60.0
 #: Time without faults at the end, s.
 CALM_S = 45.0
 #: The part of the run that is warm-up, and the laps at least: the histories of the service fill with events, not time.
-WARM_UP, WARM_UP_LAPS = 0.25, 2
+WARM_UP = 0.25
+WARM_UP_LAPS = 2
 #: How much memory may grow from the first to the last quarter of what follows the warm-up.
 FLAT = 0.02
 #: How late, s, a run may be that says that it is ready.
@@ -224,7 +225,8 @@ def soaked_before(
 ) -> dict[str, Any]:
     """Run it; return samples, answers to triggers by status, and how it ended."""
     scene = scene_with(folder, address)
-    pipe, topic = PipeReader(folder / "pipe"), TopicReader(address, "soak")
+    pipe = PipeReader(folder / "pipe")
+    topic = TopicReader(address, "soak")
     command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--loop", "--port", "0"]
     command += ["--speed", arguments.speed]
     service = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -276,7 +278,8 @@ def watched(
     samples: list[Sample] = []
     triggers: dict[int, int] = {}
     late_s = 0.0
-    trigger_due_s, sample_due_s = 0.0, began_s
+    trigger_due_s = 0.0
+    sample_due_s = began_s
     while (at_s := time.monotonic() - began_s) < for_s:
         faults.step() if at_s < for_s - CALM_S else faults.end()
         status = asked(port, "GET", "/status")[1]

@@ -50,7 +50,8 @@ class PipeReader:
     """A process that reads lines from a pipe; `lines` and `repeated` are its counts."""
 
     def __init__(self, path: Path) -> None:
-        self.lines = self.repeated = 0
+        self.lines = 0
+        self.repeated = 0
         command = [sys.executable, "-c", READER, str(path)]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self.thread = threading.Thread(target=self._follow, daemon=True)
@@ -83,7 +84,9 @@ class TopicReader:
     def __init__(self, address: str, topic: str) -> None:
         from confluent_kafka import OFFSET_BEGINNING, Consumer, TopicPartition
 
-        self.messages = self.repeated = self.disordered = 0
+        self.messages = 0
+        self.repeated = 0
+        self.disordered = 0
         self.error: str | None = None
         settings = {
             "bootstrap.servers": address,
@@ -109,7 +112,9 @@ class TopicReader:
                         self.error = str(message.error())
                     continue
                 event = json.loads(message.value())
-                name, sensor, timestamp = event["detection_id"], event["sensor_id"], event["timestamp"]
+                name = event["detection_id"]
+                sensor = event["sensor_id"]
+                timestamp = event["timestamp"]
                 if name in recent:
                     self.repeated += 1
                     continue
@@ -137,7 +142,9 @@ class Faults:
     """Faults of random kind and duration, one at a time, each followed by a time without."""
 
     def __init__(self, seed: int, process: int, broker_faults: BrokerFaults, reader: PipeReader) -> None:
-        self._rng, self._process, self._reader = random.Random(seed), process, reader
+        self._rng = random.Random(seed)
+        self._process = process
+        self._reader = reader
         self._kinds = {**broker_faults(self._rng), **self._own_kinds()}
         self.counts: dict[str, int] = dict.fromkeys(self._kinds, 0)
         self.now: str | None = None

@@ -88,7 +88,8 @@ def shown(found: Any) -> Any:
 def write(folder: Path, outcomes: list[Outcome], bounds: list[Searched], draws: int, seed: int) -> None:
     """Write the page, the CSV and the plot."""
     order = sorted(outcomes, key=lambda found: -found.scaled[found.worst])
-    largest, raised = order[0].scaled[order[0].worst], sum(len(found.raised) for found in outcomes)
+    largest = order[0].scaled[order[0].worst]
+    raised = sum(len(found.raised) for found in outcomes)
     kept = max((found.ratio[found.worst] for found in bounds), default=0.0)
     answer = (
         f"No. The largest error of any function is {largest:.2g} times what rounding its inputs does, and every"

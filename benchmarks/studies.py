@@ -37,7 +37,8 @@ def measured(executor: str, runs: int, workers: int) -> dict[str, float]:
         metrics=("latency",),
     )
     with tempfile.TemporaryDirectory() as folder:
-        start, used = time.perf_counter(), processor_s()
+        start = time.perf_counter()
+        used = processor_s()
         sweep(study, folder, workers=workers)
         wall_s = time.perf_counter() - start
         time.sleep(1.0)  # until the workers have ended and their times are known

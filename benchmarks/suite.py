@@ -35,14 +35,16 @@ class Attempt:
 def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> Attempt:
     """Return what one run of a benchmark took and found; what it writes is copied into `docs`, if given."""
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as own:
-        kept, log = Path(own, "kept.figures"), Path(own, "output.log")
+        kept = Path(own, "kept.figures")
+        log = Path(own, "output.log")
         command = [sys.executable, *benchmark.arguments(quick=quick, folder=Path(folder))]
         settings = {**os.environ, **ONE_THREAD, "OPIR_BENCHMARK_FIGURES": str(kept)}
         start = time.perf_counter()
         with log.open("wb") as output:
             process = subprocess.Popen(command, env=settings, stdout=output, stderr=subprocess.STDOUT)
             _, status, used = os.wait4(process.pid, 0)
-        process.returncode = code = os.waitstatus_to_exitcode(status)
+        code = os.waitstatus_to_exitcode(status)
+        process.returncode = code
         text = log.read_text(encoding="utf-8", errors="replace")
         figures = figures_in(Path(folder)) | kept_figures(kept)
         if quick and benchmark.judges and figures and code == 1:

@@ -70,7 +70,8 @@ def median_s(action: Callable[[], object], repeat: int) -> float:
 
 def drained(plan: Plan) -> tuple[int, int]:
     """Run a plan, keeping nothing, and return its looks and detections."""
-    looks = detections = 0
+    looks = 0
+    detections = 0
     for window in plan_windows(plan):
         looks += window.looks
         detections += len(window.detections)
@@ -97,7 +98,8 @@ def main() -> None:
     engine_s = median_s(lambda: drained(plan), arguments.repeat)
     streamed_mib = peak_mib()
     to_file_s = median_s(lambda: to_file(scene), arguments.repeat)
-    million, thousand = looks / 1e6, detections / 1e3
+    million = looks / 1e6
+    thousand = detections / 1e3
     writing_s = to_file_s - engine_s
     rows = (
         ("plan", planning_s * 1e3, "ms", f"{million:.2f} million looks, {thousand:.0f} thousand events"),

@@ -52,7 +52,8 @@ POINTS = {
     "impact_time_s": ("impact_time_rmse_s", 1.0, 2),
 }
 COUNTS = {"targets": "targets", "launches_reported": "launches_reported", "impacts_reported": "impacts_reported"}
-CONFIDENCE, BAND = "95 % confidence", "99 % band"
+CONFIDENCE = "95 % confidence"
+BAND = "99 % band"
 
 
 def compared(runs: int, duration_s: float) -> Any:

@@ -41,7 +41,9 @@ PROPER = (
 )
 BOUNDED = ("position", "velocity", "impact")
 MARKS = ("25 %", "50 %", "75 %", "95 %", "+5 s", "+20 s")
-EPOCH, START_S, AFTER_S = "2026-04-01T18:00:00Z", 10.0, 30.0
+EPOCH = "2026-04-01T18:00:00Z"
+START_S = 10.0
+AFTER_S = 30.0
 SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 
@@ -147,8 +149,10 @@ def class_profile(seed: int) -> Flight:
     """Return a flight of the target model `ballistic`, of each class in turn."""
     rng = np.random.default_rng([7, 0, seed])
     kind, reach = (("SRBM", (2.0, 8.0)), ("IRBM", (12.0, 40.0)), ("ICBM", (55.0, 90.0)))[seed % 3]
-    latitude, longitude = np.degrees(np.arcsin(rng.uniform(-0.7, 0.7))), rng.uniform(-180.0, 180.0)
-    azimuth, far = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(*reach))
+    latitude = np.degrees(np.arcsin(rng.uniform(-0.7, 0.7)))
+    longitude = rng.uniform(-180.0, 180.0)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi)
+    far = np.radians(rng.uniform(*reach))
     place = np.radians(latitude)
     sine = np.sin(place) * np.cos(far) + np.cos(place) * np.sin(far) * np.cos(azimuth)
     east = np.arctan2(np.sin(azimuth) * np.sin(far) * np.cos(place), np.cos(far) - np.sin(place) * sine)
@@ -209,7 +213,8 @@ def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray
     assert law
     detections = run.detections.take(np.flatnonzero(run.truth.target == 0))
     detections = detections.take(np.argsort(detections.time_ns, kind="stable"))
-    times, count = detections.time_s, len(tick_s)
+    times = detections.time_s
+    count = len(tick_s)
     if len(times) < 2:  # out of the sensors' sight
         return np.full((count, len(BOUNDED)), np.nan)
     every = np.concatenate([times, tick_s])
@@ -241,7 +246,8 @@ def _known(flight: Flight, plan: opir.Plan) -> Flight:
     """Return a class profile's flight with its truth, and what an estimator that knows the class has to find."""
     (truth,) = plan.targets.truth()
     impact = np.radians([truth["impact"]["lat_deg"], truth["impact"]["lon_deg"]])
-    launch, aim = flight.target["launch"], flight.target["aim"]
+    launch = flight.target["launch"]
+    aim = flight.target["aim"]
 
     def targets(rows: np.ndarray) -> opir.Plan:
         """Return a plan of flights with launch and aim, deg, and ignition, s, (m, 5)."""
@@ -280,16 +286,20 @@ def _known(flight: Flight, plan: opir.Plan) -> Flight:
 
 def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
     """Return states (m, n, 6) of a plan's targets at times (n,): after burnout two-body motion, the scene's force."""
-    count, size = len(plan.targets.ids), len(time_s)
-    target, when = np.repeat(np.arange(count, dtype=np.int32), size), np.tile(time_s, count)
+    count = len(plan.targets.ids)
+    size = len(time_s)
+    target = np.repeat(np.arange(count, dtype=np.int32), size)
+    when = np.tile(time_s, count)
     last = plan.targets.end_s[target] - 1e-3
     found = true_states_ecef(plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target]))
     late = np.flatnonzero(when > last)
     if len(late):
         since = when[late] - last[late]
-        place, velocity = found[late, :3], found[late, 3:]
+        place = found[late, :3]
+        velocity = found[late, 3:]
         place, velocity = propagate_kepler(place, velocity + np.cross(SPIN, place), since)
-        place, velocity = eci_to_ecef(place, since), eci_to_ecef(velocity, since)
+        place = eci_to_ecef(place, since)
+        velocity = eci_to_ecef(velocity, since)
         found[late] = np.concatenate([place, velocity - np.cross(SPIN, place)], axis=1)
     return found.reshape(count, size, 6)
 
@@ -302,7 +312,8 @@ def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.nda
     given = regions_given(reported, float(tracks.tick_s[row]) >= flight.burnout_s)
     inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
-    place, true = ecef(*tracks.impact[row, :2]), ecef(*flight.impact)
+    place = ecef(*tracks.impact[row, :2])
+    true = ecef(*flight.impact)
     angle = np.arctan2(np.linalg.norm(np.cross(place, true)), place @ true)
     errors = np.array([np.linalg.norm(error[:3]), np.linalg.norm(error[3:]), RADIUS_M * angle])
     known = [float(region.contains(*flight.impact)) for region in given if region.containment == 0.95]

@@ -121,7 +121,10 @@ def signature(name: str, value: Any) -> str:
 
 def _one_a_line(call: str) -> str:
     """Return a call with one argument on each line."""
-    parts, depth, start, first = [], 0, 0, call.index("(") + 1
+    parts = []
+    depth = 0
+    start = 0
+    first = call.index("(") + 1
     for place, letter in enumerate(call):
         depth += (letter in "([") - (letter in ")]")
         if (letter == "," and depth == 1) or (letter == ")" and depth == 0):

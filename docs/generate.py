@@ -127,10 +127,8 @@ def commands_page() -> str:
 
 def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
-    text, settings = (
-        io.StringIO(),
-        {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing"},
-    )
+    text = io.StringIO()
+    settings = {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing"}
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])
     return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())

@@ -36,7 +36,8 @@ def main() -> None:
 
 def write_frame_clips() -> None:
     """Save the first and the last frame of clips with their masks as PNG."""
-    bench, filming = Bench.of_model("SBIRS-GEO"), Filming(frames=20, every_s=2.0, snr=(3.0, 30.0))
+    bench = Bench.of_model("SBIRS-GEO")
+    filming = Filming(frames=20, every_s=2.0, snr=(3.0, 30.0))
     pose = Poses.of("SRBM", height_m=30e3, speed_m_s=1000.0)
     figure, grid = pyplot.subplots(len(CLIPS), 4, figsize=(7.2, 3.9), layout="constrained")
     for axes, seed in zip(grid, CLIPS, strict=True):

@@ -64,7 +64,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     # Properties with all examples are slow too.
     slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
     is_chosen = config.stash[IS_CHOSEN]
-    chosen, elsewhere = [], []
+    chosen = []
+    elsewhere = []
     for item in items:
         if item.path in with_peers:
             item.add_marker(pytest.mark.peers)
@@ -93,7 +94,8 @@ def arguments_of(config: pytest.Config) -> list[str]:
 
 def pytest_deselected(items: Sequence[pytest.Item]) -> None:
     """Count the slow tests that the expression of `-m` leaves out."""
-    config, slow = items[0].config, sum(item.get_closest_marker("slow") is not None for item in items)
+    config = items[0].config
+    slow = sum(item.get_closest_marker("slow") is not None for item in items)
     config.stash[LEFT_OUT] = config.stash.get(LEFT_OUT, 0) + slow
     if hasattr(config, "workeroutput"):
         config.workeroutput[LEFT_OUT_NAME] = config.stash[LEFT_OUT]
@@ -102,9 +104,11 @@ def pytest_deselected(items: Sequence[pytest.Item]) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: object) -> None:
     """Take over what a worker left out: each worker collects all tests."""
-    config, output = getattr(node, "config", None), getattr(node, "workeroutput", {})
+    config = getattr(node, "config", None)
+    output = getattr(node, "workeroutput", {})
     if config is not None:
-        config.stash[FILES], config.stash[ABSENT] = output.get("files", []), output.get("absent", [])
+        config.stash[FILES] = output.get("files", [])
+        config.stash[ABSENT] = output.get("absent", [])
         config.stash[LEFT_OUT] = max(config.stash.get(LEFT_OUT, 0), output.get(LEFT_OUT_NAME, 0))
 
 

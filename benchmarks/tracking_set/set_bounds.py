@@ -23,7 +23,9 @@ from set_sights import Sights, Truth, horizon_axes
 #: Step of the flights whose differences are the slopes, s.
 FLIGHT_STEP_S = 1.0
 #: Steps of the central differences, as shares of the standard deviations of the laws, and in metres for the launch.
-STEP_SHARE, STEP_M, STEP_S = 1e-4, 10.0, 1e-3
+STEP_SHARE = 1e-4
+STEP_M = 10.0
+STEP_S = 1e-3
 
 
 class Bounds(NamedTuple):
@@ -44,7 +46,8 @@ class Bounds(NamedTuple):
 
 def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bounds:
     """Return the bounds of a launch."""
-    launch, tick_s = scene.launches[number], truth.tick_s[truth.is_scored[number]]
+    launch = scene.launches[number]
+    tick_s = truth.tick_s[truth.is_scored[number]]
     mine = np.flatnonzero(sights.launch == number)
     if not len(tick_s):
         return Bounds(*[np.empty(0)] * 7)

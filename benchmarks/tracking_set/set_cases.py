@@ -11,7 +11,8 @@ from set_flights import MU, RADIUS_M, SPIN, drawn_vehicle, is_fit
 
 #: Published seeds; odd ones are free to tune on.
 SEEDS = (2, 4)
-IGNITION_S, TAIL_S = 10.0, 25.0
+IGNITION_S = 10.0
+TAIL_S = 25.0
 GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
 LEO_ALTITUDE_M = 1200e3
 METRES_PER_RADIAN = 6371e3
@@ -40,8 +41,10 @@ class Sensor(NamedTuple):
         """Return the ECEF positions (n, 3) at times (n,) since the epoch."""
         radius = RADIUS_M + self.altitude_m
         angle = np.radians(self.argument_deg) + np.sqrt(MU / radius**3) * time_s
-        tilt, node = np.radians(self.inclination_deg), np.radians(self.node_deg) - SPIN * time_s
-        along, across = np.cos(angle), np.sin(angle) * np.cos(tilt)
+        tilt = np.radians(self.inclination_deg)
+        node = np.radians(self.node_deg) - SPIN * time_s
+        along = np.cos(angle)
+        across = np.sin(angle) * np.cos(tilt)
         x = along * np.cos(node) - across * np.sin(node)
         y = along * np.sin(node) + across * np.cos(node)
         return radius * np.stack([x, y, np.sin(angle) * np.sin(tilt)], axis=1)
@@ -147,7 +150,8 @@ def _launches(case: Case, middle: tuple[float, float], rng: np.random.Generator)
         for _ in range(count):
             place = _place(middle, case.spread_km, rng)
             if not case.is_salvo:
-                vehicle, azimuth = _vehicle(stages, case.has_gaps, place, rng), rng.uniform(0.0, 2.0 * np.pi)
+                vehicle = _vehicle(stages, case.has_gaps, place, rng)
+                azimuth = rng.uniform(0.0, 2.0 * np.pi)
             delay_s = rng.uniform(0.0, max(case.interval_s, 5.0))
             row = vehicle.copy()
             row[:4] = *place, azimuth + (rng.uniform(-0.1, 0.1) if case.is_salvo else 0.0), IGNITION_S + delay_s
@@ -166,7 +170,8 @@ def _vehicle(stages: int, has_gaps: bool, place: tuple[float, float], rng: np.ra
 
 def _place(middle: tuple[float, float], spread_km: float, rng: np.random.Generator) -> tuple[float, float]:
     """Return a random point within a distance from the middle, on a sphere."""
-    away, turn = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN, rng.uniform(0.0, 2.0 * np.pi)
+    away = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN
+    turn = rng.uniform(0.0, 2.0 * np.pi)
     latitude = middle[0] + away * np.cos(turn)
     return float(latitude), float(middle[1] + away * np.sin(turn) / np.cos(middle[0]))
 
@@ -196,7 +201,8 @@ def _passing_orbit(
     middle: tuple[float, float], number: int, rng: np.random.Generator
 ) -> tuple[float, float, float, float]:
     """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after the epoch."""
-    away, bearing = rng.uniform(0.1, 0.2), rng.uniform(0.0, 0.6) + 2.1 * number
+    away = rng.uniform(0.1, 0.2)
+    bearing = rng.uniform(0.0, 0.6) + 2.1 * number
     latitude = middle[0] + away * np.cos(bearing)
     longitude = middle[1] + away * np.sin(bearing) / np.cos(middle[0]) + SPIN * 100.0
     heading = rng.uniform(0.0, 2.0 * np.pi)
@@ -205,7 +211,8 @@ def _passing_orbit(
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     ahead = np.sin(heading) * east + np.cos(heading) * np.cross(place, east)
     normal = np.cross(place, ahead)
-    tilt, node = np.arccos(normal[2]), np.arctan2(normal[0], -normal[1])
+    tilt = np.arccos(normal[2])
+    node = np.arctan2(normal[0], -normal[1])
     ascending = np.array([np.cos(node), np.sin(node), 0.0])
     argument = np.arctan2(np.cross(normal, ascending) @ place, ascending @ place)
     argument -= np.sqrt(MU / (RADIUS_M + LEO_ALTITUDE_M) ** 3) * 100.0

@@ -91,7 +91,8 @@ def _launch_name(number: int) -> str:
 def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
     for row, time_s in enumerate(sights.time_s.tolist()):
         sensor = int(sights.sensor[row])
-        place, direction = sights.sensor_m[row].tolist(), sights.direction[row].tolist()
+        place = sights.sensor_m[row].tolist()
+        direction = sights.direction[row].tolist()
         yield [
             *(scene.name, str(row), utc(time_s), f"{time_s:.6f}", f"S{sensor + 1}"),
             *(f"{value:.2f}" for value in place),

@@ -11,19 +11,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-MU, SPIN, RADIUS_M, FLATTENING = 3.986004418e14, 7.292115e-5, 6378137.0, 1.0 / 298.257223563
-PITCH_OVER_S, STEP_S = 10.0, 0.5
-SEA_LEVEL_KG_M3, SCALE_HEIGHT_M = 1.225, 7500.0
+MU = 3.986004418e14
+SPIN = 7.292115e-5
+RADIUS_M = 6378137.0
+FLATTENING = 1.0 / 298.257223563
+PITCH_OVER_S = 10.0
+STEP_S = 0.5
+SEA_LEVEL_KG_M3 = 1.225
+SCALE_HEIGHT_M = 7500.0
 
 #: Uniform laws of the parameters: of rise, kick and drag, and of each first and later stage by the number of stages.
-RISE_S, KICK_RAD, DRAG_M2_KG = (4.0, 10.0), (0.07, 0.42), (5e-5, 3e-4)
+RISE_S = (4.0, 10.0)
+KICK_RAD = (0.07, 0.42)
+DRAG_M2_KG = (5e-5, 3e-4)
 BURN_S = {1: (50.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}
-FIRST_M_S2, LATER_M_S2, GROWTH, STEER_RAD = (14.0, 28.0), (12.0, 30.0), (1.8, 4.5), (-0.14, 0.14)
+FIRST_M_S2 = (14.0, 28.0)
+LATER_M_S2 = (12.0, 30.0)
+GROWTH = (1.8, 4.5)
+STEER_RAD = (-0.14, 0.14)
 #: Least and greatest dark time between stages, s.
 GAP_S = (4.0, 15.0)
 
 #: What a flight must reach at the last burnout: height, m, angle of climb, rad, and at most this speed, m/s.
-LEAST_HEIGHT_M, LEAST_CLIMB_RAD, MOST_SPEED_M_S, MOST_BURN_S = 20e3, 0.1, 7300.0, 240.0
+LEAST_HEIGHT_M = 20e3
+LEAST_CLIMB_RAD = 0.1
+MOST_SPEED_M_S = 7300.0
+MOST_BURN_S = 240.0
 
 #: Columns of a flight's parameters before those of its stages.
 PLACE = 7
@@ -44,9 +57,11 @@ def _interpolated(times: np.ndarray, states: np.ndarray, time_s: np.ndarray) -> 
     at = np.clip(np.searchsorted(times, time_s, side="right") - 1, 0, len(times) - 2)
     step = np.maximum(times[at + 1] - times[at], 1e-9)[:, None]
     share = (time_s[:, None] - times[at, None]) / step
-    one, two = states[at], states[at + 1]
+    one = states[at]
+    two = states[at + 1]
     gap = two[:, :3] - one[:, :3]
-    left, right = one[:, 3:] * step - gap, gap - two[:, 3:] * step
+    left = one[:, 3:] * step - gap
+    right = gap - two[:, 3:] * step
     bend = (1.0 - share) * left + share * right
     place = one[:, :3] + share * gap + share * (1.0 - share) * bend
     rate = gap + (1.0 - 2.0 * share) * bend + share * (1.0 - share) * (right - left)
@@ -129,7 +144,8 @@ def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S)
     """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at most `step_s`."""
     up, ahead = directions(rows[:, 0], rows[:, 1], rows[:, 2])
     state = np.concatenate([ecef(rows[:, 0], rows[:, 1]), np.zeros((len(rows), 3))], axis=1)
-    times, states = [rows[:, 3]], [state]
+    times = [rows[:, 3]]
+    states = [state]
     for leg in _legs(rows, stages, until_s):
         count = max(1, int(np.ceil(np.max(leg.end_s - leg.start_s) / step_s)))
         step = (leg.end_s - leg.start_s) / count
@@ -144,7 +160,8 @@ def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
     """Yield the legs of flights: rise, pitch-over, the rest of the burns, the dark times and the free flight."""
     parts = np.split(rows[:, PLACE:], np.cumsum([stages, stages, stages, stages - 1]), axis=1)
     burn, first, growth, later_steer, gap = parts
-    steer, none = np.concatenate([np.zeros((len(rows), 1)), later_steer], axis=1), np.zeros(len(rows))
+    steer = np.concatenate([np.zeros((len(rows), 1)), later_steer], axis=1)
+    none = np.zeros(len(rows))
     start = rows[:, 3]
     for stage in range(stages):
         end = start + burn[:, stage]
@@ -177,7 +194,8 @@ def rates(
     now: np.ndarray, state: np.ndarray, leg: Leg, rows: np.ndarray, up: np.ndarray, ahead: np.ndarray
 ) -> np.ndarray:
     """Return the rates (f, 6) of states (f, 6) in the rotating frame."""
-    place, speed = state[:, :3], state[:, 3:]
+    place = state[:, :3]
+    speed = state[:, 3:]
     x, y, z = place.T
     u, v, _ = speed.T
     radius = np.sqrt(np.sum(place * place, axis=1))

@@ -21,13 +21,18 @@ from opir_core.flight import Forces
 from opir_core.geometry import ecef_to_eci, ecef_to_eci_state, eci_to_ecef_state, intersection_with_ellipsoid
 from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
 
-SIZE, NOISE = 9, 2.0
+SIZE = 9
+NOISE = 2.0
 #: Rates of ends, of burnouts and of ignitions after one, 1/s: once in ten minutes, and in a minute (notional).
-END_RATE, BURNOUT_RATE, RELIGHT_RATE = 1.0 / 600.0, 1.0 / 60.0, 1.0 / 60.0
+END_RATE = 1.0 / 600.0
+BURNOUT_RATE = 1.0 / 60.0
+RELIGHT_RATE = 1.0 / 60.0
 #: Expected new launches, and least clutter, a look and steradian (notional).
-BIRTHS, LEAST_CLUTTER = 1.0, 1.0
+BIRTHS = 1.0
+LEAST_CLUTTER = 1.0
 #: Labels with a smaller probability of existence are pruned, those with a greater one than `REPORTED` reported.
-PRUNED, REPORTED = 1e-5, 0.5
+PRUNED = 1e-5
+REPORTED = 0.5
 #: Squared Mahalanobis distance of the gate: 0.9999 of the detections of a label.
 GATE = 18.4
 SWEEPS = 40
@@ -54,11 +59,13 @@ class LmbTracker(Tracker):
         self.cadence_s: float | None = 1.0
         self._motion = Motion(SIZE, NOISE, Forces(zonal=()))
         self._whole = evolve(self._motion, size=BOOST)
-        self._chance, self._clutter = detection_probability, max(clutter_per_sr, LEAST_CLUTTER)
+        self._chance = detection_probability
+        self._clutter = max(clutter_per_sr, LEAST_CLUTTER)
         self._labels = Labels(
             np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty((0, SIZE)), np.empty((0, SIZE, SIZE))
         )
-        self._now_s, self._next = 0.0, 0
+        self._now_s = 0.0
+        self._next = 0
 
     def associate(self, detections: Detections) -> IntArray:
         """Return -1 for each detection: the filter keeps no hard associations."""
@@ -75,16 +82,19 @@ class LmbTracker(Tracker):
 
     def _predict(self, time_s: float) -> None:
         """Predict all labels to a time."""
-        span, old = time_s - self._now_s, self._labels
+        span = time_s - self._now_s
+        old = self._labels
         self._now_s = time_s
         if span <= 0.0 or not len(old.number):
             return
         step = np.full(len(old.number), span)
         wide = np.concatenate([old.mean, np.zeros((len(step), 3))], axis=1)
-        matrix, root = self._motion.transition(old.mean, step), self._motion.noise_root(step)
+        matrix = self._motion.transition(old.mean, step)
+        root = self._motion.noise_root(step)
         assert root is not None
         spread = matrix @ old.covariance @ matrix.transpose(0, 2, 1) + root @ root.transpose(0, 2, 1)
-        out, back = np.exp(-BURNOUT_RATE * span), -np.expm1(-RELIGHT_RATE * span)
+        out = np.exp(-BURNOUT_RATE * span)
+        back = -np.expm1(-RELIGHT_RATE * span)
         self._labels = Labels(
             old.number,
             old.existence * np.exp(-END_RATE * span),
@@ -203,7 +213,8 @@ def association(seen: FloatArray, missed: FloatArray) -> FloatArray:
 
 def inertial(mean: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
     """Return an Earth-fixed mean (9, 1) and covariance (9, 9) as inertial ones, (9,) and (9, 9)."""
-    flat, when = mean[:, 0], np.full(1, time_s)
+    flat = mean[:, 0]
+    when = np.full(1, time_s)
     place, speed = ecef_to_eci_state(flat[None, :3], flat[None, 3:6], when)
     force = ecef_to_eci(flat[None, 6:9], when)
     turn = np.zeros((SIZE, SIZE))

@@ -13,7 +13,8 @@ from set_cases import CLUTTER_KM, WIDE, Sensor, SetScene
 from set_flights import Paths, burns, directions, flown
 
 #: Detections needed before a target is scored, and how long it is after its last burnout, s.
-NEEDED, SCORED_S = 3, 20.0
+NEEDED = 3
+SCORED_S = 20.0
 #: Step of the times at which tracks are scored, s.
 TICK_S = 5.0
 
@@ -81,9 +82,12 @@ def _sights_of(
     burning: tuple[np.ndarray, ...],
 ) -> Sights:
     """Return the detections of one sensor, launch by launch and then the clutter."""
-    rng, place = scene.rng, sensor.position_m(time_s)
+    rng = scene.rng
+    place = sensor.position_m(time_s)
     bias = rng.normal(0.0, 1.0, 2) * sensor.true_bias_sigma_rad
-    look, launch, target = [], [], []
+    look = []
+    launch = []
+    target = []
     for row, (path, burns_s) in enumerate(zip(paths, burning, strict=True)):
         position = path.states(time_s)[0, :, :3]
         is_hot = np.any((time_s[:, None] >= burns_s[:, 0]) & (time_s[:, None] < burns_s[:, 1]), axis=1)
@@ -93,7 +97,9 @@ def _sights_of(
         look.append(rows)
         launch.append(np.full(len(rows), row))
         target.append(position[rows])
-    at, owner, position = np.concatenate(look), np.concatenate(launch), np.concatenate(target)
+    at = np.concatenate(look)
+    owner = np.concatenate(launch)
+    position = np.concatenate(target)
     line = position - place[at]
     axis = line / np.sqrt(np.sum(line * line, axis=1, keepdims=True))
     sigma = np.full(len(at), sensor.sigma_rad)
@@ -152,7 +158,8 @@ def _clutter(
     line = middle_m(scene) - place[when]
     axis = line / np.sqrt(np.sum(line * line, axis=1, keepdims=True))
     least = np.cos(clutter_half_angle_rad(scene, sensor))
-    along, turn = rng.uniform(least, 1.0, len(when)), rng.uniform(0.0, 2.0 * np.pi, len(when))
+    along = rng.uniform(least, 1.0, len(when))
+    turn = rng.uniform(0.0, 2.0 * np.pi, len(when))
     one = np.cross(axis, [0.0, 0.0, 1.0])
     one /= np.sqrt(np.sum(one * one, axis=1, keepdims=True))
     other = np.cross(axis, one)

@@ -129,7 +129,8 @@ def verdict(whole: dict[str, Row]) -> str:
 
 def cutoff(row: Row) -> str:
     """Return the cut-off distances of a case."""
-    low, high = plain(row["cutoff_least_m"]), plain(row["cutoff_most_m"])
+    low = plain(row["cutoff_least_m"])
+    high = plain(row["cutoff_most_m"])
     return low if low == high else f"{low}–{high}"
 
 

@@ -37,7 +37,8 @@ from opir_core.interfaces.radiometric_models import Paths
 DATA = Path(__file__).parents[2] / "tests" / "data"
 
 #: LOWTRAN7's own values above and below the horizon.
-ABOVE, BELOW = "lowtran7_between.csv", "lowtran7_below.csv"
+ABOVE = "lowtran7_between.csv"
+BELOW = "lowtran7_below.csv"
 
 SHAPES = ((8, 26), (16, 51), (32, 101), (63, 201), (125, 401), (249, 801))
 
@@ -87,7 +88,8 @@ def secant_law(nodes: NodeTable) -> Model:
 
 def bilinear(nodes: NodeTable) -> Model:
     """Return the bilinear interpolation of ln τ over height and air mass."""
-    depth, masses = -np.log(np.maximum(nodes.transmittance, 1e-26)), shell_air_mass(np.cos(nodes.zenith_rad))
+    depth = -np.log(np.maximum(nodes.transmittance, 1e-26))
+    masses = shell_air_mass(np.cos(nodes.zenith_rad))
 
     def model(height: np.ndarray, sine: np.ndarray) -> np.ndarray:
         (row, up), (column, across) = placed(nodes.height_m, height), placed(masses, shell_air_mass(sine))
@@ -186,9 +188,13 @@ def from_curves(name: str, count: int) -> float:
 def measured(name: str, options: argparse.Namespace) -> Row:
     """Return the table's line of one way."""
     way, kilobytes = WAYS[name]
-    nodes, chosen, every = tables()[0], tables()[:: options.every], slice(None)
-    count, repeat = options.looks, options.repeat
-    model, where = way(nodes), looks(count)
+    nodes = tables()[0]
+    chosen = tables()[:: options.every]
+    every = slice(None)
+    count = options.looks
+    repeat = options.repeat
+    model = way(nodes)
+    where = looks(count)
     return Row(
         way=name,
         at_points=max(error_at(way(table), table, every, every) for table in chosen),

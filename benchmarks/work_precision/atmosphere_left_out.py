@@ -55,7 +55,8 @@ def _descending(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
     for value in np.unique(column)[:-1]:
         out = column == value
         model = way(evolve(nodes, limb=LimbTable(own.lowest_m[~out], own.height_m[~out], own.transmittance[~out])))
-        lowest, height = own.lowest_m[out], own.height_m[out]
+        lowest = own.lowest_m[out]
+        height = own.height_m[out]
         cosine = (RADIUS_M + lowest) / (RADIUS_M + height)
         found = model(height, -np.sqrt((1.0 - cosine) * (1.0 + cosine)))
         yield Errors(lowest, np.abs(found - own.transmittance[out]))

@@ -62,7 +62,8 @@ def flights(count: int) -> Aim:
     classes = list(boost_profiles().values())
     profiles = [classes[row % len(classes)] for row in range(count)]
     range_m = np.array([rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles])
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, count)), rng.uniform(-np.pi, np.pi, count)
+    latitude = np.arcsin(rng.uniform(-1, 1, count))
+    longitude = rng.uniform(-np.pi, np.pi, count)
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m)
     return aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), rng.uniform(0.0, 600.0, count), profiles)
 
@@ -80,7 +81,8 @@ def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
     rng = np.random.default_rng(2)
     worst = 0.0
     for _ in range(10):
-        target, share = rng.integers(0, len(ephemeris), points // 10), rng.random(points // 10)
+        target = rng.integers(0, len(ephemeris), points // 10)
+        share = rng.random(points // 10)
         share = np.where(rng.random(len(share)) < 0.5, share, share**4)
         times = ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target]
         error = np.linalg.norm(ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1)
@@ -108,15 +110,18 @@ def measured(
     span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, tolerance_m: float, options: argparse.Namespace
 ) -> Row:
     """Return the table's line for one span and tolerance."""
-    ephemeris, repeat = build(flight, tolerance_m), options.repeat
-    count, rng = len(ephemeris), np.random.default_rng(3)
+    ephemeris = build(flight, tolerance_m)
+    repeat = options.repeat
+    count = len(ephemeris)
+    rng = np.random.default_rng(3)
     target = np.repeat(np.arange(count), TIMES)
     share = np.tile(np.linspace(0.0, 1.0, TIMES), count)
     times = np.minimum(
         ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target], ephemeris.end_s[target]
     )
     order = rng.permutation(len(target))
-    mixed, mixed_times = target[order], times[order]
+    mixed = target[order]
+    mixed_times = times[order]
     points = len(target)
     return Row(
         span,

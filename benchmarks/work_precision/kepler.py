@@ -25,7 +25,8 @@ from kepler_peers import NAMES, Library, installed_libraries
 
 def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) -> str:
     """Return the largest error, m, one state per call, and how many states failed."""
-    worst, lost = 0.0, 0
+    worst = 0.0
+    lost = 0
     for index, end in enumerate(ends):
         found, _ = library(tuple(column[index : index + 1] for column in states))
         if found is None or not np.isfinite(found).all():
@@ -64,7 +65,9 @@ def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) ->
     libraries = installed_libraries(chosen)
     names = [kind.__name__.replace("_", " ") for kind in CLASSES]
     error = [["largest error, m", *names]]
-    times, errors, floors = {}, {}, []
+    times = {}
+    errors = {}
+    floors = []
     for kind in CLASSES:
         times[kind] = nanoseconds(libraries, kind(np.random.default_rng(1), states), repeat)
         few = kind(np.random.default_rng(2), checked)

@@ -20,7 +20,8 @@ def flights(rng: np.random.Generator, count: int, elevation: np.ndarray, speed: 
     """Return burnouts at 100 to 300 km, with times anywhere up to the way back to that height."""
     up, along = frames(rng, count)
     radius = 6378e3 + rng.uniform(100e3, 300e3, count)
-    climb, across = speed * np.sin(elevation), speed * np.cos(elevation)
+    climb = speed * np.sin(elevation)
+    across = speed * np.cos(elevation)
     velocity = climb[:, None] * up + across[:, None] * along
     sinking = MU / radius**2 - across**2 / radius
     return radius[:, None] * up, velocity, rng.uniform(0.0, 1.0, count) * np.minimum(2.0 * climb / sinking, 3600.0)
@@ -30,7 +31,8 @@ def conics(rng: np.random.Generator, e: np.ndarray, q: np.ndarray, nu: np.ndarra
     """Return states on conics of these eccentricities, pericentre distances and true anomalies."""
     ahead, along = frames(rng, e.size)
     p = q * (1.0 + e)
-    r, scale = p / (1.0 + e * np.cos(nu)), np.sqrt(MU / p)
+    r = p / (1.0 + e * np.cos(nu))
+    scale = np.sqrt(MU / p)
     position = r[:, None] * (np.cos(nu)[:, None] * ahead + np.sin(nu)[:, None] * along)
     velocity = scale[:, None] * (-np.sin(nu)[:, None] * ahead + (e + np.cos(nu))[:, None] * along)
     return position, velocity, duration
@@ -41,7 +43,8 @@ def ballistic(rng: np.random.Generator, count: int) -> States:
 
 
 def near_circular(rng: np.random.Generator, count: int) -> States:
-    e, q = 10.0 ** rng.uniform(-16.0, -3.0, count), rng.uniform(6.6e6, 4.2e7, count)
+    e = 10.0 ** rng.uniform(-16.0, -3.0, count)
+    q = rng.uniform(6.6e6, 4.2e7, count)
     return conics(rng, e, q, rng.uniform(-np.pi, np.pi, count), rng.uniform(-1.0, 1.0, count) * 86400.0)
 
 

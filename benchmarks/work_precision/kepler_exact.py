@@ -19,8 +19,12 @@ def universal_functions(beta: mpmath.mpf, s: mpmath.mpf) -> tuple[mpmath.mpf, ..
 
 def exact_position(state: list[mpmath.mpf]) -> list[mpmath.mpf]:
     """Return the end position of (x, y, z, vx, vy, vz, duration, mu) to 50 digits, by universal variables."""
-    position, velocity, duration, mu = state[:3], state[3:6], state[6], state[7]
-    r, eta = mpmath.sqrt(mpmath.fdot(position, position)), mpmath.fdot(position, velocity)
+    position = state[:3]
+    velocity = state[3:6]
+    duration = state[6]
+    mu = state[7]
+    r = mpmath.sqrt(mpmath.fdot(position, position))
+    eta = mpmath.fdot(position, velocity)
     beta = 2 * mu / r - mpmath.fdot(velocity, velocity)
     if beta > 0:
         period = 2 * mpmath.pi * mu / beta ** (mpmath.mpf(3) / 2)
@@ -31,10 +35,13 @@ def exact_position(state: list[mpmath.mpf]) -> list[mpmath.mpf]:
         return r * g[1] + eta * g[2] + mu * g[3] - duration, r * g[0] + eta * g[1] + mu * g[2]
 
     sense = 1 if duration >= 0 else -1
-    low, high = mpmath.mpf(0), sense * mpmath.cbrt(abs(duration) / mu)
+    low = mpmath.mpf(0)
+    high = sense * mpmath.cbrt(abs(duration) / mu)
     while sense * late(high)[0] < 0:
-        low, high = high, 2 * high
-    s, before = (low + high) / 2, mpmath.inf
+        low = high
+        high = 2 * high
+    s = (low + high) / 2
+    before = mpmath.inf
     for _ in range(2000):
         excess, slope = late(s)
         low, high = (s, high) if sense * excess < 0 else (low, s)
@@ -45,17 +52,20 @@ def exact_position(state: list[mpmath.mpf]) -> list[mpmath.mpf]:
             break
         s = moved
     g = universal_functions(beta, moved)
-    f, lag = 1 - mu * g[2] / r, r * g[1] + eta * g[2]
+    f = 1 - mu * g[2] / r
+    lag = r * g[1] + eta * g[2]
     return [f * p + lag * v for p, v in zip(position, velocity, strict=True)]
 
 
 def references(states: States) -> tuple[list[list[mpmath.mpf]], np.ndarray]:
     """Return the exact end positions, and the errors, m, that rounding the inputs alone makes."""
-    ends, floors = [], []
+    ends = []
+    floors = []
     nudge = mpmath.mpf(10) ** -20
     for position, velocity, duration in zip(*states, strict=True):
         state = [mpmath.mpf(float(value)) for value in (*position, *velocity, duration, MU)]
-        end, floor = exact_position(state), 0.0
+        end = exact_position(state)
+        floor = 0.0
         for index, value in enumerate(state):
             nudged = [*state[:index], value * (1 + nudge), *state[index + 1 :]]
             floor += float(distance(exact_position(nudged), end) / nudge) * 1.1e-16

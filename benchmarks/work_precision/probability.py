@@ -44,7 +44,8 @@ CHAINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8]
 
 #: Runs of the engine, and of `simulate`, to each whole process: they are short, and machines are noisy.
-_COLUMNS, _RUNS = 5, 3
+_COLUMNS = 5
+_RUNS = 3
 
 #: The largest ratio to `detection: constant` that a chain should have.
 _BAR = 1.5
@@ -134,7 +135,8 @@ def found(plan: Plan) -> np.ndarray:
 
 def exact_probability(plan: Plan, looks: Looks, rows: np.ndarray) -> np.ndarray:
     """Return P_d of some of the looks."""
-    geometry, parts = plan.look_geometry(), []
+    geometry = plan.look_geometry()
+    parts = []
     for block in blocks(len(rows)):
         row = rows[block]
         parts.append(plan.detection.probability(geometry.exposures(looks.pair[row], looks.scan[row])))
@@ -147,7 +149,8 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     exact = planned(options.every, {"model": "snr", "exact": True, **settings}, sky)
     looks = Looks.between(exact.pairs, 0, exact.end_ns)
     rows = np.sort(np.random.default_rng(1).choice(len(looks.pair), min(options.looks, len(looks.pair)), replace=False))
-    true, known = exact_probability(exact, looks, rows), found(exact)
+    true = exact_probability(exact, looks, rows)
+    known = found(exact)
     lines = []
     for tolerance in options.tolerances:
         plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)

@@ -162,7 +162,8 @@ def propagated(parts: list[Problem], tolerance_m: float) -> np.ndarray:
 
 def scipys(problem: Problem, reference: np.ndarray, repeat: int) -> list[Row]:
     """Measure SciPy's DOP853 and LSODA, one arc a call."""
-    part, rows = some(problem, slice(SINGLES)), []
+    part = some(problem, slice(SINGLES))
+    rows = []
     for method in ("DOP853", "LSODA"):
         for bound in bounds(problem):
             asked = RELATIVE[2::3] if np.isfinite(bound) else RELATIVE
@@ -312,8 +313,10 @@ def main() -> None:
     if options.from_csv:
         redraw(options.from_csv)
         return
-    heyoka, scipy = imported("heyoka"), imported("scipy")
-    chosen, rows = problems(options.arcs), []
+    heyoka = imported("heyoka")
+    scipy = imported("scipy")
+    chosen = problems(options.arcs)
+    rows = []
     for problem in chosen:
         reference = reference_of(heyoka, problem)
         rows += ours(problem, reference, options.repeat)

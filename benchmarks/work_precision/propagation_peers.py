@@ -11,7 +11,8 @@ from opir_core.flight import Forces
 from opir_core.flight.forces import ZonalField
 
 FIELD = ZonalField()
-SEA_LEVEL_KG_M3, SCALE_HEIGHT_M = 1.225, 7200.0
+SEA_LEVEL_KG_M3 = 1.225
+SCALE_HEIGHT_M = 7200.0
 SCALE = np.array([7e6, 7e6, 7e6, 7e3, 7e3, 7e3])
 
 #: Steps after which a run that has gone astray is cut off.
@@ -31,23 +32,31 @@ class Problem(NamedTuple):
 
 def scalar_rates(beta: float | None) -> Callable[[float, Sequence[float]], list[float]]:
     """Return the right side in plain Python, the fastest there is for one arc at a time without compiling."""
-    mu, oblateness, e2 = FIELD.mu_m3_s2, 1.5 * FIELD.j2 * FIELD.radius_m**2, EARTH_ECCENTRICITY_SQUARED
-    a, omega, sqrt = EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S, math.sqrt
+    mu = FIELD.mu_m3_s2
+    oblateness = 1.5 * FIELD.j2 * FIELD.radius_m**2
+    e2 = EARTH_ECCENTRICITY_SQUARED
+    a = EARTH_EQUATORIAL_RADIUS_M
+    omega = EARTH_ROTATION_RAD_S
+    sqrt = math.sqrt
 
     def rates(_time: float, state: Sequence[float]) -> list[float]:
         x, y, z, vx, vy, vz = state
         equatorial = x * x + y * y
         squared = equatorial + z * z
         r = sqrt(squared)
-        pull, oblate, polar = -mu / (squared * r), oblateness / squared, 5.0 * z * z / squared
-        side, axis = pull * (1.0 + oblate * (1.0 - polar)), pull * (1.0 + oblate * (3.0 - polar))
+        pull = -mu / (squared * r)
+        oblate = oblateness / squared
+        polar = 5.0 * z * z / squared
+        side = pull * (1.0 + oblate * (1.0 - polar))
+        axis = pull * (1.0 + oblate * (3.0 - polar))
         if beta is None:
             return [vx, vy, vz, side * x, side * y, axis * z]
         q = a / r
         stretched = z / (1.0 - e2 * q * (1.0 + e2 * (0.5 - q) * z * z / squared))
         norm = sqrt(equatorial + stretched * stretched)
         height = (equatorial + z * stretched) / norm - a * sqrt(1.0 - e2 * (stretched / norm) ** 2)
-        wx, wy = vx + omega * y, vy - omega * x
+        wx = vx + omega * y
+        wy = vy - omega * x
         speed = sqrt(wx * wx + wy * wy + vz * vz)
         k = SEA_LEVEL_KG_M3 * math.exp(-height / SCALE_HEIGHT_M) * speed / (2.0 * beta)
         return [vx, vy, vz, side * x - k * wx, side * y - k * wy, axis * z - k * vz]
@@ -71,12 +80,15 @@ def solved(part: Problem, method: str, bound: float, relative: float) -> np.ndar
 def symbolic_system(heyoka: Any, with_drag: bool) -> list[Any]:
     """Return the same right side for heyoka, the ballistic coefficient its parameter."""
     x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
-    e2, a = EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
+    e2 = EARTH_ECCENTRICITY_SQUARED
+    a = EARTH_EQUATORIAL_RADIUS_M
     equatorial = x * x + y * y
     squared = equatorial + z * z
     pull = -FIELD.mu_m3_s2 * squared**-1.5
-    oblate, polar = 1.5 * FIELD.j2 * FIELD.radius_m**2 / squared, 5.0 * z * z / squared
-    side, axis = pull * (1.0 + oblate * (1.0 - polar)), pull * (1.0 + oblate * (3.0 - polar))
+    oblate = 1.5 * FIELD.j2 * FIELD.radius_m**2 / squared
+    polar = 5.0 * z * z / squared
+    side = pull * (1.0 + oblate * (1.0 - polar))
+    axis = pull * (1.0 + oblate * (3.0 - polar))
     acceleration = [side * x, side * y, axis * z]
     if with_drag:
         q = a * squared**-0.5
@@ -125,7 +137,8 @@ def heyoka_single(heyoka: Any, problem: Problem, tolerance: float, bound: float)
     def run() -> np.ndarray:
         ends = np.empty((len(states), 3))
         for index, state in enumerate(states):
-            integrator.time, integrator.state[:] = 0.0, state
+            integrator.time = 0.0
+            integrator.state[:] = state
             if problem.beta is not None:
                 integrator.pars[0] = problem.beta[index]
             limits = {"max_delta_t": bound} if np.isfinite(bound) else {}

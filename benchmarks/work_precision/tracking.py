@@ -66,7 +66,8 @@ def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.n
     bank = first_bank(case.prior, burning)
     everything = known_sights(case.rays, case.target)
     cuts = np.searchsorted(case.rays.time_s, np.arange(1, round(case.seconds / cadence_s) + 1) * cadence_s + 1e-9)
-    start, before = time.process_time(), 0
+    start = time.process_time()
+    before = 0
     for number, cut in enumerate(cuts, start=1):
         bank = filter_.predicted(bank, cadence_s)
         bank = filter_.updated(bank, number * cadence_s, everything.take(slice(before, cut)), cadence_s)
@@ -100,7 +101,8 @@ def rmse_m(found: np.ndarray, case: Problem) -> float:
 
 def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
     """Yield a line for each tracker on one target."""
-    bound, alone = float(np.sqrt(np.mean(bound_m(case) ** 2))), single_of(case, 0)
+    bound = float(np.sqrt(np.mean(bound_m(case) ** 2)))
+    alone = single_of(case, 0)
     looks = len(alone.rays)
 
     def micro(cadence_s: float, burning: float = 0.0) -> float:
@@ -137,11 +139,16 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         sensors=sensors, epoch_us=0, duration_s=float(case.seconds), forces="kepler", light_time=False
     )
     tracking = ImmTracking.of(config, context)
-    slice_s, now, reports, before, taken = config.slice_s, begun(tracking, case), [], 0, 0.0
+    slice_s = config.slice_s
+    now = begun(tracking, case)
+    reports = []
+    before = 0
+    taken = 0.0
     for number in range(1, round(case.seconds / slice_s) + 1):
         end = number * slice_s
         cut = int(np.searchsorted(case.rays.time_s, end + 1e-9))
-        rays, before = case.rays.take(slice(before, cut)), cut
+        rays = case.rays.take(slice(before, cut))
+        before = cut
         start = time.process_time()
         ahead = predict(tracking.models, now, end, rays)
         now = update(tracking.models, now, ahead, associate(tracking.models, now, ahead), np.full(len(rays), -1))
@@ -152,7 +159,8 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
 
 def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
-    number, bank = np.arange(len(case.prior)), first_bank(case.prior)
+    number = np.arange(len(case.prior))
+    bank = first_bank(case.prior)
     # As if just detected: what is asked of tracks without any detection is nan.
     first_s = np.zeros(len(number))
     roster = evolve(TrackTable.fresh(number, 0.0, len(_SLOTS)), first_s=first_s, seen_s=first_s)
@@ -179,12 +187,16 @@ def mean_gospa_m(case: Problem, reports: list[tuple[float, np.ndarray]]) -> floa
 
 def followed_known(case: Problem) -> list[tuple[float, np.ndarray]]:
     """Return `imm`'s positions at the end of each second, association known."""
-    filter_, bank, reports, before = coasting_filter(), first_bank(case.prior), [], 0
+    filter_ = coasting_filter()
+    bank = first_bank(case.prior)
+    reports = []
+    before = 0
     mine = np.flatnonzero(case.target >= 0)
     everything = known_sights(case.rays.take(mine), case.target[mine])
     for second in range(1, case.seconds + 1):
         cut = int(np.searchsorted(everything.time_s, second + 1e-9))
-        part, before = everything.take(slice(before, cut)), cut
+        part = everything.take(slice(before, cut))
+        before = cut
         bank = filter_.updated(filter_.predicted(bank, 1.0), float(second), part, 1.0)
         reports.append((float(second), filter_.moments(bank)[0][:, :3]))
     return reports

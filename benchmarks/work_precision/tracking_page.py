@@ -105,7 +105,8 @@ def raid_rows(scenes: dict[str, RaidLines], duration_s: int) -> list[dict[str, s
     for scene, found in scenes.items():
         stone = next((lines[0][0] for name, lines in found.items() if name.startswith("Stone Soup")), None)
         for name, lines in found.items():
-            taken, scores = float(np.median([line[0] for line in lines])), [line[1] for line in lines]
+            taken = float(np.median([line[0] for line in lines]))
+            scores = [line[1] for line in lines]
             figures = {"gospa_per_target_m": f"{np.median(scores):.0f}"}
             if np.isfinite(taken):
                 figures |= {"time_per_frame_ms": f"{taken:.2f}", "speed_over_stone_soup": _ratio(stone, taken)}
@@ -182,7 +183,8 @@ SHOWN = "imm, slices of 1.0 s"
 
 
 def _spread(row: Row) -> str:
-    least, largest = row["gospa_least_m"], row["gospa_largest_m"]
+    least = row["gospa_least_m"]
+    largest = row["gospa_largest_m"]
     return f"{row['gospa_per_target_m']} [{least}, {largest}]" if least else row["gospa_per_target_m"]
 
 

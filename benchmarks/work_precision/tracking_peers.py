@@ -79,7 +79,8 @@ def stone_soup_frames(case: Problem) -> list[tuple[Any, set[Any], list[Any]]]:
     starts = np.flatnonzero(np.diff(case.rays.time_s, prepend=-1.0))
     for start, stop in zip(starts, np.append(starts[1:], len(case.rays)), strict=True):
         part = case.rays.take(slice(start, stop))
-        when, model = EPOCH + datetime.timedelta(seconds=part.time_s[0]), measure(part.sensor[0], part.time_s[0])
+        when = EPOCH + datetime.timedelta(seconds=part.time_s[0])
+        model = measure(part.sensor[0], part.time_s[0])
         toward = ecef_to_eci(part.direction_ecef, part.time_s)
         reports = [
             Detection(
@@ -123,8 +124,12 @@ def filterpy_filter(case: Problem) -> tuple[np.ndarray, float]:
     origins = ecef_to_eci(rays.origin_ecef_m, rays.time_s)
     axes = tangent_axes(ecef_to_eci(rays.direction_ecef, rays.time_s))
     one = TwoBody(6, 2)
-    one.x, one.P, one.R, one.Q = case.prior[0].copy(), PRIOR.copy(), np.eye(2) * SIGMA_RAD**2, np.zeros((6, 6))
-    before, start = 0.0, time.process_time()
+    one.x = case.prior[0].copy()
+    one.P = PRIOR.copy()
+    one.R = np.eye(2) * SIGMA_RAD**2
+    one.Q = np.zeros((6, 6))
+    before = 0.0
+    start = time.process_time()
     for when, origin, frame in zip(rays.time_s, origins, axes, strict=True):
         one.step_s = when - before
         one.F = MOTION.transition(one.x[None, :3], np.array([one.step_s]))[0]
@@ -170,10 +175,12 @@ def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[lis
     from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
     transition, _ = stone_soup_parts()
-    predictor, updater = ExtendedKalmanPredictor(transition), ExtendedKalmanUpdater(None)
+    predictor = ExtendedKalmanPredictor(transition)
+    updater = ExtendedKalmanUpdater(None)
     tracks = [Track([GaussianState(prior, PRIOR, timestamp=EPOCH)]) for prior in case.prior]
     associator = stone_soup_associator(way, predictor, updater, solid_angle_sr)
-    frames, reports = stone_soup_frames(case), []
+    frames = stone_soup_frames(case)
+    reports = []
     seconds = 0.0
     for when, detections, _ in frames:
         start = time.process_time()
@@ -197,7 +204,8 @@ def blended(hypotheses: Any, updater: Any) -> Any:
     from stonesoup.types.array import StateVectors
     from stonesoup.types.update import GaussianStateUpdate
 
-    states, weights = [], []
+    states = []
+    weights = []
     for hypothesis in hypotheses:
         states.append(single(hypothesis, updater))
         weights.append(hypothesis.probability)

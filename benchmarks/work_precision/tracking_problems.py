@@ -14,8 +14,12 @@ from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci, eci_to_ecef
 
 KEPLER = Forces(zonal=())
-SIGMA_RAD, RATE_HZ, CHANCE, CLUTTER = 2e-5, 10, 0.9, 20
-PRIOR_M, PRIOR_M_S = 1000.0, 50.0
+SIGMA_RAD = 2e-5
+RATE_HZ = 10
+CHANCE = 0.9
+CLUTTER = 20
+PRIOR_M = 1000.0
+PRIOR_M_S = 50.0
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([10.0, 100.0])])
 
 
@@ -45,7 +49,8 @@ def problem(targets: int, seconds: int, seed: int, half_width_m: float, chance: 
     speed = 3000.0 * up + 4500.0 * north + 30.0 * rng.normal(size=(targets, 3))
     start = np.concatenate([place, speed], axis=1)
     noise = rng.normal(size=start.shape) * np.repeat([PRIOR_M, PRIOR_M_S], 3)
-    parts, whose = [], []
+    parts = []
+    whose = []
     for look in range(1, seconds * RATE_HZ + 1):
         for sensor in (1, 0):
             time_s = look / RATE_HZ - 0.5 * sensor / RATE_HZ
@@ -96,7 +101,8 @@ def first_bank(prior: np.ndarray, burning: float = 0.0) -> ModeEstimates:
 
 def known_sights(rays: LinesOfSight, track: np.ndarray) -> AngleMeasurements:
     """Return rays as sights of tracks that are known, without light time."""
-    origin, direction = earth_rotated(rays.origin_ecef_m, rays.time_s), earth_rotated(rays.direction_ecef, rays.time_s)
+    origin = earth_rotated(rays.origin_ecef_m, rays.time_s)
+    direction = earth_rotated(rays.direction_ecef, rays.time_s)
     whitener = np.eye(2) / rays.sigma_rad[:, None, None]
     return AngleMeasurements(track, rays.time_s, origin, tangent_axes(direction), np.zeros((len(rays), 2)), whitener)
 
@@ -107,9 +113,11 @@ def bound_m(case: Problem) -> np.ndarray:
     Looks are linearised at the truth; the motion is free of noise.
     """
     filter_ = coasting_filter()
-    motion, root = filter_.coast, first_bank(case.prior).coast_root
+    motion = filter_.coast
+    root = first_bank(case.prior).coast_root
     for second in range(1, case.seconds + 1):
-        state, step = case.truth(float(second)), np.ones(len(case.start))
+        state = case.truth(float(second))
+        step = np.ones(len(case.start))
         middle = case.truth(second - 0.5)[:, :3]
         root = square_root.time_update(root, motion.transition(middle, -step), None)
         mine = (case.rays.time_s > second - 1) & (case.rays.time_s <= second) & (case.target >= 0)

@@ -98,22 +98,24 @@ def tracker_of(plan: Plan, name: str) -> Tracker:
 def line_of(name: str, runs: int) -> Line:
     """Return what a tracker took and reached over runs."""
     scene = scene_from_mapping({**SCENE, "tracker": TRACKERS[name] or "imm"})
-    errors, seconds, detections, updates = [], 0.0, 0, 0
+    errors = []
+    seconds = 0.0
+    detections = 0
+    updates = 0
     for number in range(runs):
         plan = compile_plan(evolve(scene, seed=scene.seed + number))
         timed = TimedTracker(tracker_of(plan, name))
         run = run_of_plan(evolve(plan, make_tracker=iter([timed]).__next__))
         evidence = evidence_of_run(run, plan, timed.seconds)
         errors.append(state_errors(evidence, ownership(evidence)))
-        seconds, detections, updates = (
-            seconds + timed.seconds,
-            detections + len(run.detections),
-            updates + len(run.tracks),
-        )
+        seconds = seconds + timed.seconds
+        detections = detections + len(run.detections)
+        updates = updates + len(run.tracks)
     run_of = np.repeat(np.arange(runs), [len(each) for each in errors])
     every = StateErrors.concatenate(errors)
     late = every.since_s >= FROM_S
-    every, run_of = every.take(late), run_of[late]
+    every = every.take(late)
+    run_of = run_of[late]
     position = ratios(every.position_m, every.position_bound_m, every.position_free_bound_m, run_of)
     velocity = ratios(every.velocity_m_s, every.velocity_bound_m_s, every.velocity_free_bound_m_s, run_of)
     return Line(name, 1e6 * seconds / detections, 1e6 * seconds / max(updates, 1), position, velocity, detections)

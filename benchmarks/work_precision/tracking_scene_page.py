@@ -58,7 +58,8 @@ HEAD = (
 def write_page(source: Path) -> None:
     """Write page and plot beside a CSV file."""
     rows = read_csv(source)
-    first, runs = rows[0], int(rows[0]["runs"])
+    first = rows[0]
+    runs = int(rows[0]["runs"])
     page = PAGE.format(
         left_out=left_out(rows),
         table=markdown_table(HEAD, [cells(row) for row in rows if row["tracker"] not in UNSHOWN]),

@@ -32,14 +32,17 @@ def main() -> None:
     graphs = parser.parse_args().graphs
     for count in (2, 3, 5, 7):
         for sigma in (0.5, 2.0, 5.0):
-            rng, errors = np.random.default_rng(1), []
+            rng = np.random.default_rng(1)
+            errors = []
             row, column = np.indices((count, count)).reshape(2, -1)
             for _ in range(graphs):
                 log = sigma * rng.normal(size=(count, count))
-                truth, forced = exact(log).ravel(), np.exp(log - log.max(axis=1)[:, None] + 60.0).ravel()
+                truth = exact(log).ravel()
+                forced = np.exp(log - log.max(axis=1)[:, None] + 60.0).ravel()
                 near = swap_probabilities(row, column, log.ravel()), belief_propagation(row, column, forced)
                 errors.append(np.abs(np.array(near) - truth))
-            mean, most = np.mean(errors, axis=(0, 2)), np.max(errors, axis=(0, 2))
+            mean = np.mean(errors, axis=(0, 2))
+            most = np.max(errors, axis=(0, 2))
             print(f"{count} rows, {sigma}: scaled {mean[0]:.3f} ({most[0]:.2f}), BP {mean[1]:.3f} ({most[1]:.2f})")
 
 

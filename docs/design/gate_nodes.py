@@ -12,7 +12,9 @@ import numpy as np
 from opir_photons.detection import gate_integrals
 from opir_photons.detection.band_rules import RatioGates
 
-TRIES, LOOKS, ERROR = 300, 400, 1e-11
+TRIES = 300
+LOOKS = 400
+ERROR = 1e-11
 
 
 def random_rule(rng: np.random.Generator, others: int) -> RatioGates:
@@ -20,7 +22,8 @@ def random_rule(rng: np.random.Generator, others: int) -> RatioGates:
     lower = np.exp(rng.uniform(np.log(0.01), np.log(10.0), others)) * (rng.random(others) < 0.8)
     upper = np.exp(rng.uniform(np.log(0.3), np.log(30.0), others)) + 1.5 * lower
     upper[rng.random(others) < 0.2] = np.inf
-    threshold, coincidence = rng.uniform(3.0, 7.0), rng.uniform(2.0, 4.0)
+    threshold = rng.uniform(3.0, 7.0)
+    coincidence = rng.uniform(2.0, 4.0)
     return RatioGates(threshold, coincidence, np.array([0.0, *lower]), np.array([np.inf, *upper]))
 
 
@@ -50,7 +53,8 @@ def integrals(rule: RatioGates, panels: gate_integrals.GatePanels, count: int) -
 def main() -> None:
     """Print the widths."""
     rng = np.random.default_rng(1)
-    widths, errors = list[np.ndarray](), list[np.ndarray]()
+    widths = list[np.ndarray]()
+    errors = list[np.ndarray]()
     for attempt in range(TRIES):
         rule = random_rule(rng, 1 + attempt % 2)
         snr, noise = random_looks(rng, rule)
@@ -59,7 +63,8 @@ def main() -> None:
         exact = integrals(rule, panels, 96)
         widths.append(panels.width)
         errors.append([np.abs(integrals(rule, panels, count) - exact) for count in gate_integrals.NODES])
-    width, error = np.concatenate(widths), np.concatenate(errors, axis=1)
+    width = np.concatenate(widths)
+    error = np.concatenate(errors, axis=1)
     print(f"{len(width)} panels, the widest {width.max():.1f}")
     for count, own in zip(gate_integrals.NODES, error, strict=True):
         far = width[own > ERROR].min(initial=np.inf)

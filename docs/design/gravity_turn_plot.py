@@ -22,7 +22,8 @@ SHOWN = {"SRBM": 300.0, "MRBM": 1300.0, "IRBM": 4000.0, "SLBM": 8000.0, "ICBM_so
 def main() -> None:
     """Fly each staging eastwards from 40° N, and draw the boosts."""
     count = len(SHOWN)
-    latitude, zero = np.full(count, np.radians(40.0)), np.zeros(count)
+    latitude = np.full(count, np.radians(40.0))
+    zero = np.zeros(count)
     end = geodesic_direct(latitude, zero, np.full(count, 0.5 * np.pi), np.array(list(SHOWN.values())) * 1e3)
     aim = Geodetic(np.asarray(end.latitude_rad), np.asarray(end.longitude_rad), zero)
     chosen = [stagings()[name] for name in SHOWN]

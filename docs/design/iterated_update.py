@@ -19,7 +19,8 @@ from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
-SIGMA_RAD, LOOKS = 2e-5, 10
+SIGMA_RAD = 2e-5
+LOOKS = 10
 KEPLER = Forces(zonal=())
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([10.0, 70.0])])
 #: Two places 1500 km and more from the target, as in low orbits.
@@ -49,7 +50,8 @@ def sights_of(target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator)
 def linearised(mean: np.ndarray, sights: AngleMeasurements, rounds: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate after a number of linearisations."""
     motion = Motion(COAST, 0.0, KEPLER)
-    point, root = mean[None], np.diag(1.0 / PRIOR)[None]
+    point = mean[None]
+    root = np.diag(1.0 / PRIOR)[None]
     for _ in range(rounds):
         point, upper = once_more(motion, mean[None], point, root, sights)
     return point[0], square_root.covariance(upper)[0]
@@ -69,7 +71,8 @@ def once_more(
 
 def unscented(mean: np.ndarray, sights: AngleMeasurements) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate after an unscented update (kappa = 3 - d) of all looks at once."""
-    motion, size = Motion(COAST, 0.0, KEPLER), COAST
+    motion = Motion(COAST, 0.0, KEPLER)
+    size = COAST
     kappa = 3.0 - size
     side = np.sqrt(size + kappa) * np.diag(PRIOR)
     points = mean + np.concatenate([np.zeros((1, size)), side, -side])
@@ -107,7 +110,9 @@ def main() -> None:
 
 def consistency(way: Way, sensors: np.ndarray, runs: int) -> str:
     """Return ANEES of the position, the share inside the 95 % region and how many covariances were not definite."""
-    rng, found, failed = np.random.default_rng(5), [], 0
+    rng = np.random.default_rng(5)
+    found = []
+    failed = 0
     for _ in range(runs):
         sights = sights_of(START, sensors, rng)
         state, covariance = way(START + PRIOR * rng.normal(size=COAST), sights)

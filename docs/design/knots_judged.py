@@ -27,9 +27,12 @@ BENDS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
 def main() -> None:
     """Print the largest ratios."""
     whole = np.arange(5)[:, None] * (LENGTH // 2)
-    half, new, every = whole // 2, np.array([LENGTH // 4, 3 * LENGTH // 4]), np.arange(LENGTH + 1)
+    half = whole // 2
+    new = np.array([LENGTH // 4, 3 * LENGTH // 4])
+    every = np.arange(LENGTH + 1)
     for name, bent in BENDS.items():
-        judged, missed = [], []
+        judged = []
+        missed = []
         for bend in range(5, 2 * LENGTH, 10):
             values = bent(half, bend)
             error = np.abs(_through(half, values, every) - bent(every, bend)).max()

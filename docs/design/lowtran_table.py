@@ -58,7 +58,8 @@ HEIGHTS_KM = (0, 1, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 15, 20, 25
 ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
 
 #: Places between the table's points: their number in each sky, and the seed.
-PLACES, SEED = 60, 1
+PLACES = 60
+SEED = 1
 
 #: Lowest heights of straight paths that first descend, and how far above them they begin, km: never beyond `TOP_KM`.
 LOWEST_KM = (2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9.5, 11, 13, 16, 20, 25, 30, 35, 40, 50, 65)
@@ -69,7 +70,9 @@ LEAST = 1e-9
 
 #: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km lower still. Half of
 #: them graze the lowest kilometres.
-BELOW, LEAST_LOWEST_KM, RADIUS_KM = 60, 2.5, 6371.0
+BELOW = 60
+LEAST_LOWEST_KM = 2.5
+RADIUS_KM = 6371.0
 
 LIMB_HEAD = """# Band-averaged transmittance from targets to space of paths that first descend: LOWTRAN7, refracted.
 # By docs/design/lowtran_table.py --limb, as lowtran7_band_transmittance.csv: mean over wavelength, and weighted with
@@ -126,7 +129,8 @@ class Lowtran:
         """Return in-band transmittances (bands, 2) to space: the mean over wavelength, and that of 1500 K."""
         spectrum = np.concatenate([self._spectrum(place, *ends) for ends in RANGES])
         spectrum = spectrum[np.unique(spectrum[:, 0], return_index=True)[1]]
-        wavelength, transmittance = (1e4 / spectrum[:, 0])[::-1], spectrum[::-1, 1]
+        wavelength = (1e4 / spectrum[:, 0])[::-1]
+        transmittance = spectrum[::-1, 1]
         return np.array([means(wavelength, transmittance, *edges) for edges in BANDS.values()])
 
     def _spectrum(self, place: Place, lowest: float, highest: float) -> np.ndarray:

@@ -47,7 +47,8 @@ def _ring(numbers: list[int], arcs: list[list[Place]]) -> list[int]:
 
 
 if __name__ == "__main__":
-    path, scale = Path(sys.argv[1]), int(sys.argv[2])
+    path = Path(sys.argv[1])
+    scale = int(sys.argv[2])
     source = f"Natural Earth 1:{path.stem.removeprefix('land-')} land, public domain"
     land = {"source": source, "scale": scale, "polygons": polygons(json.loads(path.read_text()), scale)}
     print(json.dumps(land, separators=(",", ":")))

@@ -11,17 +11,24 @@ from opir_trackers.filter.thrust import across_share_at
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, MISSILE, RATIO, vehicle_model
 
-COUNT, STEP_S, LAG_S, PULL_M_S2 = 4000, 0.25, 5.0, 9.8
+COUNT = 4000
+STEP_S = 0.25
+LAG_S = 5.0
+PULL_M_S2 = 9.8
 EDGES_M_S = (50, 100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400)
 
 
 def boosts(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return speeds and angles (times, vehicles) of first stages over a flat Earth; nan once burnt out."""
-    model, rng = vehicle_model(), np.random.default_rng(seed)
+    model = vehicle_model()
+    rng = np.random.default_rng(seed)
     drawn = model.median_log[MISSILE, 0] + model.sigma[MISSILE, 0] * rng.normal(size=(COUNT, 4))
     burn_s, first, ratio = (np.exp(drawn[:, row]) for row in (BURN, FORCE, RATIO))
     steering = drawn_steering(COUNT, model.data, seed)
-    ahead, up, speeds, angles = np.zeros(COUNT), np.full(COUNT, 0.1), [], []
+    ahead = np.zeros(COUNT)
+    up = np.full(COUNT, 0.1)
+    speeds = []
+    angles = []
     for now in np.arange(0.0, 120.0, STEP_S):
         force = first / np.maximum(1.0 - (1.0 - 1.0 / ratio) * now / burn_s, 0.05)
         lead = steering.leads(np.full(COUNT, now))

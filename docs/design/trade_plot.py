@@ -35,7 +35,8 @@ PANELS = (
 
 def labels(rows: list[dict[str, str]]) -> list[str]:
     """Return what each design changes against the first."""
-    first, found = rows[0], []
+    first = rows[0]
+    found = []
     for row in rows:
         changed = [(key, text) for key, text in SETTINGS if row[key] != first[key]]
         values = [text.format(row[key] if key == "sensors" else float(row[key])) for key, text in changed]

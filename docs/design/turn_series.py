@@ -21,7 +21,8 @@ DEGREES = (16, 20, 24, 28, 32, 40)
 
 def rest_m(profile: BoostProfile, q: int, degree: int) -> float:
     """Return the largest coefficient beyond a degree of height and downrange over a flat Earth, m."""
-    burn, start = profile.burn_time_s, profile.pitch_start_s
+    burn = profile.burn_time_s
+    start = profile.pitch_start_s
     turn = math.pi / 2 - profile.burnout_flight_path_angle_rad
 
     def rate(y: np.ndarray, part: np.ufunc) -> np.ndarray:

@@ -131,7 +131,8 @@ def _refuse_unknowns(config: ConfusionConfig, context: ModelContext) -> None:
 
 
 def _row(matrix: Confusion, sensor: Sensor, kind: TargetClass) -> Mapping[str, float]:
-    row, target_type = kind.own(matrix), kind.name
+    row = kind.own(matrix)
+    target_type = kind.name
     if row is None:
         raise ModelError(
             f"sensor {sensor.id} ({sensor.type}) has no confusion matrix row for {target_type} targets: give"

@@ -111,7 +111,8 @@ def _detection(
 
 
 def _probability(sensor: Sensor, kind: TargetClass) -> float:
-    probability, target_type = kind.own(sensor.detection_probability), kind.name
+    probability = kind.own(sensor.detection_probability)
+    target_type = kind.name
     if probability is None:
         raise ModelError(
             f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type} targets: give"

@@ -99,12 +99,14 @@ def gravity_turn_targets(configs: Sequence[GravityTurnConfig], context: TargetCo
         np.array([getattr(config, name) for config in configs], dtype=np.float64)
         for name in ("loft", "early_shutdown_s")
     )
-    ignition_s, forces = ignitions_s(configs), forces_of_targets(configs, context)
+    ignition_s = ignitions_s(configs)
+    forces = forces_of_targets(configs, context)
     flights = staged_flights(launch, aim_point, ignition_s, chosen, loft, early_s, forces)
     problems = _problems(configs, chosen, flights, range_m, context.paths)
     if problems:
         raise SceneError(problems)
-    end_s, edges_s = flights.burnout_s, flights.edges_s
+    end_s = flights.burnout_s
+    edges_s = flights.edges_s
     return GravityTurnTargets(
         classes=classes,
         profiles=tuple(core_profiles()[staging.profile] for staging in chosen),
@@ -131,7 +133,8 @@ def _stagings(
     configs: Sequence[GravityTurnConfig], classes: Sequence[TargetClass], range_m: FloatArray, paths: Sequence[str]
 ) -> tuple[Staging, ...]:
     """Return the staging of each target; raises `SceneError` for unknown and impossible ones."""
-    problems, chosen = list[Problem](), list[Staging]()
+    problems = list[Problem]()
+    chosen = list[Staging]()
     for config, kind, distance_m, path in zip(configs, classes, range_m.tolist(), paths, strict=True):
         presets = kind.own(stagings_of_classes()) or tuple(stagings().values())
         if config.staging is not None and config.staging not in stagings():
@@ -187,7 +190,8 @@ def _problems(
 def _out_of_reach(
     config: GravityTurnConfig, staging: Staging, flights: StagedFlights, row: int, range_m: float, path: str
 ) -> Problem:
-    nearest_m, farthest_m = float(flights.nearest_m[row]), float(flights.farthest_m[row])
+    nearest_m = float(flights.nearest_m[row])
+    farthest_m = float(flights.farthest_m[row])
     distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
     stages = "the stages given" if config.stages else f"the stages of {staging.name}"
     limits = f"{stages} fly about {nearest_m / 1e3:.0f} to {farthest_m / 1e3:.0f} km in its direction"

@@ -104,8 +104,10 @@ def _altitude_m(config: InsertionConfig, kind: TargetClass) -> float:
 
 def _orbits(flight: Insertion) -> list[dict[str, float]]:
     """Return the orbits at burnout as plain values: semi-major axis by vis-viva, eccentricity and inclination."""
-    position, velocity = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    radius_m, momentum = np.sqrt(np.sum(position**2, axis=1)), np.cross(position, velocity)
+    position = flight.burnout_position_eci_m
+    velocity = flight.burnout_velocity_eci_m_s
+    radius_m = np.sqrt(np.sum(position**2, axis=1))
+    momentum = np.cross(position, velocity)
     axis_m = 1.0 / (2.0 / radius_m - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2)
     away = np.cross(velocity, momentum) / EARTH_MU_M3_S2 - position / radius_m[:, None]
     eccentricity = np.sqrt(np.sum(away**2, axis=1))

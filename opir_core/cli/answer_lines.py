@@ -46,14 +46,16 @@ def _is_taken(track: Row | None) -> bool:
 
 def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
     """Return the sentence of a target or source that begins with how it was `seen`; "" for one that was not."""
-    name, track = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})", tracks.get(row["track_id"])
+    name = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})"
+    track = tracks.get(row["track_id"])
     if not seen:
         return f"{name}: not detected: {says_text(row, None)}"
     return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)])
 
 
 def _seen(target: Row) -> str:
-    latency_s, end_to_end_s = target["latency_s"], target["end_to_end_latency_s"]
+    latency_s = target["latency_s"]
+    end_to_end_s = target["end_to_end_latency_s"]
     if latency_s is None:
         return ""
     late = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
@@ -88,7 +90,8 @@ def _flight(track: Row | None) -> Iterator[str]:
     """Yield whether a probable launch comes down or reaches orbit, the likelier first, and from where to where."""
     if track is None or not _is_probable(track):
         return
-    falls, orbit = track["probability_comes_down"], track["probability_orbit"] or 0.0
+    falls = track["probability_comes_down"]
+    orbit = track["probability_orbit"] or 0.0
     both = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
     # A tracker without regions does not say what comes down; of its two answers one alone would mislead.
     least = _PROBABLE if falls is None else _MINOR
@@ -112,7 +115,8 @@ def point_text(point: Row | None) -> str:
 
 def place_text(point: Row) -> str:
     """Return latitude and longitude, `34.73 N 120.57 W`."""
-    lat_deg, lon_deg = point["lat_deg"], point["lon_deg"]
+    lat_deg = point["lat_deg"]
+    lon_deg = point["lon_deg"]
     return f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
 
 
@@ -130,7 +134,8 @@ def spread_text(point: Row, law: str = "", most: int | None = None) -> str:
 
 def _region_text(region: Row) -> str:
     """Return `95 % in 79 000 km2`, after what the region presumes."""
-    short, samples = float(f"{region['area_95_km2']:.2g}"), region["effective_samples"]
+    short = float(f"{region['area_95_km2']:.2g}")
+    samples = region["effective_samples"]
     area = grouped(round(short)) if short >= _WHOLE_KM2 else f"{short:g}"
     presumed = _CONDITIONS.get(region["condition"], "").format(probability_text(region["probability"]))
     return f"{presumed}95 % in {area} km2{', thin' if samples is not None and samples < _THIN else ''}"
@@ -174,7 +179,8 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
     """
     launch, impact = (row["launch"], row["impact"]) if _is_probable(row) else (None, None)
     times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
-    head, where = (str(row["track_id"]), likeliest_text(row) or "-"), (*times, point_text(launch), point_text(impact))
+    head = (str(row["track_id"]), likeliest_text(row) or "-")
+    where = (*times, point_text(launch), point_text(impact))
     if not weighs:
         return (*head, *where)
     chance = row["probability_launch"]
@@ -183,7 +189,8 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
 
 def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
     """Return the cells of a hot source that is no target."""
-    track, first = tracks.get(row["track_id"]), row["first_sensor_id"] or "not detected"
+    track = tracks.get(row["track_id"])
+    first = row["first_sensor_id"] or "not detected"
     named = row["source_id"], row["source_type"], first, grouped(row["detections"])
     return (*named, "-" if track is None else str(row["track_id"]), says_text(row, track))
 

@@ -104,7 +104,8 @@ def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    first, last = _compass(row["azimuth_at_start_deg"]), _compass(row["azimuth_at_stop_deg"])
+    first = _compass(row["azimuth_at_start_deg"])
+    last = _compass(row["azimuth_at_stop_deg"])
     return (
         row["sensor_id"],
         f"{row['start_s']:.1f}",
@@ -120,7 +121,8 @@ def _eclipse_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _focal_plane_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    least, largest = row["least_noise_over_nei"], row["largest_noise_over_nei"]
+    least = row["least_noise_over_nei"]
+    largest = row["largest_noise_over_nei"]
     return (
         row["sensor_id"],
         row["band"],

@@ -57,7 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
     is_debugged = DEBUG in words
-    arguments, is_core = None, False
+    arguments = None
+    is_core = False
     try:
         arguments, is_core = _parsed([word for word in words if word != DEBUG])
         return int(arguments.run(arguments))
@@ -138,7 +139,8 @@ def _formatter(prog: str) -> argparse.HelpFormatter:
 
 
 def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:
-    module, function = import_module(f"opir_core.cli.{COMMANDS[name][0]}"), name.replace("-", "_")
+    module = import_module(f"opir_core.cli.{COMMANDS[name][0]}")
+    function = name.replace("-", "_")
     getattr(module, f"{function}_arguments")(command)
     command.set_defaults(run=getattr(module, function))
 

@@ -59,7 +59,8 @@ def added_commands(host: Host, commands: Any, name: str | None = None) -> tuple[
     the command has two owners or its owner failed. Without (for help) all plugins with commands are loaded, and
     failures are warnings.
     """
-    registry, core = host.registry, frozenset(commands.choices)
+    registry = host.registry
+    core = frozenset(commands.choices)
     owners: Owners = {}
     if name is not None:
         _require_one_owner(registry, name, owners)
@@ -113,7 +114,8 @@ def _require_advertised(source: Source, added: Collection[str]) -> None:
         return
     advertised = {command for hook, command in source.advertised if hook == COMMAND_HOOK}
     if advertised != set(added):
-        listed, made = ", ".join(sorted(advertised)), ", ".join(sorted(added)) or "none"
+        listed = ", ".join(sorted(advertised))
+        made = ", ".join(sorted(added)) or "none"
         raise InvalidPlugin(
             f"its entry points in group opir.components advertise the commands {listed}; it adds {made}"
         )

@@ -33,7 +33,8 @@ def grouped(number: int) -> str:
 
 
 #: Probabilities from which two decimals would be 1.00, and below which they would be 0.00.
-_SURE, _UNLIKELY = 0.995, 0.005
+_SURE = 0.995
+_UNLIKELY = 0.005
 
 
 def probability_text(chance: float) -> str:
@@ -78,7 +79,8 @@ def slow_notice(what: str, *, is_shown: bool) -> Iterator[None]:
     if not is_shown:
         yield
         return
-    is_done, began_s = Event(), monotonic()
+    is_done = Event()
+    began_s = monotonic()
 
     def report() -> None:
         after_s = _SLOW_S
@@ -127,7 +129,8 @@ def prints_on_standard_error() -> Iterator[None]:
         kept: int | None = os.dup(descriptor)
         os.dup2(_STANDARD_ERROR, descriptor)
     except (OSError, ValueError, AttributeError):
-        descriptor, kept = -1, None
+        descriptor = -1
+        kept = None
     try:
         sys.stdout = _Diverted(kept)
         yield

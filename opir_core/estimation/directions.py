@@ -14,9 +14,11 @@ def tangent_axes(direction: FloatArray) -> FloatArray:
     Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth except across z = 0.
     """
     x, y, z = np.ascontiguousarray(direction.T)
-    sign, low = np.copysign(1.0, z), np.abs(z)
+    sign = np.copysign(1.0, z)
+    low = np.abs(z)
     low += 1.0
-    across_x, across_y = x / low, y / low
+    across_x = x / low
+    across_y = y / low
     axes = np.empty((len(direction), 3, 3))
     # (0, 0, 1) is turned to the direction: all rows follow from the outer product of their sum.
     np.subtract(1.0, across_x * x, out=axes[:, 0, 0])

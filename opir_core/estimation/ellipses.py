@@ -51,7 +51,8 @@ def containment_ellipse(
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4
     (ellipsoids of probability); the axes are the eigenvectors, in closed form.
     """
-    east, north = covariance_m2[:, 0, 0], covariance_m2[:, 1, 1]
+    east = covariance_m2[:, 0, 0]
+    north = covariance_m2[:, 1, 1]
     cross = 0.5 * (covariance_m2[:, 0, 1] + covariance_m2[:, 1, 0])
     major = 0.5 * (east + north) + np.hypot(0.5 * (east - north), cross)
     determinant = east * north - cross * cross

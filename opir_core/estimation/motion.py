@@ -31,21 +31,25 @@ def gradient_of_one(place: Sequence[float], mu_m3_s2: float) -> list[float]:
     square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * sqrt(square))
     factor = 3.0 * scale / square
-    wx, wy, wz = x * factor, y * factor, z * factor
+    wx = x * factor
+    wy = y * factor
+    wz = z * factor
     return [wx * x - scale, wx * y, wx * z, wy * x, wy * y - scale, wy * z, wz * x, wz * y, wz * z - scale]
 
 
 def transition_of_one(place: Sequence[float], step: float, mu_m3_s2: float) -> list[float]:
     """Return the transition matrix of a free fall, 36 numbers by row."""
     bent = gradient_of_one(place, mu_m3_s2)
-    rows, columns = (bent[:3], bent[3:6], bent[6:]), (bent[::3], bent[1::3], bent[2::3])
+    rows = (bent[:3], bent[3:6], bent[6:])
+    columns = (bent[::3], bent[1::3], bent[2::3])
     second = step * (step / 2.0)
     third = second * (step / 3.0)
     fourth = third * (step / 4.0)
     above: list[float] = []
     below: list[float] = []
     for k, (x, y, z) in enumerate(rows):
-        place_row, speed_row = [second * x, second * y, second * z], [third * x, third * y, third * z]
+        place_row = [second * x, second * y, second * z]
+        speed_row = [third * x, third * y, third * z]
         place_row[k] += 1.0
         speed_row[k] += step
         below += (step * x, step * y, step * z, *place_row)
@@ -61,30 +65,36 @@ def stepped_one(state: Sequence[float], step: float, pull: GravityFunction, grav
     """
     half = 0.5 * step
     x, y, z, u, v, w = state[:6]
-    mx, my, mz, ex, ey, ez = x + half * u, y + half * v, z + half * w, x + step * u, y + step * v, z + step * w
+    mx = x + half * u
+    my = y + half * v
+    mz = z + half * w
+    ex = x + step * u
+    ey = y + step * v
+    ez = z + step * w
     rest = list(state[6:])
     if rest:
         fx, fy, fz, jx, jy, jz = rest
-        sixth, near, far = half / 6.0, half * half, step * step
-        mx, my, mz = (
-            mx + near * (0.5 * fx + sixth * jx),
-            my + near * (0.5 * fy + sixth * jy),
-            mz + near * (0.5 * fz + sixth * jz),
-        )
+        sixth = half / 6.0
+        near = half * half
+        far = step * step
+        mx = mx + near * (0.5 * fx + sixth * jx)
+        my = my + near * (0.5 * fy + sixth * jy)
+        mz = mz + near * (0.5 * fz + sixth * jz)
         sixth = step / 6.0
-        ex, ey, ez = (
-            ex + far * (0.5 * fx + sixth * jx),
-            ey + far * (0.5 * fy + sixth * jy),
-            ez + far * (0.5 * fz + sixth * jz),
-        )
-        u, v, w = u + step * (fx + half * jx), v + step * (fy + half * jy), w + step * (fz + half * jz)
+        ex = ex + far * (0.5 * fx + sixth * jx)
+        ey = ey + far * (0.5 * fy + sixth * jy)
+        ez = ez + far * (0.5 * fz + sixth * jz)
+        u = u + step * (fx + half * jx)
+        v = v + step * (fy + half * jy)
+        w = w + step * (fz + half * jz)
         rest[:3] = fx + step * jx, fy + step * jy, fz + step * jz
     ax, ay, az, _ = gravity
     bent = 0.5 * half * half
     bx, by, bz, _ = pull(mx + bent * ax, my + bent * ay, mz + bent * az)
     fall = half * step
     cx, cy, cz, _ = pull(ex + fall * bx, ey + fall * by, ez + fall * bz)
-    sixth, share = step * step / 6.0, step / 6.0
+    sixth = step * step / 6.0
+    share = step / 6.0
     place = [ex + sixth * (ax + 2.0 * bx), ey + sixth * (ay + 2.0 * by), ez + sixth * (az + 2.0 * bz)]
     speed = [u + share * (ax + 4.0 * bx + cx), v + share * (ay + 4.0 * by + cy), w + share * (az + 4.0 * bz + cz)]
     return [*place, *speed, *rest]
@@ -104,16 +114,20 @@ def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: fl
     third = 3.0 * share
     rate = scale * (third * x - u), scale * (third * y - v), scale * (third * z - w)
     if len(state) > 6:
-        a, b, c = a + state[6], b + state[7], c + state[8]
+        a = a + state[6]
+        b = b + state[7]
+        c = c + state[8]
         rate = rate[0] + state[9], rate[1] + state[10], rate[2] + state[11]
     inward = (x * a + y * b + z * c + (u * u + v * v + w * w) - 5.0 * climb * share) / square
-    near, along = 3.0 * inward, 6.0 * share
+    near = 3.0 * inward
+    along = 6.0 * share
     bend = (scale * (near * x + along * u - a), scale * (near * y + along * v - b), scale * (near * z + along * w - c))
     return [x, y, z, u, v, w, a, b, c, *rate, *bend]
 
 
 #: State sizes.
-BOOST, COAST = 12, 6
+BOOST = 12
+COAST = 6
 
 #: State count up to which gravity is computed one by one: the same operations without numpy's overhead.
 FEW_STATES = 4
@@ -171,15 +185,20 @@ class Motion:
     def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, d) after one Nyström step (n,), s."""
         if len(state) <= FEW_STATES:
-            pull, rows = self.field.alone_with_inverse_radius, zip(state.tolist(), step_s.tolist(), strict=True)
+            pull = self.field.alone_with_inverse_radius
+            rows = zip(state.tolist(), step_s.tolist(), strict=True)
             alone = [stepped_one(row, step, pull, pull(*row[:3])) for row, step in rows]
             return np.array(alone).reshape(state.shape)
-        step, half = step_s[:, None], 0.5 * step_s[:, None]
-        position, velocity = state[:, :3], state[:, 3:6]
-        middle, end = position + half * velocity, position + step * velocity
+        step = step_s[:, None]
+        half = 0.5 * step_s[:, None]
+        position = state[:, :3]
+        velocity = state[:, 3:6]
+        middle = position + half * velocity
+        end = position + step * velocity
         after = state.copy()
         if self.size == BOOST:
-            force, jerk = state[:, 6:9], state[:, 9:12]
+            force = state[:, 6:9]
+            jerk = state[:, 9:12]
             middle += half * half * (0.5 * force + half / 6.0 * jerk)
             end += step * step * (0.5 * force + step / 6.0 * jerk)
             after[:, 3:6] += step * (force + half * jerk)
@@ -199,7 +218,8 @@ class Motion:
         if len(state) == 1 and self.size == COAST:
             numbers = transition_of_one(state[0, :3].tolist(), float(step_s[0]), self.forces.gravity.mu_m3_s2)
             return np.array(numbers).reshape(1, COAST, COAST)
-        gradient, blocks = self.gradient(state[:, :3]), self.size // 3
+        gradient = self.gradient(state[:, :3])
+        blocks = self.size // 3
         straight, bent, fourth = _tables(step_s, blocks)
         matrix = straight + bent[:, :, None, :, None] * gradient[:, None, :, None, :]
         square = gradient[:, :, :1] * gradient[:, :1]
@@ -223,14 +243,18 @@ class Motion:
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4."""
         if len(state) <= FEW_STATES:
-            pull, mu = self.field.alone_with_inverse_radius, self.forces.gravity.mu_m3_s2
+            pull = self.field.alone_with_inverse_radius
+            mu = self.forces.gravity.mu_m3_s2
             rows = [taylor_of_one(row, pull(*row[:3]), mu) for row in state.tolist()]
             return np.array(rows).reshape(-1, 5, 3)
-        position, velocity = state[:, :3], state[:, 3:6]
+        position = state[:, :3]
+        velocity = state[:, 3:6]
         square = dot(position, position)
         scale = (self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square)))[:, None]
         derivative = np.empty((len(state), 5, 3))
-        derivative[:, 0], derivative[:, 1], derivative[:, 2] = position, velocity, self.gravity(position)
+        derivative[:, 0] = position
+        derivative[:, 1] = velocity
+        derivative[:, 2] = self.gravity(position)
         if self.size == BOOST:
             derivative[:, 2] += state[:, 6:9]
         fall = derivative[:, 2]
@@ -332,7 +356,8 @@ def taylor_weights(offset_s: FloatArray) -> FloatArray:
     """Return the Taylor weights 1, τ, τ²/2, τ³/6, τ⁴/24 of offsets (n,), as (n, 5)."""
     if len(offset_s) >= FEW_ROWS:
         power = np.empty((5, len(offset_s)))
-        power[0], power[1] = 1.0, offset_s
+        power[0] = 1.0
+        power[1] = offset_s
         for order in range(2, 5):
             np.multiply(power[order - 1], offset_s / order, out=power[order])
         return power.T

@@ -61,7 +61,9 @@ class LaunchSolution:
 
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
         """Return the impacts of flights; the inertial frame is ECEF frozen at the release."""
-        site, aim_m, height_m = self.site, self.aim_ecef_m, self.aim_height_m
+        site = self.site
+        aim_m = self.aim_ecef_m
+        height_m = self.aim_height_m
         return aimed_landing(site, aim_m, height_m, self.release(azimuth_rad, speed_m_s), self.forces)
 
 
@@ -93,12 +95,14 @@ def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
     radius_m = length(*components(shot.site.launch_m))
     speed_m_s = hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
     landing = shot.landing(azimuth_rad, speed_m_s)
-    distance_m, duration_s = landing.distance_m(), landing.duration_s
+    distance_m = landing.distance_m()
+    duration_s = landing.duration_s
     for _ in range(2):
         azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s, duration_s)
         landing = shot.landing(azimuth, speed)
         nearer = (landing.distance_m() < distance_m) | np.isnan(distance_m)
-        azimuth_rad, speed_m_s = np.where(nearer, azimuth, azimuth_rad), np.where(nearer, speed, speed_m_s)
+        azimuth_rad = np.where(nearer, azimuth, azimuth_rad)
+        speed_m_s = np.where(nearer, speed, speed_m_s)
         distance_m = np.where(nearer, landing.distance_m(), distance_m)
         duration_s = np.where(nearer, landing.duration_s, duration_s)
     return azimuth_rad, speed_m_s
@@ -201,9 +205,11 @@ def aim(
         launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
     )
     course = ascent(profiles, _flight_path_angle_rad(range_m, profiles))
-    site, aim_m = launch_site(*launch), geodetic_to_ecef(*aim_point)
+    site = launch_site(*launch)
+    aim_m = geodetic_to_ecef(*aim_point)
     shot = LaunchSolution(site, course, aim_m, aim_point.height_m, forces_on(forces, n))
-    azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
+    azimuth_rad = np.full(n, np.nan)
+    speed_m_s = np.full(n, np.nan)
     rows = np.flatnonzero(within_range_limits(range_m, profiles))
     azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
@@ -247,11 +253,14 @@ def _lambert_range_m(
     latitude_1: FloatArray, longitude_1: FloatArray, latitude_2: FloatArray, longitude_2: FloatArray
 ) -> FloatArray:
     beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1, latitude_2))
-    half_sum, half_difference = 0.5 * (beta_1 + beta_2), 0.5 * (beta_2 - beta_1)
+    half_sum = 0.5 * (beta_1 + beta_2)
+    half_difference = 0.5 * (beta_2 - beta_1)
     half_turn = 0.5 * (longitude_2 - longitude_1)
     spread = np.cos(beta_1) * np.cos(beta_2)
-    sin_sum, cos_sum = np.sin(half_sum) ** 2, np.cos(half_sum) ** 2
-    sin_difference, cos_difference = np.sin(half_difference) ** 2, np.cos(half_difference) ** 2
+    sin_sum = np.sin(half_sum) ** 2
+    cos_sum = np.cos(half_sum) ** 2
+    sin_difference = np.sin(half_difference) ** 2
+    cos_difference = np.cos(half_difference) ** 2
     chord = sin_difference + spread * np.sin(half_turn) ** 2
     antichord = sin_sum + spread * np.cos(half_turn) ** 2
     angle = 2.0 * np.arctan2(np.sqrt(chord), np.sqrt(antichord))
@@ -285,7 +294,8 @@ def within_range_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -
 
 def range_complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
     """Return for each target the reason why it cannot reach its aim point, or an empty string."""
-    within, complaints = within_range_limits(range_m, profiles), []
+    within = within_range_limits(range_m, profiles)
+    complaints = []
     for row, profile in enumerate(profiles):
         distance = f"the aim point is {range_m[row] / 1e3:.0f} km from the launch point"
         limits = f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
@@ -311,5 +321,6 @@ def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel"
 
 def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
     """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in `coast_ephemeris`."""
-    boost, coast = boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m, forces)
+    boost = boost_ephemeris(flight.path, tolerance_m)
+    coast = coast_ephemeris(flight, tolerance_m, forces)
     return Ephemeris.joined([boost, coast])

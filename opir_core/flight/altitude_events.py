@@ -51,16 +51,19 @@ def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_],
     Bisection, then Newton's method held to the bracket; `end` where the cubic stays short of the boundary.
     """
     side = np.where(down, 1.0, -1.0)
-    low, high = np.zeros_like(end), end.copy()
+    low = np.zeros_like(end)
+    high = end.copy()
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         short = side * (rise.at(middle)[0] - boundary) > 0.0
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
+        low = np.where(short, middle, low)
+        high = np.where(short, high, middle)
     fraction = 0.5 * (low + high)
     for _ in range(_NEWTON_STEPS):
         value, slope = rise.at(fraction)
         short = side * (value - boundary) > 0.0
-        low, high = np.where(short, fraction, low), np.where(short, high, fraction)
+        low = np.where(short, fraction, low)
+        high = np.where(short, high, fraction)
         better = fraction - (value - boundary) / slope
         fraction = np.where((better > low) & (better < high), better, 0.5 * (low + high))
     return fraction
@@ -73,11 +76,14 @@ def state_within(
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
     length = h[index]
-    slope, curve = length * velocity, length * length * acceleration
+    slope = length * velocity
+    curve = length * length * acceleration
     p = end_position - position - slope - 0.5 * curve
     q = length * end_velocity - slope - curve
     s = length * length * end_acceleration - curve
-    c3, c4, c5 = 10.0 * p - 4.0 * q + 0.5 * s, 7.0 * q - 15.0 * p - s, 6.0 * p - 3.0 * q + 0.5 * s
+    c3 = 10.0 * p - 4.0 * q + 0.5 * s
+    c4 = 7.0 * q - 15.0 * p - s
+    c5 = 6.0 * p - 3.0 * q + 0.5 * s
     f = fraction
     moved = position + f * (slope + f * (0.5 * curve + f * (c3 + f * (c4 + f * c5))))
     rate = slope + f * (curve + f * (3.0 * c3 + f * (4.0 * c4 + f * (5.0 * c5))))
@@ -135,7 +141,8 @@ class AltitudeEvents:
     """
 
     def __init__(self, seams: Seams, target_m: FloatArray, backward: BoolArray) -> None:
-        self._seams, self._ceilings = seams, np.append(seams.floors_m[1:], np.inf)
+        self._seams = seams
+        self._ceilings = np.append(seams.floors_m[1:], np.inf)
         self._target = target_m
         self._direction = np.where(backward, -1.0, 1.0)
         self.has_target = bool(np.any(target_m > -np.inf))
@@ -204,8 +211,10 @@ class AltitudeEvents:
             fraction = rise.of(turning).turning_point()
             height, _ = height_within(start, step, h, turning, fraction)
             outside = (height < self._low[turning]) | (height > self._high[turning])
-            turning, fraction = turning[outside], fraction[outside]
-            index, end = np.concatenate([index, turning]), np.concatenate([end, fraction])
+            turning = turning[outside]
+            fraction = fraction[outside]
+            index = np.concatenate([index, turning])
+            end = np.concatenate([end, fraction])
         if not index.size:
             return index, end
         return index, self._crossing(start, step, h, rise, index, down[index], end)
@@ -232,8 +241,10 @@ class AltitudeEvents:
 
     def settle(self, moved: BoolArray) -> GroundContact:
         """Move arcs on a boundary, or about to cross it, into the next interval; return the contacts."""
-        falling, rising = self._climb < 0.0, self._climb > 0.0
-        drop, rise = self._height - self._low, self._high - self._height
+        falling = self._climb < 0.0
+        rising = self._climb > 0.0
+        drop = self._height - self._low
+        rise = self._high - self._height
         down = moved & falling & (drop <= self._slack(self._climb)) & self._will_cover(drop)
         up = moved & rising & (rise <= _NEAR_M) & self._will_cover(rise)
         impact = down & self._above & (self._low == self._target)
@@ -255,7 +266,8 @@ class AltitudeEvents:
         return (self._target[index] - height) / climb
 
     def _set_bounds(self) -> None:
-        floor, ceiling = self._seams.floors_m[self.layer], self._ceilings[self.layer]
+        floor = self._seams.floors_m[self.layer]
+        ceiling = self._ceilings[self.layer]
         self._low = np.where(self._above, np.maximum(floor, self._target), floor)
         self._high = np.where(self._above, ceiling, np.minimum(ceiling, self._target))
 

@@ -31,7 +31,9 @@ _SEA_LEVEL_K = 288.15
 _SEA_LEVEL_KG_M3 = 101325.0 * 28.9644 / (8314.32 * _SEA_LEVEL_K)
 
 #: Where the standard's hydrostatic layers end, and the seams above, m.
-_TURBOPAUSE_M, _THERMOSPHERE_M, _TOP_M = 86e3, 120e3, 1000e3
+_TURBOPAUSE_M = 86e3
+_THERMOSPHERE_M = 120e3
+_TOP_M = 1000e3
 
 #: The stretch 1/k of height above 120 km, m, that makes the thermosphere's polynomial smooth.
 _STRETCH_M = 500e3
@@ -164,7 +166,10 @@ def _hydrostatic() -> list[_Layer]:
     """Return the standard's seven layers of constant gradient of temperature with geopotential height."""
     from numpy.polynomial import chebyshev
 
-    layers, temperature, log_base, floor = [], _SEA_LEVEL_K, log(_SEA_LEVEL_KG_M3), LOWEST_HEIGHT_M
+    layers = []
+    temperature = _SEA_LEVEL_K
+    log_base = log(_SEA_LEVEL_KG_M3)
+    floor = LOWEST_HEIGHT_M
     tops = [base for base, _ in _LAPSE_RATES[1:]] + [_geopotential(_TURBOPAUSE_M)]
     for (base, lapse), top in zip(_LAPSE_RATES, tops, strict=True):
         log_density_at = _constant_gradient(base, temperature, lapse, log_base)
@@ -174,7 +179,9 @@ def _hydrostatic() -> list[_Layer]:
         coefficients = tuple(float(each) for each in chebyshev.cheb2poly(chebyshev.chebfit(points, values, _DEGREE)))
         stride = _SCALE_HEIGHTS_PER_STEP * (ceiling - floor) / (log_density_at(floor) - log_density_at(ceiling))
         layers.append(_Layer(floor, (2.0 / (ceiling - floor), 0.0), coefficients, stride))
-        temperature, log_base, floor = temperature + lapse * (top - base), log_density_at(ceiling), ceiling
+        temperature = temperature + lapse * (top - base)
+        log_base = log_density_at(ceiling)
+        floor = ceiling
     return layers
 
 

@@ -111,7 +111,8 @@ def ascent_of_shape(burn: FloatArray, start: FloatArray, k: FloatArray, n: Float
     u = (x * x) * (x * x)
     pace_s = speed_ratio(start + (burn - start) * u, burn, k) * (4.0 * x * x * x) * (burn - start)
     lean = lean_rad(u, n, turn)
-    climb_rate_s, sweep_rate_s = pace_s * np.cos(lean), pace_s * np.sin(lean)
+    climb_rate_s = pace_s * np.cos(lean)
+    sweep_rate_s = pace_s * np.sin(lean)
     climb_s = vertical_climb_s(start, burn, k) + _applied(_integral_at_nodes(), climb_rate_s)
     return Ascent(burn, start, k, n, turn, climb_rate_s, sweep_rate_s, climb_s)
 
@@ -138,7 +139,8 @@ def vertical_climb_s(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape
 def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatArray:
     """Return Chebyshev series (K, n) of targets (m,) at x in [0, 1] (m,), by Clenshaw's recurrence."""
     double_y = 4.0 * x - 2.0
-    later, latest = np.zeros_like(double_y), np.zeros_like(double_y)
+    later = np.zeros_like(double_y)
+    latest = np.zeros_like(double_y)
     for coefficient in series[:0:-1]:
         later, latest = latest, double_y * latest - later + coefficient[target]
     return 0.5 * double_y * latest - later + series[0][target]
@@ -146,7 +148,8 @@ def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatAr
 
 def _second_exponential(y: FloatArray) -> FloatArray:
     """Return (e^y - 1 - y) / y² for y >= 0: below 1 by its Taylor series, to 1e-17."""
-    small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
+    small = np.minimum(y, 1.0)
+    large = np.maximum(y, 1.0)
     series = np.zeros_like(y)
     for power in range(18, 1, -1):
         series = series * small + 1.0 / factorial(power)
@@ -162,7 +165,8 @@ def _nodes() -> FloatArray:
 @cache
 def _integral_series() -> FloatArray:
     """Return the matrix (34, 33) from values at the nodes to Chebyshev coefficients of the integral from x = 0."""
-    node, order = np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)[:, None]
+    node = np.arange(_DEGREE + 1)
+    order = np.arange(_DEGREE + 1)[:, None]
     ends = np.where((node == 0) | (node == _DEGREE), 0.5, 1.0)
     series = np.zeros((_DEGREE + 3, _DEGREE + 1))
     series[:-2] = (2.0 / _DEGREE) * ends * np.cos(np.pi * order * (_DEGREE - node) / _DEGREE)
@@ -233,7 +237,8 @@ class LaunchSite:
 
     def plane(self, azimuth_rad: FloatArray) -> LaunchPlane:
         """Return the planes of launches with these azimuths (n,), clockwise from true north (Euler's radius)."""
-        sine, cosine = np.sin(azimuth_rad), np.cos(azimuth_rad)
+        sine = np.sin(azimuth_rad)
+        cosine = np.cos(azimuth_rad)
         curvature = cosine * cosine / self.meridian_radius_m + sine * sine / self.normal_radius_m
         heading = sine[:, None] * self.axes[:, 0] + cosine[:, None] * self.axes[:, 1]
         return LaunchPlane(self.launch_m, self.axes[:, 2], heading, 1.0 / curvature)
@@ -275,7 +280,9 @@ class BoostPath:
         Outside ignition to burnout both are nan.
         """
         course = self.ascent
-        burn, start, k = course.burn_time_s[target], course.pitch_start_s[target], course.speed_shape[target]
+        burn = course.burn_time_s[target]
+        start = course.pitch_start_s[target]
+        k = course.speed_shape[target]
         burning = (time_s >= self.ignition_s[target]) & (time_s <= self.burnout_s[target])
         elapsed = np.minimum(np.where(burning, time_s - self.ignition_s[target], 0.0), burn)
         u = np.maximum((elapsed - start) / (burn - start), 0.0)

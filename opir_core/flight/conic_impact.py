@@ -100,11 +100,14 @@ class ConicArcs(NamedTuple):
 
 def conic_arcs(position_m: FloatArray, velocity_m_s: FloatArray, mu_m3_s2: float) -> ConicArcs:
     """Return the arcs from states (n, 3)."""
-    position, velocity = np.ascontiguousarray(position_m.T), np.ascontiguousarray(velocity_m_s.T)
+    position = np.ascontiguousarray(position_m.T)
+    velocity = np.ascontiguousarray(velocity_m_s.T)
     distance = length(position)
     speed = np.sqrt(mu_m3_s2 / distance)
-    position, velocity = position / distance, velocity / speed
-    momentum, alpha = length(cross(position, velocity)), 2.0 - dot(velocity, velocity)
+    position = position / distance
+    velocity = velocity / speed
+    momentum = length(cross(position, velocity))
+    alpha = 2.0 - dot(velocity, velocity)
     return ConicArcs(position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed)
 
 
@@ -131,7 +134,8 @@ def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float)
     outside = arcs.at(np.arange(probes.size) % start.size).heights_m(probes.ravel()).reshape(probes.shape) > height_m
     outside[0] = start > on_surface_m
     falls = outside[:-1] & ~outside[1:]
-    first, column = np.argmax(falls, axis=0), np.arange(start.size)
+    first = np.argmax(falls, axis=0)
+    column = np.arange(start.size)
     low, high = (np.where(falls.any(axis=0), probes[first + k, column], np.nan) for k in (0, 1))
     at_once = on_surface & ~outside[1]
     return np.where(at_once, 0.0, low), np.where(at_once, 0.0, high)
@@ -146,14 +150,16 @@ def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatAr
     cuts = np.where(np.isfinite(cuts), cuts, last)
     marks = np.concatenate([np.zeros_like(last)[None], cuts, last[None]])
     probes = np.empty((2 * len(marks) - 1, last.size))
-    probes[::2], probes[1::2] = marks, 0.5 * (marks[1:] + marks[:-1])
+    probes[::2] = marks
+    probes[1::2] = 0.5 * (marks[1:] + marks[:-1])
     return probes
 
 
 def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the ellipsoid of that height."""
     samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
-    largest, column = np.argmax(np.abs(samples), axis=0), np.arange(height_m.size)
+    largest = np.argmax(np.abs(samples), axis=0)
+    column = np.arange(height_m.size)
     turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
     coefficients = [sum(factor * sample for factor, sample in zip(row, turned, strict=True)) for row in _COEFFICIENTS]
     companions = np.zeros((height_m.size, 4, 4))
@@ -162,13 +168,15 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
         companions[:, 0, 3 - k] = -coefficients[k] / coefficients[4]
     companions[~np.isfinite(companions).all(axis=(1, 2))] = 0.0
     tangents = np.linalg.eigvals(companions).real.T
-    cosine, sine = np.cos(_ANGLES[largest]), np.sin(_ANGLES[largest])
+    cosine = np.cos(_ANGLES[largest])
+    sine = np.sin(_ANGLES[largest])
     return np.stack([arcs.anomalies(cosine - t * sine, -sine - t * cosine) for t in tangents])
 
 
 def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
     """Return the quartic in homogeneous T = sine / cosine: positive outside the ellipsoid."""
-    c2, s2 = cosine * cosine, sine * sine
+    c2 = cosine * cosine
+    s2 = sine * sine
     x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (cosine * sine + arcs.sigma * s2) * arcs.velocity
     equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
     polar = (EARTH_POLAR_RADIUS_M + height_m) / arcs.length_m
@@ -210,7 +218,8 @@ def kepler_impact(
     and for heights below -6 000 km.
     """
     position, velocity, height, shape = flat_states(position_m, velocity_m_s, height_m)
-    duration, point = np.empty(height.shape), np.empty((height.size, 3))
+    duration = np.empty(height.shape)
+    point = np.empty((height.size, 3))
     with np.errstate(all="ignore"):
         for first in range(0, height.size, _BLOCK):
             block = slice(first, first + _BLOCK)
@@ -222,7 +231,8 @@ def _impacts(
     position: FloatArray, velocity: FloatArray, height: FloatArray, mu: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return times (n,) and points (n, 3) of impact."""
-    duration, point = np.full(height.shape, np.nan), np.full((height.size, 3), np.nan)
+    duration = np.full(height.shape, np.nan)
+    point = np.full((height.size, 3), np.nan)
     finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
     (at,) = (finite & (height < np.inf) & (position != 0.0).any(axis=1)).nonzero()
     if not at.size:
@@ -242,7 +252,8 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     """Return anomalies that bracket the first descent of each arc through the surface; `nan` without one."""
     outer = (EARTH_EQUATORIAL_RADIUS_M + _MARGIN_M + height) / arcs.length_m
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
-    at_outer, at_inner = arcs.radial_squared(outer), arcs.radial_squared(inner)
+    at_outer = arcs.radial_squared(outer)
+    at_inner = arcs.radial_squared(inner)
     least = (_STEEP * arcs.momentum) ** 2
     steep = (at_outer > least) & (at_inner > least)
     low, high = _steep_brackets(arcs, height, outer, inner)
@@ -256,7 +267,8 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     if deep.size:
         above, climb = arcs.at(deep).heights_and_slopes(np.zeros(deep.size))
         down = deep[(above < height[deep] - ON_SURFACE_M) & (climb < 0.0)]
-        low[down] = high[down] = 0.0
+        low[down] = 0.0
+        high[down] = 0.0
     return low, high
 
 
@@ -267,7 +279,8 @@ def _steep_brackets(
 
     A start that falls between them has yet to fall through the surface, or is on it: then the impact is immediate.
     """
-    low, high = arcs.first_descent(outer), arcs.first_descent(inner)
+    low = arcs.first_descent(outer)
+    high = arcs.first_descent(inner)
     (falling,) = ((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0)).nonzero()
     if falling.size:
         above = arcs.at(falling).heights_m(np.zeros(falling.size)) - height[falling]
@@ -286,7 +299,8 @@ def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatAr
             break
         above, slope = arcs.at(at).heights_and_slopes(s[at])
         above -= height[at]
-        low[at], high[at] = np.where(above > 0.0, s[at], low[at]), np.where(above > 0.0, high[at], s[at])
+        low[at] = np.where(above > 0.0, s[at], low[at])
+        high[at] = np.where(above > 0.0, high[at], s[at])
         newton = s[at] - above / slope
         inside = (newton >= low[at]) & (newton <= high[at])
         trial = np.where(inside, newton, 0.5 * (low[at] + high[at]))

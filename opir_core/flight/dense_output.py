@@ -75,15 +75,20 @@ class DenseArcs:
         return states[..., 0, :], states[..., 1, :]
 
     def _states(self, arcs: RowArray, time: FloatArray) -> FloatArray:
-        first, last = self.first[arcs], self.first[arcs + 1] - 1
+        first = self.first[arcs]
+        last = self.first[arcs + 1] - 1
         states = np.full((arcs.size, 2, 3), np.nan)
         known = np.flatnonzero(last >= first)
-        first, last, time = first[known], last[known], time[known]
+        first = first[known]
+        last = last[known]
+        time = time[known]
         end = self.begin_s[last] + self.length_s[last]
         inside = (time * np.sign(end) >= 0.0) & (np.abs(time) <= np.abs(end))
-        known, time = known[inside], time[inside]
+        known = known[inside]
+        time = time[inside]
         # The last step that begins no later than the time, by bisection.
-        step, high = first[inside].copy(), last[inside].copy()
+        step = first[inside].copy()
+        high = last[inside].copy()
         while np.any(step < high):
             middle = (step + high + 1) // 2
             later = np.abs(self.begin_s[middle]) > np.abs(time)

@@ -138,10 +138,13 @@ def _step(
     acceleration: Alone, needs_velocity: bool, position: Vector, velocity: Vector, first: Vector, h: float
 ) -> SingleStep:
     stages = [first[0]], [first[1]], [first[2]]
-    hh, drift = h * h, (h * velocity[0], h * velocity[1], h * velocity[2])
-    here, speed = position, velocity
+    hh = h * h
+    drift = (h * velocity[0], h * velocity[1], h * velocity[2])
+    here = position
+    speed = velocity
     for stage in range(1, STAGES + 1):
-        node, weights = NODES[stage], POSITION_WEIGHTS[stage]
+        node = NODES[stage]
+        weights = POSITION_WEIGHTS[stage]
         here = (drift[0] * node + position[0], drift[1] * node + position[1], drift[2] * node + position[2])
         if weights:
             here = _moved(here, _sum(weights, stages), hh)
@@ -155,7 +158,9 @@ def _step(
 def _sum(weights: Row, stages: tuple[list[float], list[float], list[float]]) -> Vector:
     xs, ys, zs = stages
     first, weight = weights[0]
-    x, y, z = xs[first] * weight, ys[first] * weight, zs[first] * weight
+    x = xs[first] * weight
+    y = ys[first] * weight
+    z = zs[first] * weight
     for stage, weight in weights[1:]:
         x += xs[stage] * weight
         y += ys[stage] * weight
@@ -173,7 +178,9 @@ def _single_velocity_error(stages: tuple[list[float], list[float], list[float]],
 
 
 def _single_square(vector: Vector, h: float) -> float:
-    x, y, z = vector[0] * h, vector[1] * h, vector[2] * h
+    x = vector[0] * h
+    y = vector[1] * h
+    z = vector[2] * h
     return x * x + y * y + z * z
 
 
@@ -257,8 +264,11 @@ class Stages:
         self, right_side: ColumnAcceleration, start: StepStart, h: FloatArray, accelerations: list[FloatArray]
     ) -> None:
         self.accelerations = accelerations
-        self._right_side, self._start = right_side, start
-        self._h, self._hh, self._drift = h, h * h, h * start.velocity
+        self._right_side = right_side
+        self._start = start
+        self._h = h
+        self._hh = h * h
+        self._drift = h * start.velocity
         self._scratch = np.empty_like(start.position)
 
     def append(self, stage: int) -> tuple[FloatArray, FloatArray]:
@@ -336,8 +346,10 @@ def dense_output(right_side: ColumnAcceleration, start: StepStart, step: Step, h
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):
         stages.append(stage)
-    moved, gained = step.position - start.position, step.velocity - start.velocity
-    position, velocity = np.empty((7, *moved.shape)), np.empty((7, *moved.shape))
+    moved = step.position - start.position
+    gained = step.velocity - start.velocity
+    position = np.empty((7, *moved.shape))
+    velocity = np.empty((7, *moved.shape))
     position[:3] = _low_terms(moved, h * start.velocity, h * step.velocity)
     velocity[:3] = _low_terms(gained, h * start.acceleration, h * step.acceleration)
     for order, weights in enumerate(DENSE_POSITION):

@@ -76,7 +76,8 @@ def fitted_segments(
     """
     done = []
     for _ in range(_ROUNDS):
-        coefficients, error_m = np.empty((6, 3, len(target))), np.empty(len(target))
+        coefficients = np.empty((6, 3, len(target)))
+        error_m = np.empty(len(target))
         for first in range(0, len(target), _FIT_BLOCK):
             rows = slice(first, first + _FIT_BLOCK)
             coefficients[..., rows], error_m[rows] = _fit_block(motion, target[rows], start_s[rows], end_s[rows])
@@ -107,7 +108,8 @@ def _split(
 def _fit_block(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    middle_s, half_s = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
+    middle_s = 0.5 * (start_s + end_s)
+    half_s = 0.5 * (end_s - start_s)
     times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _ERROR_NODES)])
     position, velocity = motion(np.tile(target, len(times_s)), times_s.ravel())
     finite = (np.isfinite(position) & np.isfinite(velocity)).all(axis=-1)
@@ -134,8 +136,10 @@ def horner(coefficients: FloatArray, x: float) -> FloatArray:
 
 def _hermite_quintic(p: FloatArray, d: FloatArray) -> FloatArray:
     """Return coefficients of the quintic with values p and derivatives d (3, ...) at -1, 0 and 1."""
-    even, odd = 0.5 * (p[2] + p[0]) - p[1], 0.5 * (p[2] - p[0])
-    even_slope, odd_slope = 0.5 * (d[2] - d[0]), 0.5 * (d[2] + d[0])
+    even = 0.5 * (p[2] + p[0]) - p[1]
+    odd = 0.5 * (p[2] - p[0])
+    even_slope = 0.5 * (d[2] - d[0])
+    odd_slope = 0.5 * (d[2] + d[0])
     c4 = 0.5 * even_slope - even
     c5 = 0.5 * odd_slope + d[1] - 1.5 * odd
     return np.stack([c5, c4, odd - d[1] - c5, even - c4, d[1], p[1]])
@@ -206,7 +210,8 @@ class Ephemeris:
         _join_close(cuts)
         cuts[:, 1:-1] = np.where(end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1])
         target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
-        lower, upper = cuts[target, gap], cuts[target, gap + 1]
+        lower = cuts[target, gap]
+        upper = cuts[target, gap + 1]
         return _indexed(fitted_segments(motion, target, lower, upper, tolerance_m), tolerance_m)
 
     @staticmethod
@@ -231,7 +236,9 @@ class Ephemeris:
         rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
         if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
             raise IndexError(f"target index outside 0 to {len(self) - 1}")
-        shape, rows, times = rows.shape, rows.reshape(-1), times.reshape(-1)
+        shape = rows.shape
+        rows = rows.reshape(-1)
+        times = times.reshape(-1)
         out = [np.empty((len(rows), 3)) for _ in columns]
         for first in range(0, len(rows), _BLOCK):
             block = slice(first, first + _BLOCK)
@@ -305,7 +312,8 @@ def _spread(index: RowArray) -> _Spread:
     if _LONG_RUN * (len(edges) + 1) > len(index):
         return lambda columns: columns.take(index, axis=-1)
     ends = np.append(edges, len(index) - 1)
-    heads, counts = index[ends], ends.copy()
+    heads = index[ends]
+    counts = ends.copy()
     counts[1:] -= ends[:-1]
     counts[0] += 1
     return lambda columns: columns.take(heads, axis=-1).repeat(counts, axis=-1)
@@ -319,7 +327,8 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
     first = np.flatnonzero(np.diff(segments.target, prepend=-1))
     count = np.diff(first, append=len(segments))
     last = first + count - 1
-    start_s, end_s = segments.start_s[first], segments.end_s[last]
+    start_s = segments.start_s[first]
+    end_s = segments.end_s[last]
     bins_per_s = _BINS_PER_SEGMENT * count / (end_s - start_s)
     bins = _BINS_PER_SEGMENT * count + 1
     first_bin = np.cumsum(bins) - bins

@@ -121,9 +121,12 @@ class GlidePath:
         a = self.start - since_s * drag_free
         swept = self.shape.lift_to_drag * np.log(np.cosh(self.start) / np.cosh(a))
         rate = self.shape.lift_to_drag * np.tanh(a) * drag_free
-        sine, cosine = np.sin(swept)[:, None], np.cos(swept)[:, None]
-        outward, onward = cosine * self.up + sine * self.ahead, cosine * self.ahead - sine * self.up
-        ground_m, slope_m = _ground_radius_m(outward), _ground_slope_m(outward, onward)
+        sine = np.sin(swept)[:, None]
+        cosine = np.cos(swept)[:, None]
+        outward = cosine * self.up + sine * self.ahead
+        onward = cosine * self.ahead - sine * self.up
+        ground_m = _ground_radius_m(outward)
+        slope_m = _ground_slope_m(outward, onward)
         height_m = self.height_m - 2.0 * self.shape.scale_height_m * np.log(np.sinh(self.start) / np.sinh(a))
         climb_m_s = -2.0 * self.shape.scale_height_m * drag_free / np.tanh(a) + slope_m * rate
         radius_m = ground_m + height_m
@@ -139,13 +142,15 @@ class GlidePath:
 def _ground_radius_m(direction: FloatArray) -> FloatArray:
     """Return the distances (n,) of the WGS 84 ellipsoid from the Earth's centre in unit directions (n, 3)."""
     x, y, z = components(direction)
-    a, b = EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+    a = EARTH_EQUATORIAL_RADIUS_M
+    b = EARTH_POLAR_RADIUS_M
     return 1.0 / np.sqrt((x * x + y * y) / (a * a) + z * z / (b * b))
 
 
 def _ground_slope_m(direction: FloatArray, onward: FloatArray) -> FloatArray:
     """Return the derivatives (n,) of `_ground_radius_m` in the angle from the direction onward, m/rad."""
-    a, b = EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+    a = EARTH_EQUATORIAL_RADIUS_M
+    b = EARTH_POLAR_RADIUS_M
     x, y, z = components(direction * onward)
     return -(_ground_radius_m(direction) ** 3) * ((x + y) / (a * a) + z / (b * b))
 
@@ -239,11 +244,14 @@ def glide_flight(
     `forces` act after the glide. Targets whose aim point is outside the range of their profile, or is missed by more
     than the tolerance, are reported in `complaints`.
     """
-    n, aim_m = len(profiles), geodetic_to_ecef(*aim_point)
+    n = len(profiles)
+    aim_m = geodetic_to_ecef(*aim_point)
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
-    site, course = launch_site(*launch), ascent(profiles, np.zeros(n))
+    site = launch_site(*launch)
+    course = ascent(profiles, np.zeros(n))
     shot = GlideLaunch(site, course, aim_m, aim_point.height_m, forces_on(forces, n), shape)
-    azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
+    azimuth_rad = np.full(n, np.nan)
+    speed_m_s = np.full(n, np.nan)
     rows = np.flatnonzero(within_range_limits(range_m, profiles))
     part = shot.take(rows)
     azimuth_rad[rows], speed_m_s[rows] = solved_from(part, *_guess(part), tolerance_m)
@@ -251,7 +259,8 @@ def glide_flight(
     converged = landing.miss_m <= tolerance_m
     turned = shot.turned(azimuth_rad, speed_m_s)
     path = boost_path(site, ignition_s, azimuth_rad, speed_m_s, turned.course)
-    burnout, glide = path.state(np.arange(n), path.burnout_s), turned.glide(azimuth_rad, speed_m_s)
+    burnout = path.state(np.arange(n), path.burnout_s)
+    glide = turned.glide(azimuth_rad, speed_m_s)
     release_s = path.burnout_s + glide.duration_s
     return GlideFlight(
         np.remainder(azimuth_rad, 2.0 * np.pi),
@@ -279,7 +288,8 @@ def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
     shape = shot._shape
     radius_m = length(*components(shot.site.launch_m))
     circular_m_s = np.sqrt(EARTH_MU_M3_S2 / radius_m)
-    left, glided = 1.0 - (shape.final_speed_m_s / circular_m_s) ** 2, psi
+    left = 1.0 - (shape.final_speed_m_s / circular_m_s) ** 2
+    glided = psi
     speed_m_s = np.zeros_like(psi)
     for _ in range(3):
         speed_m_s = circular_m_s * np.sqrt(1.0 - left * np.exp(-2.0 * glided / shape.lift_to_drag))

@@ -31,11 +31,9 @@ def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
 
 def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float:
     """Return the height, m, of one position, with the operations of `height_m` in the same order."""
-    e2, ratio, sine = (
-        EARTH_ECCENTRICITY_SQUARED,
-        min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST),
-        z * inverse_radius,
-    )
+    e2 = EARTH_ECCENTRICITY_SQUARED
+    ratio = min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST)
+    sine = z * inverse_radius
     stretched_z = z / (((0.5 - ratio) * (sine * sine) * e2 + 1.0) * ratio * -e2 + 1.0)
     equatorial = x * x + y * y
     inverse_norm = 1.0 / sqrt(stretched_z * stretched_z + equatorial)
@@ -228,13 +226,16 @@ class GravityAndDrag:
 
     def alone(self, arc: int) -> Alone:
         """Return the acceleration as a function of one arc's numbers: the same operations in the same order."""
-        gravity, omega = self._gravity.alone_with_inverse_radius, self._rotation
-        parameters, logarithm = self._parameters[:, arc].tolist(), float(self._log_half_inverse_beta[arc])
+        gravity = self._gravity.alone_with_inverse_radius
+        omega = self._rotation
+        parameters = self._parameters[:, arc].tolist()
+        logarithm = float(self._log_half_inverse_beta[arc])
 
         def acceleration(x: float, y: float, z: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
             ax, ay, az, inverse_radius = gravity(x, y, z)
             height = height_alone_m(x, y, z, inverse_radius)
-            wx, wy = vx + omega * y, vy - omega * x
+            wx = vx + omega * y
+            wy = vy - omega * x
             factor = float(np.exp(log_density_alone(parameters, height) + logarithm))
             factor *= sqrt(wx * wx + wy * wy + vz * vz)
             return ax - wx * factor, ay - wy * factor, az - vz * factor

@@ -108,7 +108,9 @@ class Integration:
         levels: AltitudeEvents | None = None,
         recorder: Recorder | None = None,
     ) -> None:
-        self._system, self._levels, self._recorder = system, levels, recorder
+        self._system = system
+        self._levels = levels
+        self._recorder = recorder
         self._position, self._velocity = states
         self._duration = duration
         self._tolerance = np.clip(tolerance, TIGHTEST_TOLERANCE_M, LOOSEST_TOLERANCE_M)
@@ -148,7 +150,8 @@ class Integration:
         """Try one step of every arc; accept those that are accurate enough and stay within their layer."""
         start = self._state()
         remaining = np.abs(self._duration - self._elapsed)
-        wanted = length = self._natural
+        wanted = self._natural
+        length = wanted
         if self._levels is not None:
             wanted, length = self._levels.lengths(wanted)
         even = remaining / np.ceil(remaining / wanted)
@@ -286,7 +289,8 @@ class ArcColumns(NamedTuple):
 
     def block(self, part: slice) -> "ArcColumns":
         """Return some of the arcs, as copies."""
-        position, velocity = self.position[:, part].copy(), self.velocity[:, part].copy()
+        position = self.position[:, part].copy()
+        velocity = self.velocity[:, part].copy()
         return ArcColumns(self.shape, position, velocity, *(column[part].copy() for column in self[3:]))
 
 

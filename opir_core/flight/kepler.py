@@ -134,7 +134,8 @@ class Flybys(NamedTuple):
     def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
-        position, velocity = self.position[:, at], self.velocity[:, at]
+        position = self.position[:, at]
+        velocity = self.velocity[:, at]
         moved = (1.0 - g2) * position + (self.time[at] - g3) * velocity
         return moved, (1.0 - g2 / r) * velocity - g1 / r * position
 
@@ -290,7 +291,8 @@ def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArr
     solution, left = solver(arcs)
     _move(start, solution, end)
     end_position, end_velocity = by.states(solution[:, at])
-    end[0, at], end[1, at] = (end_position * distance).T, (end_velocity / to_speed).T
+    end[0, at] = (end_position * distance).T
+    end[1, at] = (end_velocity / to_speed).T
     return left
 
 
@@ -300,8 +302,10 @@ def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
     _, g0, g1, g2 = solution
     ahead = g0 + sigma * g1
     r = ahead + g2
-    f, g = 1.0 - g2, (g1 + sigma * g2) * back / rate
-    f_rate, g_rate = g1 * back * rate / -r, ahead / r
+    f = 1.0 - g2
+    g = (g1 + sigma * g2) * back / rate
+    f_rate = g1 * back * rate / -r
+    g_rate = ahead / r
     for row, (first, second) in enumerate(((f, g), (f_rate, g_rate))):
         for axis, (start_position, start_velocity) in enumerate(((x, vx), (y, vy), (z, vz))):
             np.add(first * start_position, second * start_velocity, out=end[row, :, axis])

@@ -27,11 +27,13 @@ _LAST_STEP = 1e-9
 _FAST = 2.2
 
 #: Bounds of log w: times of flight from 1e33 to 1e-130 units.
-_LEAST, _MOST = -50.0, 300.0
+_LEAST = -50.0
+_MOST = 300.0
 
 #: Terms (3)_n / (5/2)_n of the series of F(3, 1; 5/2; S), for Q near the parabola.
 _SERIES = tuple(float(term) for term in np.cumprod([1.0, *((3.0 + n) / (2.5 + n) for n in range(8))]))
-_NEAR_PARABOLA, _AT_PARABOLA = 1e-2, 1e-30
+_NEAR_PARABOLA = 1e-2
+_AT_PARABOLA = 1e-30
 
 
 class Transfer(NamedTuple):
@@ -64,7 +66,8 @@ def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
     fast = np.log(2.0 + 2.5 * parabolic * (parabolic - time) / (time * (1.0 - lam**5)))
     guess = np.where(time >= middle, slow, np.where(time < parabolic, fast, between))
     log_w = np.where((guess > _LEAST) & (guess < _MOST), guess, -0.5)
-    low, high = np.full_like(log_w, _LEAST), np.full_like(log_w, _MOST)
+    low = np.full_like(log_w, _LEAST)
+    high = np.full_like(log_w, _MOST)
     still = (time > 0.0) & np.isfinite(time) & np.isfinite(transfer.lam)
     log_w[~still] = np.nan
     for _ in range(_MOST_STEPS):
@@ -73,7 +76,8 @@ def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
             break
         flight, slope = _time_and_slope(transfer.at(at), np.exp(log_w[at]))
         late = flight > time[at]
-        low[at], high[at] = np.where(late, log_w[at], low[at]), np.where(late, high[at], log_w[at])
+        low[at] = np.where(late, log_w[at], low[at])
+        high[at] = np.where(late, high[at], log_w[at])
         trial = log_w[at] - np.log(flight / time[at]) / slope
         inside = (trial >= low[at]) & (trial <= high[at])
         trial = np.where(inside, trial, 0.5 * (low[at] + high[at]))
@@ -87,9 +91,11 @@ def y_and_differences(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², without cancellation."""
     lam, chord = transfer
-    x, open_ = w - 1.0, w * (2.0 - w)
+    x = w - 1.0
+    open_ = w * (2.0 - w)
     y = np.sqrt(chord + (lam * x) ** 2)
-    ahead, same = x > 0.0, lam * x > 0.0
+    ahead = x > 0.0
+    same = lam * x > 0.0
     less_x = np.where(ahead, chord * open_ / (y + x), y - x)
     plus_x = np.where(ahead, y + x, chord * open_ / (y - x))
     less_lam_x = np.where(same, chord / (y + lam * x), y - lam * x)
@@ -122,7 +128,8 @@ def _fast_long_way(lam: FloatArray, w: FloatArray, y: FloatArray, eta: FloatArra
 
     The form of Lancaster and Blanchard (NASA TN D-5368, 1969).
     """
-    x, open_ = w - 1.0, w * (w - 2.0)
+    x = w - 1.0
+    open_ = w * (w - 2.0)
     root = np.sqrt(open_)
     time = (x - lam * y - np.arcsinh(eta * root) / root) / open_
     return time, -(3.0 * time * x - 2.0 + 2.0 * lam * lam * lam * x / y) / open_
@@ -181,12 +188,16 @@ def _velocities(
     first: FloatArray, second: FloatArray, duration: FloatArray, mu: float, way: Way
 ) -> tuple[FloatArray, FloatArray]:
     """Return velocities at both ends, (3, n), of arcs between positions (3, n)."""
-    r1, r2 = length(first), length(second)
-    across, along = second - first, second + first
+    r1 = length(first)
+    r2 = length(second)
+    across = second - first
+    along = second + first
     chord = length(across)
     semi = 0.5 * (r1 + r2 + chord)
-    direction_1, direction_2 = first / r1, second / r2
-    half_cosine, half_sine = 0.5 * length(direction_1 + direction_2), 0.5 * length(direction_1 - direction_2)
+    direction_1 = first / r1
+    direction_2 = second / r2
+    half_cosine = 0.5 * length(direction_1 + direction_2)
+    half_sine = 0.5 * length(direction_1 - direction_2)
     normal, sense = _normal_and_sense(first, across, along, way)
     mean = np.sqrt(r1) * np.sqrt(r2)
     transfer = Transfer(sense * mean * half_cosine / semi, chord / semi)
@@ -195,7 +206,8 @@ def _velocities(
     sideways = np.where(chord > 0.0, 2.0 * mean * half_sine / chord, 0.0)
     less, plus, y_plus_lam_x = _combinations(transfer, w)
     scale = np.sqrt(0.5 * mu * semi)
-    radial_1, radial_2 = (less - inward * plus) / r1, -(less + inward * plus) / r2
+    radial_1 = (less - inward * plus) / r1
+    radial_2 = -(less + inward * plus) / r2
     tangential = sideways * y_plus_lam_x
     return (
         scale * (radial_1 * direction_1 + tangential / r1 * cross(normal, direction_1)),
@@ -229,7 +241,8 @@ def _normal_and_sense(
     short = {"short": np.True_, "long": np.False_, "prograde": upward, "retrograde": ~upward}[way]
     sense = np.where(short, 1.0, -1.0) * np.ones_like(size)
     on_one_ray = (size == 0.0) & (dot(across, across) < dot(along, along)) & (sense > 0.0)
-    normal, up = sense * normal / size, first / length(first)
+    normal = sense * normal / size
+    up = first / length(first)
     for _ in range(2):  # between points that are almost opposite the product is noise, most of it along `first`
         normal = normal - dot(normal, up) * up
         normal = normal / length(normal)

@@ -55,7 +55,8 @@ def aimed_landing(
     radius_m = length(*components(aim_ecef_m))
     turn_rad = np.remainder(bearing_rad - aim_bearing_rad + np.pi, 2.0 * np.pi) - np.pi
     miss_m = length(*components(impact_m - aim_ecef_m))
-    along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
+    along_m = radius_m * (range_rad - aim_range_rad)
+    across_m = radius_m * np.sin(aim_range_rad) * turn_rad
     return AimedLanding(along_m, across_m, miss_m, duration_s, impact_m)
 
 
@@ -75,8 +76,11 @@ def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> tuple[FloatArray, F
     ex, ey, ez = components(site.axes[:, 0])
     ox, oy, oz = components(site.launch_m)
     radius_m = length(ox, oy, oz)
-    nx, ny, nz = (oy * ez - oz * ey) / radius_m, (oz * ex - ox * ez) / radius_m, (ox * ey - oy * ex) / radius_m
-    east, north = x * ex + y * ey + z * ez, x * nx + y * ny + z * nz
+    nx = (oy * ez - oz * ey) / radius_m
+    ny = (oz * ex - ox * ez) / radius_m
+    nz = (ox * ey - oy * ex) / radius_m
+    east = x * ex + y * ey + z * ez
+    north = x * nx + y * ny + z * nz
     outward = (x * ox + y * oy + z * oz) / radius_m
     return np.arctan2(np.hypot(east, north), outward), np.arctan2(east, north)
 
@@ -114,9 +118,11 @@ def corrected(
         rows = np.flatnonzero(now[4] > tolerance_m)
         if not rows.size:
             break
-        part, (azimuth, reach, along, across, _, share) = shot.take(rows), now[:, rows]
+        part = shot.take(rows)
+        (azimuth, reach, along, across, _, share) = now[:, rows]
         turn, gain = _newton_step(part.in_two_body_motion(), azimuth, reach, along, across)
-        azimuth, reach = azimuth + share * turn, reach * (1.0 + share * gain)
+        azimuth = azimuth + share * turn
+        reach = reach * (1.0 + share * gain)
         trial = part.landing(azimuth, reach)
         nearer = trial.distance_m() < np.hypot(along, across)
         now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)

@@ -19,7 +19,8 @@ from opir_core.geometry.vectors import components, length
 from opir_core.scene.target_classes import BoostProfile
 
 #: Iterations of Newton's method, and the share of its step of the finite differences.
-_ITERATIONS, _STEP = 30, 1e-6
+_ITERATIONS = 30
+_STEP = 1e-6
 
 #: The largest correction at once, of the unknowns' natural scale.
 _LARGEST_STEP = 0.2
@@ -64,13 +65,16 @@ class _Ascents:
         The unknowns are the logarithms of burnout speed, m/s, and of the pitch exponent, and the turn from the
         vertical, rad.
         """
-        speed_m_s, exponent, turn_rad = np.exp(unknowns[0]), np.exp(unknowns[1]), unknowns[2]
+        speed_m_s = np.exp(unknowns[0])
+        exponent = np.exp(unknowns[1])
+        turn_rad = unknowns[2]
         course = ascent_of_shape(self.burn_s, self.start_s, self.shape, exponent, turn_rad)
         plane = self.site.plane(self.azimuth_rad)
         height_m = course.burnout_height_m(speed_m_s)
         swept_rad = course.burnout_swept_rad(speed_m_s, plane.radius_m)
         position, velocity = ecef_to_eci_state(*plane.state(height_m, swept_rad, speed_m_s, turn_rad), 0.0)
-        radius_m, orbital_m_s = length(*components(position)), np.sqrt(EARTH_MU_M3_S2 / self.radius_m)
+        radius_m = length(*components(position))
+        orbital_m_s = np.sqrt(EARTH_MU_M3_S2 / self.radius_m)
         radial_m_s = np.sum(position * velocity, axis=1) / radius_m
         inertial_m_s = length(*components(velocity))
         return np.stack([radius_m / self.radius_m - 1.0, radial_m_s / orbital_m_s, inertial_m_s / orbital_m_s - 1.0])
@@ -99,7 +103,9 @@ def insertion(
     unknowns, converged = _solved(
         ascents, np.stack([0.5 * np.log(EARTH_MU_M3_S2 / radius_m), np.log(exponent), right_angle])
     )
-    speed_m_s, exponent, turn_rad = np.exp(unknowns[0]), np.exp(unknowns[1]), unknowns[2]
+    speed_m_s = np.exp(unknowns[0])
+    exponent = np.exp(unknowns[1])
+    turn_rad = unknowns[2]
     course = ascent_of_shape(burn, start, shape, exponent, turn_rad)
     path = boost_path(ascents.site, ignition_s, azimuth_rad, speed_m_s, course)
     ecef = path.state(np.arange(len(profiles)), path.burnout_s)

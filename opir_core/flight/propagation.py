@@ -41,10 +41,12 @@ def propagate(
     if forces.is_kepler:
         return propagate_kepler(position_m, velocity_m_s, duration_s, forces.gravity.mu_m3_s2)
     columns, _, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
-    position, velocity = np.empty((columns.duration.size, 3)), np.empty((columns.duration.size, 3))
+    position = np.empty((columns.duration.size, 3))
+    velocity = np.empty((columns.duration.size, 3))
     for part, integration in integrations:
         ends = integration.ends()
-        position[part], velocity[part] = ends.position.T, ends.velocity.T
+        position[part] = ends.position.T
+        velocity[part] = ends.velocity.T
     return position.reshape(*columns.shape, 3), velocity.reshape(*columns.shape, 3)
 
 
@@ -128,8 +130,11 @@ def impact_states_eci(
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
     columns, here, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
-    count, shape = columns.duration.size, columns.shape
-    duration, position, velocity = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
+    count = columns.duration.size
+    shape = columns.shape
+    duration = np.empty(count)
+    position = np.empty((count, 3))
+    velocity = np.empty((count, 3))
     reason = np.empty(count, np.int8)
     for part, integration in integrations:
         ends = integration.ends()
@@ -137,8 +142,10 @@ def impact_states_eci(
         hit = reason[part] == ImpactReason.IMPACT
         duration[part] = np.where(hit, ends.elapsed, np.nan)
         position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
-    duration[here], reason[here] = 0.0, ImpactReason.IMPACT
-    position[here], velocity[here] = columns.position[:, here].T, columns.velocity[:, here].T
+    duration[here] = 0.0
+    reason[here] = ImpactReason.IMPACT
+    position[here] = columns.position[:, here].T
+    velocity[here] = columns.velocity[:, here].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
 

@@ -43,7 +43,8 @@ Real = TypeVar("Real", bound=np.floating[Any])
 Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArray[Real]]
 
 #: The largest |alpha s²| for which three halvings of s suffice for the series: over a turn of an ellipse.
-_HALVINGS, _REACH = 3, 60.0
+_HALVINGS = 3
+_REACH = 60.0
 
 #: Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
 _MORE_HALVINGS = (7, 12)
@@ -180,7 +181,8 @@ def excess_and_noise(
 Singles = NDArray[np.float32]
 
 _STEPS = 3
-_SIXTH, _THIRD = np.float32(1.0 / 6.0), np.float32(1.0 / 3.0)
+_SIXTH = np.float32(1.0 / 6.0)
+_THIRD = np.float32(1.0 / 3.0)
 
 #: Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
 _EXPONENTIAL = 1.0
@@ -208,7 +210,10 @@ def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
     k = np.sqrt(np.maximum(-alpha, 0.0))
     at = np.flatnonzero(k * s > _EXPONENTIAL)
     if at.size:
-        k, rho, sigma, time = k[at], rho[at], sigma[at], time[at]
+        k = k[at]
+        rho = rho[at]
+        sigma = sigma[at]
+        time = time[at]
         s[at] = _logarithm(1.0 + 2.0 * k * k * k * time / np.abs((rho * k + sigma) * k + 1.0)) / k
     return s
 
@@ -244,11 +249,13 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
     solution = np.full((4, arcs.rho.size), np.nan)
     where = np.arange(arcs.rho.size)
     low, high = _bracket(arcs)
-    s, allowed = np.clip(coarse_anomaly(arcs), low, high), np.full_like(low, np.inf)
+    s = np.clip(coarse_anomaly(arcs), low, high)
+    allowed = np.full_like(low, np.inf)
     for _ in range(_BRACKETED_STEPS):
         functions = universal_functions(arcs.alpha, s)
         excess, noise = excess_and_noise(arcs, functions)
-        low, high = np.where(excess < 0.0, s, low), np.where(excess < 0.0, high, s)
+        low = np.where(excess < 0.0, s, low)
+        high = np.where(excess < 0.0, high, s)
         found, left = _corrected(arcs, s, functions)
         found[:, left] = np.stack([s, *functions[:3]])[:, left]
         left &= ~((np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high))
@@ -257,7 +264,12 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
         if not at.size:
             break
         s, allowed = _next(low, high, np.abs(excess), allowed, s + laguerre_step(arcs, functions))
-        s, low, high, allowed, where, arcs = s[at], low[at], high[at], allowed[at], where[at], arcs.at(at)
+        s = s[at]
+        low = low[at]
+        high = high[at]
+        allowed = allowed[at]
+        where = where[at]
+        arcs = arcs.at(at)
     return solution, np.isnan(solution[0])
 
 

@@ -32,7 +32,8 @@ class AzimuthElevationRange(NamedTuple):
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north and up, in ECEF."""
-    latitude, longitude = floats(latitude_rad), floats(longitude_rad)
+    latitude = floats(latitude_rad)
+    longitude = floats(longitude_rad)
     return _stacked(_rows_at(np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)))
 
 
@@ -86,7 +87,9 @@ def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     """
     sx, sy, sz = components(sensor_ecef_m)
     tx, ty, tz = components(target_ecef_m)
-    dx, dy, dz = tx - sx, ty - sy, tz - sz
+    dx = tx - sx
+    dy = ty - sy
+    dz = tz - sz
     across = length(sy * dz - sz * dy, sz * dx - sx * dz, sx * dy - sy * dx)
     towards_centre = -(sx * dx + sy * dy + sz * dz)
     return select((across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan)
@@ -98,10 +101,13 @@ def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_
 
     The inverse of `azimuth_elevation_range`.
     """
-    azimuth, elevation = floats(azimuth_rad), floats(elevation_rad)
+    azimuth = floats(azimuth_rad)
+    elevation = floats(elevation_rad)
     east, north, up = _rows_under(observer_ecef_m)
-    level, rise = np.cos(elevation), np.sin(elevation)
-    eastward, northward = np.sin(azimuth) * level, np.cos(azimuth) * level
+    level = np.cos(elevation)
+    rise = np.sin(elevation)
+    eastward = np.sin(azimuth) * level
+    northward = np.cos(azimuth) * level
     x, y, z = (eastward * e + northward * n + rise * u for e, n, u in zip(east, north, up, strict=True))
     return vector(x, y, z)
 
@@ -137,8 +143,10 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
     x, y, z = components(position_ecef_m)
     rho = np.sqrt(x * x + y * y)
     sin_latitude, cos_latitude = normal_at_foot(rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m)
-    on_axis, divisor = rho < NEVER_ZERO, rho + NEVER_ZERO
-    sin_longitude, cos_longitude = select(on_axis, 0.0, y / divisor), select(on_axis, 1.0, x / divisor)
+    on_axis = rho < NEVER_ZERO
+    divisor = rho + NEVER_ZERO
+    sin_longitude = select(on_axis, 0.0, y / divisor)
+    cos_longitude = select(on_axis, 1.0, x / divisor)
     return _rows_at(sin_latitude, cos_latitude, sin_longitude, cos_longitude)
 
 

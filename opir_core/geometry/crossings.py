@@ -81,7 +81,8 @@ def intervals_below(
     # Between two crossings the sign is that of the middle.
     is_below = function(0.5 * (edges[:-1] + edges[1:])) < 0.0
     padded = np.concatenate([[False], is_below, [False]])
-    starts, stops = np.flatnonzero(~padded[:-1] & padded[1:]), np.flatnonzero(padded[:-1] & ~padded[1:])
+    starts = np.flatnonzero(~padded[:-1] & padded[1:])
+    stops = np.flatnonzero(padded[:-1] & ~padded[1:])
     return np.stack([edges[starts], edges[stops]], axis=1)
 
 
@@ -104,18 +105,24 @@ def _around_extrema(function: RowFunction, samples: _Brackets, tolerance_s: floa
         return []
     # With one sign all along, the extremum of |f| that may lie beyond zero is the least of sign · f.
     sign = np.where(doubles.at_start < 0.0, -1.0, 1.0)
-    low, high = doubles.start_s, doubles.stop_s
-    inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    low = doubles.start_s
+    high = doubles.stop_s
+    inner = high - _GOLDEN * (high - low)
+    outer = low + _GOLDEN * (high - low)
     at_inner, at_outer = (sign * function(doubles.row, time_s) for time_s in (inner, outer))
     for _ in range(_iterations(high - low, tolerance_s, _GOLDEN)):
         is_left = at_inner < at_outer
-        low, high = np.where(is_left, low, inner), np.where(is_left, outer, high)
+        low = np.where(is_left, low, inner)
+        high = np.where(is_left, outer, high)
         # One of the two inner points stays inside; the other is new.
-        kept, at_kept = np.where(is_left, inner, outer), np.where(is_left, at_inner, at_outer)
+        kept = np.where(is_left, inner, outer)
+        at_kept = np.where(is_left, at_inner, at_outer)
         fresh = np.where(is_left, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
         at_fresh = sign * function(doubles.row, fresh)
-        inner, outer = np.where(is_left, fresh, kept), np.where(is_left, kept, fresh)
-        at_inner, at_outer = np.where(is_left, at_fresh, at_kept), np.where(is_left, at_kept, at_fresh)
+        inner = np.where(is_left, fresh, kept)
+        outer = np.where(is_left, kept, fresh)
+        at_inner = np.where(is_left, at_fresh, at_kept)
+        at_outer = np.where(is_left, at_kept, at_fresh)
     middle = np.where(at_inner < at_outer, inner, outer)
     value = sign * np.minimum(at_inner, at_outer)
     beyond = np.flatnonzero((value < 0.0) != (sign < 0.0))
@@ -132,7 +139,8 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
     last = np.flatnonzero(np.diff(samples.row, append=-1) != 0)
     first = np.concatenate([[0], last[:-1] + 1])
     one_sign = _has_one_sign(samples)
-    size, next_size = np.abs(samples.at_start), np.abs(samples.at_stop)
+    size = np.abs(samples.at_start)
+    next_size = np.abs(samples.at_stop)
     rise = np.abs(next_size - size)
     # At the ends of a row the extremum is beside the outermost sample, in one step.
     early = (size[first] <= next_size[first]) & (size[first] <= np.maximum(rise[first], rise[first + 1]))
@@ -158,11 +166,13 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
 
 def _bisected(function: RowFunction, brackets: _Brackets, tolerance_s: float) -> FloatArray:
     """Return the times (k,) at which a function changes sign in brackets."""
-    low, high = brackets.start_s, brackets.stop_s
+    low = brackets.start_s
+    high = brackets.stop_s
     for _ in range(_iterations(high - low, tolerance_s, 0.5)):
         middle = 0.5 * (low + high)
         is_before = (function(brackets.row, middle) < 0.0) == (brackets.at_start < 0.0)
-        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+        low = np.where(is_before, middle, low)
+        high = np.where(is_before, high, middle)
     return 0.5 * (low + high)
 
 

@@ -48,13 +48,16 @@ def normal_at_foot(
     Two steps of Bowring's formula (Survey Review 23, 1976, 323-327) from his start for all heights (Survey Review 28,
     1985, 202-206) are exact to rounding above 0.1 a; below 0.2 a bisection is used.
     """
-    a, b = floats(semi_major_m), floats(semi_minor_m)
+    a = floats(semi_major_m)
+    b = floats(semi_minor_m)
     focus_squared = (a - b) * (a + b)
-    evolute_rho, evolute_z = focus_squared / a, focus_squared / b
+    evolute_rho = focus_squared / a
+    evolute_z = focus_squared / b
     distance = np.sqrt(rho * rho + z * z)
     sine, cosine = _unit(b * z * (distance + evolute_z), a * rho * distance)
     for _ in range(2):
-        up, out = z + evolute_z * (sine * sine * sine), rho - evolute_rho * (cosine * cosine * cosine)
+        up = z + evolute_z * (sine * sine * sine)
+        out = rho - evolute_rho * (cosine * cosine * cosine)
         sine, cosine = _unit(b * up, a * out)
     sine, cosine = _unit(up, out)
     deep = distance < _DEEP * a
@@ -78,7 +81,8 @@ def height_along_normal(
 
 def support_m(sine: FloatArray, cosine: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike) -> FloatArray:
     """Return the distance, m, from the centre to the ellipse's tangent whose normal has that latitude."""
-    axial, radial = floats(semi_minor_m) * sine, floats(semi_major_m) * cosine
+    axial = floats(semi_minor_m) * sine
+    radial = floats(semi_major_m) * cosine
     return np.sqrt(axial * axial + radial * radial)
 
 
@@ -93,7 +97,8 @@ def _with_bisected(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the normals with those of the deep points replaced by bisection."""
     shape = np.shape(deep)
-    sine, cosine = np.array(np.broadcast_to(sine, shape)), np.array(np.broadcast_to(cosine, shape))
+    sine = np.array(np.broadcast_to(sine, shape))
+    cosine = np.array(np.broadcast_to(cosine, shape))
     deep_rho, deep_z, deep_a, deep_b = (np.broadcast_to(values, shape)[deep] for values in (rho, z, a, b))
     deep_sine, cosine[deep] = _bisected_normal(deep_rho, np.abs(deep_z), deep_a, deep_b)
     sine[deep] = np.where(deep_z < 0.0, -deep_sine, deep_sine)
@@ -111,8 +116,10 @@ def _bisected_normal(rho: FloatArray, z: FloatArray, a: FloatArray, b: FloatArra
     for _ in range(60):
         sine, cosine = _unit(low_sine + high_sine, low_cosine + high_cosine)
         poleward = (focus_squared * cosine - a * rho) * sine + b * z * cosine > 0.0
-        low_sine, low_cosine = np.where(poleward, sine, low_sine), np.where(poleward, cosine, low_cosine)
-        high_sine, high_cosine = np.where(poleward, high_sine, sine), np.where(poleward, high_cosine, cosine)
+        low_sine = np.where(poleward, sine, low_sine)
+        low_cosine = np.where(poleward, cosine, low_cosine)
+        high_sine = np.where(poleward, high_sine, sine)
+        high_cosine = np.where(poleward, high_cosine, cosine)
     return _unit(a * sine, b * cosine)
 
 

@@ -101,5 +101,6 @@ def eci_to_ecef_state(
 def _turned(vectors: ArrayLike, angle_rad: FloatArray) -> FloatArray:
     """Return vectors rotated about z by an angle."""
     x, y, z = components(vectors)
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    cosine = np.cos(angle_rad)
+    sine = np.sin(angle_rad)
     return vector(cosine * x - sine * y, sine * x + cosine * y, z)

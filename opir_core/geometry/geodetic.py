@@ -11,7 +11,8 @@ from opir_core.geometry.ellipsoid import WGS84, Ellipsoid, normal_at_foot, suppo
 from opir_core.geometry.vectors import NEVER_ZERO, components, exact_sum, floats, lengths_and_remainders, select, vector
 
 #: pi / 2 as the sum of two doubles.
-_HALF_PI, _HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
+_HALF_PI = 1.5707963267948966
+_HALF_PI_REST = 6.123233995736766e-17
 
 #: Nearer than 1 m to the centre of curvature a point's own normal is better than a further step.
 _AT_CENTRE_M2 = 1.0
@@ -34,8 +35,11 @@ def geodetic_to_ecef(
     Any finite angle and height: a latitude past a pole is the point on its far side. Not finite in, `nan` out.
     Source: Torge, Geodesy, 3rd ed., section 4.1.3.
     """
-    latitude, longitude, height = floats(latitude_rad), floats(longitude_rad), floats(height_m)
-    sine, cosine = np.sin(latitude), np.cos(latitude)
+    latitude = floats(latitude_rad)
+    longitude = floats(longitude_rad)
+    height = floats(height_m)
+    sine = np.sin(latitude)
+    cosine = np.cos(latitude)
     eccentricity_squared = ellipsoid.eccentricity_squared
     normal_radius = ellipsoid.equatorial_radius_m / np.sqrt(1.0 - eccentricity_squared * sine * sine)
     rho = (normal_radius + height) * cosine
@@ -57,12 +61,14 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
     radius. On the axis longitude is 0. Not finite, or beyond 1e77 m: `nan`.
     """
     x, y, z = components(position_m)
-    a, b = ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m
+    a = ellipsoid.equatorial_radius_m
+    b = ellipsoid.polar_radius_m
     rho, rho_remainder, distance, distance_remainder = lengths_and_remainders(x, y, z)
     sine, cosine = normal_at_foot(rho, z, a, b)
     # Distance minus support, corrected for the angle between normal and radius: at the Moon's distance
     # rho cos + z sin alone would have too large a rounding error.
-    lean, along = sine * rho - cosine * z, cosine * rho + sine * z
+    lean = sine * rho - cosine * z
+    along = cosine * rho + sine * z
     height, rounding = exact_sum(distance, -support_m(sine, cosine, a, b))
     height = height + (rounding + (distance_remainder - lean * lean / (distance + along + NEVER_ZERO)))
     longitude = _longitude(x + 0.0, y + 0.0) + 0.0 * height
@@ -75,7 +81,8 @@ def _longitude(x: FloatArray, y: FloatArray) -> FloatArray:
     It is measured from the nearest half axis: arctan2 of numpy loses another quarter of a unit on processors with
     AVX-512.
     """
-    side, beside = np.copysign(1.0, y), np.abs(y) > np.abs(x)
+    side = np.copysign(1.0, y)
+    beside = np.abs(y) > np.abs(x)
     behind = (x < 0.0) & ~beside
     angle = np.arctan2(select(beside, -x * side, select(behind, -y, y)), select(beside, np.abs(y), np.abs(x)))
     quarters = select(beside, side, select(behind, 2.0 * side, 0.0))
@@ -92,16 +99,19 @@ def _latitude(
     axis, where the arctangent rounds finer; rounding errors of the sides and of pi/2 are added at the end. At the
     centre of curvature, on the rim of the disc, the sides are noise: no step is made.
     """
-    evolute_rho, evolute_z = (a - b) * (a + b) / a, (a - b) * (a + b) / b
+    evolute_rho = (a - b) * (a + b) / a
+    evolute_z = (a - b) * (a + b) / b
     norm = np.sqrt(b * b * sine * sine + a * a * cosine * cosine)
-    parametric_sine, parametric_cosine = b * np.abs(sine) / norm, a * cosine / norm
+    parametric_sine = b * np.abs(sine) / norm
+    parametric_cosine = a * cosine / norm
     up, up_rest = exact_sum(np.abs(z), evolute_z * (parametric_sine * parametric_sine * parametric_sine))
     out, out_rest = exact_sum(rho, -evolute_rho * (parametric_cosine * parametric_cosine * parametric_cosine))
     to_centre_squared = up * up + out * out
     rest = (up_rest * out - (out_rest + rho_remainder) * up) / (to_centre_squared + NEVER_ZERO)
     at_centre = to_centre_squared < _AT_CENTRE_M2
     if np.any(at_centre):
-        up, out = select(at_centre, np.abs(sine), up), select(at_centre, cosine, out)
+        up = select(at_centre, np.abs(sine), up)
+        out = select(at_centre, cosine, out)
         rest = select(at_centre, 0.0, rest)
     steep = up > out
     angle = np.arctan2(select(steep, -out, up), select(steep, up, out))

@@ -14,7 +14,8 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, height_along_normal, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
-_A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
+_A = WGS84.equatorial_radius_m
+_B = WGS84.polar_radius_m
 
 #: The search ends when no point of the segment can be lower than the lowest so far by more than this, m.
 _NEGLIGIBLE_M = 1e-9
@@ -49,13 +50,17 @@ def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray
     tangents, so the smaller slope times the bracket bounds the remaining improvement.
     """
     count = len(observer_ecef_m)
-    low, high = np.zeros(count), np.ones(count)
+    low = np.zeros(count)
+    high = np.ones(count)
     slope_low, height_low = _slope(observer_ecef_m, target_ecef_m, low)
     slope_high, height_high = _slope(observer_ecef_m, target_ecef_m, high)
     least = np.minimum(height_low, height_high)
     active = np.arange(count)
     for step in range(_MOST_STEPS):
-        left, right, falling, rising = low[active], high[active], slope_low[active], slope_high[active]
+        left = low[active]
+        right = high[active]
+        falling = slope_low[active]
+        rising = slope_high[active]
         guess = 0.5 * (left + right)
         if step % 2 == 0:
             secant = left - falling * ((right - left) / (rising - falling))
@@ -63,8 +68,10 @@ def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray
         slope, height = _slope(observer_ecef_m[active], target_ecef_m[active], guess)
         least[active] = np.minimum(least[active], height)
         down = slope < 0.0
-        low[active], slope_low[active] = np.where(down, guess, left), np.where(down, slope, falling)
-        high[active], slope_high[active] = np.where(down, right, guess), np.where(down, rising, slope)
+        low[active] = np.where(down, guess, left)
+        slope_low[active] = np.where(down, slope, falling)
+        high[active] = np.where(down, right, guess)
+        slope_high[active] = np.where(down, rising, slope)
         flattest = np.minimum(-slope_low[active], slope_high[active])
         active = active[flattest * (high[active] - low[active]) > _NEGLIGIBLE_M]
         if not active.size:
@@ -76,7 +83,9 @@ def _slope(observer: FloatArray, target: FloatArray, share: FloatArray) -> tuple
     """Return the change of height with the share of the segment covered, and the height there, m."""
     ox, oy, oz = components(observer)
     tx, ty, tz = components(target)
-    dx, dy, dz = tx - ox, ty - oy, tz - oz
+    dx = tx - ox
+    dy = ty - oy
+    dz = tz - oz
     up = normal(ox + share * dx, oy + share * dy, oz + share * dz)
     return up.x * dx + up.y * dy + up.z * dz, up.height
 
@@ -97,12 +106,20 @@ def intersection_with_ellipsoid(
     discriminant from the cross product, which does not cancel for grazing rays.
     """
     height = floats(height_m)
-    a, b = WGS84.equatorial_radius_m + height, WGS84.polar_radius_m + height
+    a = WGS84.equatorial_radius_m + height
+    b = WGS84.polar_radius_m + height
     (ox, oy, oz), (dx, dy, dz) = components(origin_ecef_m), components(direction)
-    x, y, z, u, v, w = ox / a, oy / a, oz / b, dx / a, dy / a, dz / b
-    speed, moment = length(u, v, w), length(y * w - z * v, z * u - x * w, x * v - y * u)
+    x = ox / a
+    y = oy / a
+    z = oz / b
+    u = dx / a
+    v = dy / a
+    w = dz / b
+    speed = length(u, v, w)
+    moment = length(y * w - z * v, z * u - x * w, x * v - y * u)
     root = np.sqrt((speed - moment) * (speed + moment))
-    radius, along = length(x, y, z), x * u + y * v + z * w
+    radius = length(x, y, z)
+    along = x * u + y * v + z * w
     outside = (radius - 1.0) * (radius + 1.0)
     # Two forms of each root of the quadratic: the one whose terms have one sign.
     entry = np.where(along < 0.0, outside / (root - along), np.nan)
@@ -136,7 +153,8 @@ def grazing_height_m(
     if exact_above_m > -np.inf:
         bound_m = closest_to_centre_m(observer_ecef_m, target_ecef_m) - _B
         is_deep = searched & (bound_m < exact_above_m)
-        height, searched = select(is_deep, bound_m, height), searched & ~is_deep
+        height = select(is_deep, bound_m, height)
+        searched = searched & ~is_deep
     return _with_depths(height, observer_ecef_m, target_ecef_m, searched)
 
 
@@ -164,7 +182,9 @@ def closest_to_centre_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) ->
     """
     ox, oy, oz = components(observer_ecef_m)
     tx, ty, tz = components(target_ecef_m)
-    dx, dy, dz = tx - ox, ty - oy, tz - oz
+    dx = tx - ox
+    dy = ty - oy
+    dz = tz - oz
     share = -(ox * dx + oy * dy + oz * dz) / (dx * dx + dy * dy + dz * dz + NEVER_ZERO)
     share = np.minimum(np.maximum(share, 0.0), 1.0)
     return length(ox + share * dx, oy + share * dy, oz + share * dz)
@@ -174,13 +194,18 @@ def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
     """Return the minima of height along the segments."""
     ox, oy, oz = components(observer_ecef_m)
     tx, ty, tz = components(target_ecef_m)
-    dx, dy, dz = tx - ox, ty - oy, tz - oz
-    observer, target = normal(ox, oy, oz), normal(tx, ty, tz)
+    dx = tx - ox
+    dy = ty - oy
+    dz = tz - oz
+    observer = normal(ox, oy, oz)
+    target = normal(tx, ty, tz)
     falls = observer.x * dx + observer.y * dy + observer.z * dz < 0.0
     rises = target.x * dx + target.y * dy + target.z * dz > 0.0
     # From the end nearer to the Earth: an error of direction has the shorter arm there.
     near = tx * tx + ty * ty + tz * tz < ox * ox + oy * oy + oz * oz
-    px, py, pz = select(near, tx, ox), select(near, ty, oy), select(near, tz, oz)
+    px = select(near, tx, ox)
+    py = select(near, ty, oy)
+    pz = select(near, tz, oz)
     return _Dip(falls & rises, _line_height(px, py, pz, dx, dy, dz), np.minimum(observer.height, target.height))
 
 
@@ -192,10 +217,13 @@ def _line_height(
     Minus infinity for a line through the ellipsoid. The axes of the view are the horizontal across the line and the
     remainder of z.
     """
-    level, distance = np.sqrt(dx * dx + dy * dy), length(dx, dy, dz)
-    sine, cosine = dz / (distance + NEVER_ZERO), select(distance < NEVER_ZERO, 1.0, level / (distance + NEVER_ZERO))
+    level = np.sqrt(dx * dx + dy * dy)
+    distance = length(dx, dy, dz)
+    sine = dz / (distance + NEVER_ZERO)
+    cosine = select(distance < NEVER_ZERO, 1.0, level / (distance + NEVER_ZERO))
     upright = level < NEVER_ZERO
-    ux, uy = select(upright, 1.0, dx / (level + NEVER_ZERO)), select(upright, 0.0, dy / (level + NEVER_ZERO))
+    ux = select(upright, 1.0, dx / (level + NEVER_ZERO))
+    uy = select(upright, 0.0, dy / (level + NEVER_ZERO))
     across = np.abs(py * ux - px * uy)
     above = pz * cosine - (px * ux + py * uy) * sine
     semi_minor = np.sqrt(_B * _B * cosine * cosine + _A * _A * sine * sine)

@@ -16,9 +16,13 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 
 def unit_vectors(place: FloatArray) -> FloatArray:
     """Return unit vectors (n, 3) of places (n, 2 or more), latitude and longitude first, rad."""
-    latitude, longitude, vectors = place[:, 0], place[:, 1], np.empty((len(place), 3))
+    latitude = place[:, 0]
+    longitude = place[:, 1]
+    vectors = np.empty((len(place), 3))
     flat = np.cos(latitude)
-    vectors[:, 0], vectors[:, 1], vectors[:, 2] = flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)
+    vectors[:, 0] = flat * np.cos(longitude)
+    vectors[:, 1] = flat * np.sin(longitude)
+    vectors[:, 2] = np.sin(latitude)
     return vectors
 
 
@@ -27,7 +31,8 @@ def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
 
     From the haversine and its complement: exact to rounding from short distances to antipodes.
     """
-    both, turn = np.cos(other[:, 0]) * np.cos(one[:, 0]), 0.5 * (other[:, 1] - one[:, 1])
+    both = np.cos(other[:, 0]) * np.cos(one[:, 0])
+    turn = 0.5 * (other[:, 1] - one[:, 1])
     near = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2 + both * np.sin(turn) ** 2
     far = np.sin(0.5 * (other[:, 0] + one[:, 0])) ** 2 + both * np.cos(turn) ** 2
     return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arctan2(np.sqrt(np.abs(near)), np.sqrt(np.abs(far)))
@@ -47,7 +52,8 @@ class AzimuthalEquidistant:
         """Return the map about the direction of a vector (3,) from the Earth's centre."""
         x, y, z = (up / np.sqrt(up @ up)).tolist()
         longitude = atan2(y, x)
-        east, ahead = -sin(longitude), cos(longitude)
+        east = -sin(longitude)
+        ahead = cos(longitude)
         return cls(np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]]))
 
     @property

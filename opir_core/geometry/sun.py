@@ -65,7 +65,8 @@ def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     x, y, z = components(_position_m(centuries, in_longitude, in_obliquity))
     # Apparent sidereal time: mean, and the equation of the equinoxes.
     angle = gmst_rad(epoch, time_s) + in_longitude * np.cos(_obliquity_rad(centuries) + in_obliquity)
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
     return vector(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
@@ -183,9 +184,15 @@ def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
     stretch = WGS84.equatorial_radius_m / WGS84.polar_radius_m
     x, y, z = components(position_m)
     u, v, w = components(sun_position_m)
-    z, u, v, w = z * stretch, u - x, v - y, (w - z) * stretch
-    radius, distance = length(x, y, z), length(u, v, w)
-    normal_x, normal_y, normal_z = y * w - z * v, z * u - x * w, x * v - y * u
+    u = u - x
+    v = v - y
+    w = (w - z) * stretch
+    z = z * stretch
+    radius = length(x, y, z)
+    distance = length(u, v, w)
+    normal_x = y * w - z * v
+    normal_y = z * u - x * w
+    normal_z = x * v - y * u
     across = length(normal_x, normal_y, normal_z)
     slope = (normal_x * v - normal_y * u) / (across * distance + NEVER_ZERO)
     sun_radius_m = SUN_RADIUS_M * np.sqrt(1.0 + (stretch * stretch - 1.0) * slope * slope)

@@ -22,13 +22,16 @@ class InvalidOutput(ModelError):  # noqa: N818 - `PluginErrors` adds the owner
     """What a component returned is invalid; `key` is that of the component in the scene, `detection` for instance."""
 
     def __init__(self, key: str, method: str, words: str) -> None:
-        self.key, self.method, self.words = key, method, words
+        self.key = key
+        self.method = method
+        self.words = words
         super().__init__(f"{key}: {method} {words}")
 
 
 def owner_text(host: Host, choice: Choice) -> str:
     """Return the beginning of a message: a component with its path in the scene and its owner."""
-    kind, owner = host.component(choice.hook, choice.name).kind, host.provenance(choice.hook, choice.name)
+    kind = host.component(choice.hook, choice.name).kind
+    owner = host.provenance(choice.hook, choice.name)
     return f"{choice.path}: the {kind} {choice.name!r} of {owner}"
 
 

@@ -62,7 +62,9 @@ def _admits(clause: str, version: str) -> bool:
     match = _CLAUSE.fullmatch(clause)
     if match is None:
         return True
-    operator, bound, is_prefix = match[1], _release(match[2]), bool(match[3])
+    operator = match[1]
+    bound = _release(match[2])
+    is_prefix = bool(match[3])
     installed = _release(version)
     if operator == "~=":
         return _padded(installed, bound) >= _padded(bound, installed) and _starts(installed, bound[:-1])

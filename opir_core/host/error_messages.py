@@ -99,7 +99,8 @@ class Search:
 
 def missing(search: Search, claims: Claims, failures: Iterable[PluginFailure], selection: Selection) -> str:
     """Return the message about a name that no usable plugin offers: similar and installed names, failures, remedy."""
-    kind, name = search.kind, search.name
+    kind = search.kind
+    name = search.name
     installed = {offered: owners for (hook, offered), owners in sorted(claims.items()) if hook == search.hook}
     close = nearest_names(name, installed)
     lines = [
@@ -213,7 +214,8 @@ def place_of_frame(frame: FrameType) -> str:
 
 def _place(error: BaseException) -> str:
     """Return the line of the traceback that is shown."""
-    lines, trace = [], error.__traceback__
+    lines = []
+    trace = error.__traceback__
     while trace is not None:
         lines.append((trace.tb_frame, trace.tb_lineno))
         trace = trace.tb_next
@@ -234,7 +236,9 @@ def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
 
     Lines of the host, of Python's own library, of numpy and scipy do not count.
     """
-    of_core, of_plugin, package = "", "", None
+    of_core = ""
+    of_plugin = ""
+    package = None
     for frame, number in lines:
         path = PurePath(frame.f_code.co_filename)
         line = f"{'/'.join(path.parts[-2:])}, line {number}"

@@ -45,7 +45,8 @@ class Host:
         """
         rule = "the allow-list"
         if isinstance(allowed, EllipsisType):
-            rule, allowed = ALLOW_VARIABLE, os.environ.get(ALLOW_VARIABLE)
+            rule = ALLOW_VARIABLE
+            allowed = os.environ.get(ALLOW_VARIABLE)
         names = allowed.split(",") if isinstance(allowed, str) else allowed
         selection = selected([*core_sources(), *installed_sources()], names, rule)
         for name in selection.unknown:

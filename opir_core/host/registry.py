@@ -112,7 +112,8 @@ class Registry:
     def rows(self) -> list[PluginRow]:
         """Load every plugin and return a row for each, sorted by name, then the hidden and the unknown ones."""
         self.load_all()
-        owners, selection = self.claims(), self.selection
+        owners = self.claims()
+        selection = self.selection
         return [
             *(self._row_of(source, owners) for source in self._sources),
             *(_row(source.provenance, "hidden", source.requires_core) for source in selection.hidden),
@@ -123,7 +124,8 @@ class Registry:
         ]
 
     def _row_of(self, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
-        owner, outcome = source.provenance, self.load(source)
+        owner = source.provenance
+        outcome = self.load(source)
         if isinstance(outcome, PluginFailure):
             return _row(owner, "failed", source.requires_core, failure=outcome.reason)
         components = tuple(

@@ -52,7 +52,8 @@ class Watchdog:
         self._stopping.set()
 
     def _work(self) -> None:
-        beat_s, judged_from_s = time.monotonic(), -float("inf")
+        beat_s = time.monotonic()
+        judged_from_s = -float("inf")
         while not self._stopping.wait(self.interval_s):
             now_s = time.monotonic()
             if now_s - beat_s > self.interval_s + PAUSED_S:
@@ -87,7 +88,8 @@ def ended_if_stuck(dead_after_s: float | None = None, on_stuck: Callable[[str], 
 
     By default the limit is that in force; `on_stuck` is called with the reason instead.
     """
-    thread, within_s = threading.get_ident(), dead_after_s or limit_in_force()
+    thread = threading.get_ident()
+    within_s = dead_after_s or limit_in_force()
     watchdog = Watchdog(lambda: overdue_call(thread, within_s), on_stuck or _end_process, within_s)
     before = _SET.copy()
     _SET.extend([dead_after_s] if dead_after_s else [])
@@ -120,7 +122,8 @@ class CallThread:
 
     def result(self, call: Callable[[], Any], within_s: float, *, is_last: bool = False) -> Any:
         """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
-        answer, is_there = list[Any](), threading.Event()
+        answer = list[Any]()
+        is_there = threading.Event()
         self._calls.put((call, answer, is_there, is_last))
         # In steps: a pause of the process counts as one, however long.
         if not any(is_there.wait(CHECK_S) for _ in range(math.ceil(within_s / CHECK_S))):

@@ -17,7 +17,8 @@ else:
         """A property with a default, which a subclass or an instance may replace by a plain attribute."""
 
         def __init__(self, fget: Callable[[Any], Any]) -> None:
-            self.fget, self.__doc__ = fget, fget.__doc__
+            self.fget = fget
+            self.__doc__ = fget.__doc__
 
         def __get__(self, part: Any, _owner: Any = None) -> Any:
             return self if part is None else self.fget(part)

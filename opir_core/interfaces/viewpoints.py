@@ -34,7 +34,8 @@ class Viewpoints:
         """
         known = np.zeros(int(sensor.max(initial=-1)) + 1, dtype=np.int64)
         known[sensor] = np.arange(len(sensor))
-        homes, of_row = sensor_ecef_m.take(known, axis=0), sensor.astype(np.int64)
+        homes = sensor_ecef_m.take(known, axis=0)
+        of_row = sensor.astype(np.int64)
         away = sensor_ecef_m != homes.take(of_row, axis=0)
         moved = np.flatnonzero(away[:, 0] | away[:, 1] | away[:, 2])
         of_row[moved] = len(homes) + np.arange(len(moved))

@@ -23,7 +23,8 @@ def hypothesis_columns(tracks: Tracks, hypotheses: Sequence[str], decimals: int 
     sums = {name: getattr(tracks, name) for name in _SUMS}
     sums["probability_comes_down"] = [_comes_down(each) if here else np.nan for here, each in regions]
     if decimals is not None:
-        chances, sums = np.round(chances, decimals), {name: np.round(sums[name], decimals) for name in sums}
+        chances = np.round(chances, decimals)
+        sums = {name: np.round(sums[name], decimals) for name in sums}
     shares = zip(weighed, chances.tolist(), strict=True)
     return {
         "hypotheses": [dict(zip(hypotheses, share, strict=True)) if here else None for here, share in shares],

@@ -34,7 +34,8 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
     shifted = evolve(added.pairs, target=(added.pairs.target + count).astype(np.int32))
     pairs = Pairs.concatenate([plan.pairs, shifted])
     order = np.lexsort((pairs.target, pairs.sensor))
-    ours, theirs = plan.sightlines, added.sightlines
+    ours = plan.sightlines
+    theirs = added.sightlines
     lines = Sightlines(
         first_point=np.concatenate([ours.first_point, theirs.first_point + len(ours.travel_s)])[order],
         travel_s=np.concatenate([ours.travel_s, theirs.travel_s]),
@@ -42,7 +43,8 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
         sight=np.concatenate([ours.sight, theirs.sight]),
     )
     scene = evolve(plan.scene, targets=(*plan.scene.targets, *added.scene.targets))
-    one, other = plan.targets, added.targets
+    one = plan.targets
+    other = added.targets
     targets = Targets(
         ids=(*one.ids, *other.ids),
         type_code=np.concatenate([one.type_code, other.type_code]),
@@ -285,7 +287,8 @@ def require_plausible(scene: Scene, former: Scene, source: str) -> None:
 
 
 def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:
-    ours, theirs = scene_mapping(former), scene_mapping(scene)
+    ours = scene_mapping(former)
+    theirs = scene_mapping(scene)
     problems = [Problem(key, reason) for key, reason in _FIXED.items() if ours.get(key) != theirs.get(key)]
     names = [(sensor.id, sensor.constellation, sensor.model.name) for sensor in former.sensors]
     if names != [(sensor.id, sensor.constellation, sensor.model.name) for sensor in scene.sensors]:

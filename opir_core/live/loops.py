@@ -58,7 +58,9 @@ class Pace:
         self.speed = speed
         self._step_ns = UNPACED_STEP_NS if speed is None else max(1, round(cycle_ns * speed))
         self._start_ns = time.monotonic_ns()
-        self.load, self.least_load, self._measured_ns = 0.0, 0.0, 0.0
+        self.load = 0.0
+        self.least_load = 0.0
+        self._measured_ns = 0.0
 
     @property
     def cycle_ns(self) -> int:
@@ -192,7 +194,8 @@ def launch_in_lap(
     A block without an id gets `target_id`; one without a time gets `earliest_ns` of the lap, rounded up to a
     millisecond. Raises `PastError` for a time before the lap.
     """
-    whole, before_ns = {"id": target_id, **block}, position.offset.time_ns
+    whole = {"id": target_id, **block}
+    before_ns = position.offset.time_ns
     launch = whole.get("launch")
     if not isinstance(launch, Mapping):
         return whole, False

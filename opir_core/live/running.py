@@ -86,7 +86,9 @@ class LiveRun:
         settings: LiveSettings,
         on_window: Callable[[LiveWindow], None] = lambda _window: None,
     ) -> None:
-        self.scene, self.host, self.settings = scene, host, settings
+        self.scene = scene
+        self.host = host
+        self.settings = settings
         #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
@@ -114,11 +116,13 @@ class LiveRun:
 
     def start(self) -> None:
         """Open the sinks and start the thread; raises `SinkError` if a sink cannot be opened."""
-        plan, sinks = self.plan, list[SinkThread]()
+        plan = self.plan
+        sinks = list[SinkThread]()
         try:
             for choice in plan.scene.outputs:
                 is_spooled = choice.spool is not None
-                made, count = opened_sink(plan, choice), counter_of(plan, choice)
+                made = opened_sink(plan, choice)
+                count = counter_of(plan, choice)
                 sinks.append(SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count))
         except BaseException:
             for sink in sinks:
@@ -127,7 +131,8 @@ class LiveRun:
         for sink in sinks:
             if sink.has_waiting_in_memory:
                 warn(f"{sink.path} ({sink.name}): {WITHOUT_SPOOL}")
-        self._sinks, self._state = tuple(sinks), "running"
+        self._sinks = tuple(sinks)
+        self._state = "running"
         if self._lap_plans is not None:
             self._lap_plans.prepare(1)
         self._pace.start()
@@ -189,7 +194,8 @@ class LiveRun:
 
     def status(self) -> LiveStatus:
         """Return state and counts."""
-        counts, position = self._counts, self._position
+        counts = self._counts
+        position = self._position
         plan = position.engine.plan
         return LiveStatus(
             state=self._state,
@@ -215,7 +221,8 @@ class LiveRun:
 
     def progress(self) -> Progress:
         """Return the age of the last finished cycle, and the calls that take too long; never waits."""
-        age_s, settings = self._cycle_age_s(), self.settings
+        age_s = self._cycle_age_s()
+        settings = self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
         late = [self._lateness()] if self._is_late else []
         late += [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
@@ -270,7 +277,8 @@ class LiveRun:
             self._launch_count += 1
             lead_ns = 3 * self._pace.step_ns(self.time_ns)
             while time.monotonic() < give_up_s:
-                position, asked_ns = self._position, self.time_ns
+                position = self._position
+                asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
                 whole, is_chosen = launch_in_lap(block, f"live-{self._launch_count}", position, earliest_ns)
                 duration_s = position.engine.plan.scene.duration_s
@@ -342,7 +350,8 @@ class LiveRun:
         due_ns = self._due_ns()
         if not self._pace.wait(due_ns, self._stopping):
             return False
-        begun_ns, former_ns = time.monotonic_ns(), self._counts.time_ns
+        begun_ns = time.monotonic_ns()
+        former_ns = self._counts.time_ns
         for edge_ns in self._slices_ns(due_ns):
             window = self._reports.take(self._observed(edge_ns), edge_ns)
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
@@ -435,5 +444,6 @@ class LiveRun:
             self._lap_plans.prepare(position.lap + 1, change.base)
         for choice in change.reopened:
             sink = next(sink for sink in self._sinks if sink.path == choice.path)
-            plan, is_spooled = change.engine.plan, choice.spool is not None
+            plan = change.engine.plan
+            is_spooled = choice.spool is not None
             sink.replace(partial(opened_sink, plan, choice), is_spooled=is_spooled, count=counter_of(plan, choice))

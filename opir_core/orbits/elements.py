@@ -77,9 +77,12 @@ def perigee_axes(elements: Elements) -> tuple[Vector, Vector]:
 
     Source: Vallado, Fundamentals of Astrodynamics and Applications, section 2.6 (the perifocal frame).
     """
-    cos_node, sin_node = math.cos(elements.node_longitude_rad), math.sin(elements.node_longitude_rad)
-    cos_tilt, sin_tilt = math.cos(elements.inclination_rad), math.sin(elements.inclination_rad)
-    cosine, sine = math.cos(elements.argument_of_perigee_rad), math.sin(elements.argument_of_perigee_rad)
+    cos_node = math.cos(elements.node_longitude_rad)
+    sin_node = math.sin(elements.node_longitude_rad)
+    cos_tilt = math.cos(elements.inclination_rad)
+    sin_tilt = math.sin(elements.inclination_rad)
+    cosine = math.cos(elements.argument_of_perigee_rad)
+    sine = math.sin(elements.argument_of_perigee_rad)
     towards = (
         cos_node * cosine - sin_node * sine * cos_tilt,
         sin_node * cosine + cos_node * sine * cos_tilt,
@@ -96,10 +99,8 @@ def perigee_axes(elements: Elements) -> tuple[Vector, Vector]:
 def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
     """Return the mean anomaly, in [-pi, pi], at a true anomaly of a closed orbit (Vallado, section 2.2)."""
     half_rad = 0.5 * math.remainder(true_anomaly_rad, 2.0 * math.pi)
-    across, ahead = (
-        math.sqrt(1.0 - eccentricity) * math.sin(half_rad),
-        math.sqrt(1.0 + eccentricity) * math.cos(half_rad),
-    )
+    across = math.sqrt(1.0 - eccentricity) * math.sin(half_rad)
+    ahead = math.sqrt(1.0 + eccentricity) * math.cos(half_rad)
     eccentric_rad = 2.0 * math.atan2(across, ahead)
     return eccentric_rad - eccentricity * math.sin(eccentric_rad)
 

@@ -33,7 +33,9 @@ _OMM_WORDS = {
 _SGP4_XP = "4"
 
 #: The numbers of a TLE by line: what they are, the columns, counted from 0, and their form.
-_PLAIN, _DIGITS, _POWER = r" *[+-]?\d*\.?\d* *", r"\d{7}", r"[ +-]\d{5}[+-]\d|[ +-]0{5}[ +-]\d"
+_PLAIN = r" *[+-]?\d*\.?\d* *"
+_DIGITS = r"\d{7}"
+_POWER = r"[ +-]\d{5}[+-]\d|[ +-]0{5}[ +-]\d"
 _TLE_NUMBERS = {
     0: (
         ("epoch", 18, 32, r"\d\d[ \d]{3}\.\d{8}"),
@@ -60,7 +62,8 @@ _MOST_TURNS_A_DAY = 18.0
 _MOST_BSTAR = 10.0
 
 #: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day, km.
-_OLD_DAYS, _ERROR_KM_DAY = 14.0, (1.0, 3.0)
+_OLD_DAYS = 14.0
+_ERROR_KM_DAY = (1.0, 3.0)
 
 
 def tle_complaint(lines: tuple[str, str] | None) -> str | None:

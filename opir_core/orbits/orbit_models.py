@@ -201,11 +201,13 @@ def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> MovingOrbit:
 
     kind = "tle" if config.tle is not None else "omm" if config.omm_file is None else "omm_file"
     if config.tle is not None:
-        satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
+        satellite = satellite_of_tle(config.tle)
+        name = f"object {config.tle[0][2:7].strip()}"
     else:
         omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
         assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
-        satellite, name = satellite_of_omm(omm), omm_name(omm)
+        satellite = satellite_of_omm(omm)
+        name = omm_name(omm)
     motion = Sgp4Motion(satellite, epoch_us, name)
     try:
         motion.position_teme_m(np.zeros(1))

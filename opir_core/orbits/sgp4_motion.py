@@ -83,7 +83,8 @@ class Sgp4Motion:
         """Return positions (n, 3) in the pseudo-Earth-fixed frame."""
         x, y, z = self.position_teme_m(time_s).T
         angle_rad = self._gmst_rad + self._gmst_rate_rad_s * time_s
-        cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+        cosine = np.cos(angle_rad)
+        sine = np.sin(angle_rad)
         return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -83,7 +83,8 @@ def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float
     found = outage_times_s(sensor, epoch_us, start_s, stop_s)
     azimuth = np.stack([_sun_azimuth_rad(sensor, time_s, epoch_us) for time_s in found.T], axis=1)
     closest_s, nearest = _closest(sensor, found, epoch_us)
-    field, exclusion = sensor.field_of_regard_half_angle_rad, sensor.solar_exclusion_rad
+    field = sensor.field_of_regard_half_angle_rad
+    exclusion = sensor.solar_exclusion_rad
     lost = cap_overlap_sr(field, exclusion, nearest) / (4.0 * np.pi * np.sin(0.5 * field) ** 2)
     return Outages(found[:, 0], found[:, 1], azimuth, closest_s, nearest, lost)
 
@@ -99,7 +100,8 @@ def outage_times_s(
 
     def margin(time_s: FloatArray) -> FloatArray:
         """Return a margin (n,), rad, negative while the Sun is near the field of regard and in view."""
-        position, sun = sensor.orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)
+        position = sensor.orbit.position_ecef_m(time_s)
+        sun = sun_ecef_m(time_s, epoch_us)
         near = nadir_angle_rad(position, sun) - reach_rad
         return np.maximum(near, -shadow_margins_rad(position, sun).umbra)
 
@@ -116,7 +118,8 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
     """
     one, other, apart = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (one_rad, other_rad, apart_rad)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        at_one, at_other = _arc(other, apart, one), _arc(one, apart, other)
+        at_one = _arc(other, apart, one)
+        at_other = _arc(one, apart, other)
         common = 2.0 * (np.pi - _arc(apart, one, other) - at_one * np.cos(one) - at_other * np.cos(other))
     smaller = 4.0 * np.pi * np.sin(0.5 * np.minimum(one, other)) ** 2
     whole = 4.0 * np.pi * (np.sin(0.5 * one) ** 2 + np.sin(0.5 * other) ** 2 - 1.0)
@@ -132,12 +135,14 @@ def _arc(opposite: FloatArray, side: FloatArray, other: FloatArray) -> FloatArra
 
 def _closest(sensor: Sensor, intervals_s: FloatArray, epoch_us: int) -> tuple[FloatArray, FloatArray]:
     """Return when in each interval (n, 2) the Sun is nearest to nadir, to a sample, and its angle from nadir, rad."""
-    closest_s, nearest = np.empty(len(intervals_s)), np.empty(len(intervals_s))
+    closest_s = np.empty(len(intervals_s))
+    nearest = np.empty(len(intervals_s))
     for number, (start_s, stop_s) in enumerate(intervals_s.tolist()):
         time_s = np.linspace(start_s, stop_s, 2 + int((stop_s - start_s) / _STEP_S))
         angle = nadir_angle_rad(sensor.orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us))
         place = int(np.argmin(angle))
-        closest_s[number], nearest[number] = time_s[place], angle[place]
+        closest_s[number] = time_s[place]
+        nearest[number] = angle[place]
     return closest_s, nearest
 
 

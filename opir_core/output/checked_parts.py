@@ -18,7 +18,9 @@ class CheckedPart:
     """A part of a plugin; `owner()` returns the beginning of messages, `hint` is their end."""
 
     def __init__(self, part: Any, owner: Callable[[], str], hint: str) -> None:
-        self._part, self._owner, self._hint = part, owner, hint
+        self._part = part
+        self._owner = owner
+        self._hint = hint
 
     def _called(self, method: str, *given: Any) -> Any:
         try:

@@ -28,7 +28,9 @@ _FEWEST = 3
 #: Longest step in longitude whose sense is beyond doubt, degrees.
 _WIDEST_DEG = 90.0
 #: Halvings that find a place on an edge, and divisions into as many parts: to 6e-8 of the edge.
-_HALVINGS, _DIVISIONS, _PARTS = 40, 4, 64
+_HALVINGS = 40
+_DIVISIONS = 4
+_PARTS = 64
 
 _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
@@ -68,7 +70,8 @@ def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
     It may lack condition, probability, effective samples and centre.
     """
     centre = document.get("centre")
-    condition, samples = document.get("condition", IMPACT_CONDITIONS[0]), document.get("effective_samples")
+    condition = document.get("condition", IMPACT_CONDITIONS[0])
+    samples = document.get("effective_samples")
     if condition not in IMPACT_CONDITIONS:
         raise ValueError(f"{condition!r} is no condition of a region; give one of {', '.join(IMPACT_CONDITIONS)}")
     geometry = document["geometry"]
@@ -133,7 +136,8 @@ def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
 
     Edges along the 180th meridian or along a pole are cuts.
     """
-    widest_deg, is_cut = 0.0, False
+    widest_deg = 0.0
+    is_cut = False
     for ring in polygon:
         latitude, longitude = np.degrees(ring).T
         on_cut = (np.abs(longitude) == 180.0) | (np.abs(latitude) == _POLE_DEG)
@@ -141,7 +145,8 @@ def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
         step = np.abs(np.diff(longitude)).max(initial=0.0, where=~along)
         if np.abs(longitude).max() > 180.0:
             return False
-        widest_deg, is_cut = max(widest_deg, float(step)), is_cut or bool(along.any())
+        widest_deg = max(widest_deg, float(step))
+        is_cut = is_cut or bool(along.any())
     return widest_deg <= (180.0 if is_cut else _STEP_DEG) and (is_cut or not (is_wide or polygon[1:]))
 
 
@@ -155,7 +160,8 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     poles = [_poles_in(plane, chart) if is_wide else () for plane in planes]
     outer, *holes = [_unrolled(*each, chart) for each in zip(polygon, planes, poles, strict=True)]
     if len(poles[0]) == 2:
-        outer, holes = _WORLD, [outer, *holes]
+        holes = [outer, *holes]
+        outer = _WORLD
     rings = [outer]
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
@@ -166,7 +172,8 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
 def _closed_around(rings: Rings) -> Rings:
     """Return rings in which the outer one, closed along a meridian and a pole, is closed around holes that cross it."""
     outer, *holes = rings
-    west, east = float(outer[:, 0].min()), float(outer[:, 0].max())
+    west = float(outer[:, 0].min())
+    east = float(outer[:, 0].max())
     across = [hole for hole in holes if hole[:, 0].min() < west or hole[:, 0].max() > east]
     if not across:
         return rings
@@ -210,7 +217,9 @@ def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatA
     share = (at_deg - longitude[crossings]) / (longitude[crossings + 1] - longitude[crossings])
     crossed_deg = latitude[crossings] + share * (latitude[crossings + 1] - latitude[crossings])
     nearest = int(np.argmax(crossed_deg * np.sign(pole_deg)))
-    place, edge_deg, height_deg = int(crossings[nearest]), float(at_deg[nearest]), float(crossed_deg[nearest])
+    place = int(crossings[nearest])
+    edge_deg = float(at_deg[nearest])
+    height_deg = float(crossed_deg[nearest])
     later = closed[: place + 1] + np.array([turn_deg, 0.0])
     closing = [[edge_deg + turn_deg, height_deg], [edge_deg + turn_deg, pole_deg], [edge_deg, pole_deg]]
     return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
@@ -226,7 +235,8 @@ def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -
     edge = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
     for _ in range(_HALVINGS):  # an edge that passes close to a pole turns around it within one step
-        points, added = np.degrees(ring[edge, ::-1]), np.flatnonzero(share)
+        points = np.degrees(ring[edge, ::-1])
+        added = np.flatnonzero(share)
         points[added] = _along(plane, edge[added], share[added], chart)
         after = np.where(np.append(edge[1:], -1) == edge, np.append(share[1:], 1.0), 1.0)
         turn = np.abs(np.diff(points[:, 0], append=points[0, 0]))
@@ -252,14 +262,17 @@ def _crossed(
 ) -> FloatArray:
     """Return the shares (n,) of edges, between two, at which they leave a side (the sign of the longitude)."""
     low, high = between
-    parts, every, row = np.linspace(0.0, 1.0, _PARTS + 1), np.repeat(edge, _PARTS), np.arange(len(edge))
+    parts = np.linspace(0.0, 1.0, _PARTS + 1)
+    every = np.repeat(edge, _PARTS)
+    row = np.arange(len(edge))
     for _ in range(_DIVISIONS if len(edge) else 0):
         ends = low[:, None] + (high - low)[:, None] * parts
         longitude = _along(plane, every, ends[:, 1:].ravel(), chart)[:, 0]
         is_over = np.sign(longitude).reshape(-1, _PARTS) != side[:, None]
         is_over[:, -1] = True
         first = np.argmax(is_over, axis=1)
-        low, high = ends[row, first], ends[row, first + 1]
+        low = ends[row, first]
+        high = ends[row, first + 1]
     return high
 
 
@@ -272,9 +285,12 @@ def _along(plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart:
 
 def _cut(rings: Rings) -> list[list[list[list[float]]]]:
     """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as coordinates."""
-    west, east = float(rings[0][:, 0].min()), float(rings[0][:, 0].max())
-    first, last = int((west + 180.0) // 360.0), int(np.ceil((east - 180.0) / 360.0))
-    parts, rest = list[tuple[int, Rings]](), rings
+    west = float(rings[0][:, 0].min())
+    east = float(rings[0][:, 0].max())
+    first = int((west + 180.0) // 360.0)
+    last = int(np.ceil((east - 180.0) / 360.0))
+    parts = list[tuple[int, Rings]]()
+    rest = rings
     for turn in range(first, last):
         edge_deg = 360.0 * turn + 180.0
         parts.append((turn, _side(rest, edge_deg, is_west=True)))
@@ -290,7 +306,8 @@ def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
     Chains of points on this side begin and end on the meridian. There the polygon covers every second interval between
     their ends, in the order of latitude: each chain continues with the one at the other end of its interval.
     """
-    whole, chains = [], []
+    whole = []
+    chains = []
     for ring in rings:
         here = ring[:, 0] < edge_deg if is_west else ring[:, 0] >= edge_deg
         if here.all():
@@ -302,7 +319,8 @@ def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
 
 def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
     """Return the parts of a ring on one side, each with its two points on the meridian."""
-    count, twice = len(ring), np.append(here, here)
+    count = len(ring)
+    twice = np.append(here, here)
     starts = np.flatnonzero(twice[count:] & ~twice[count - 1 : -1]).tolist()
     chains = []
     for start in starts:
@@ -324,11 +342,15 @@ def _joined(chains: Rings) -> Rings:
     ends.sort(key=lambda end: end[:2])
     across: dict[tuple[int, int], tuple[int, int]] = {}
     for (_, _, *one), (_, _, *other) in zip(ends[::2], ends[1::2], strict=True):
-        across[one[0], one[1]], across[other[0], other[1]] = (other[0], other[1]), (one[0], one[1])
-    rings, left = [], set(range(len(chains)))
+        across[one[0], one[1]] = (other[0], other[1])
+        across[other[0], other[1]] = (one[0], one[1])
+    rings = []
+    left = set(range(len(chains)))
     while left:
-        first = number = min(left)
-        place, parts = 0, Rings()
+        first = min(left)
+        number = first
+        place = 0
+        parts = Rings()
         while not parts or (number, place) != (first, 0):
             left.discard(number)
             parts.append(chains[number] if place == 0 else chains[number][::-1])

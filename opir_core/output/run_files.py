@@ -31,7 +31,8 @@ _TOLERANCE = 1e-6
 #: Decimals of a detection's truth: nanoseconds, millimetres, nanoradians, 1e-9 of a probability.
 TRUTH_DECIMALS = {"emission_s": 9, "range_m": 3, "target_elevation_rad": 9, "probability": 9}
 
-_ID, _TARGET = b'{"record":"detection","detection_id":"', b',"target_id":%b,"emission_s":'
+_ID = b'{"record":"detection","detection_id":"'
+_TARGET = b',"target_id":%b,"emission_s":'
 
 
 class LinesFile:
@@ -207,7 +208,8 @@ def require_launches_of_run(truth: Path, targets: Sequence[Mapping[str, Any]], p
 def _differ(target: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
     pairs = [(target.get(name), due.get(name)) for name in ("ignition_s", "burnout_s")]
     for name in ("launch", "burnout", "impact"):
-        mine, theirs = target.get(name), due.get(name)
+        mine = target.get(name)
+        theirs = due.get(name)
         if isinstance(mine, dict) and isinstance(theirs, Mapping):
             pairs += [(mine.get(angle), theirs.get(angle)) for angle in ("lat_deg", "lon_deg")]
     numbers = [(mine, theirs) for mine, theirs in pairs if isinstance(mine, float) and isinstance(theirs, float)]

@@ -35,7 +35,9 @@ from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import Run
 from opir_core.simulation.summary import Tally
 
-_MANIFEST, _TRUTH, _TRACKS = ".manifest.json", ".truth.jsonl", ".tracks.jsonl"
+_MANIFEST = ".manifest.json"
+_TRUTH = ".truth.jsonl"
+_TRACKS = ".tracks.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
 _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
 _NS_PER_US = 1_000
@@ -217,7 +219,8 @@ class _Columns:
     path: Path
 
     def detections(self, target: IndexArray) -> Detections:
-        rows, sensors = self.rows, self.plan.sensors
+        rows = self.rows
+        sensors = self.plan.sensors
         sensor = self._sensors()
         origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
         angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)

@@ -40,7 +40,8 @@ class SharedOutput:
 
     def __init__(self, plan: Plan, workers: int, *, needs_columns: bool) -> None:
         require_workers(workers)
-        self._plan, self._workers = plan, workers
+        self._plan = plan
+        self._workers = workers
         #: Whether anything but the summary uses the windows' columns in the parent.
         self._needs_columns = needs_columns
         self._encoders: dict[str, Encode] = {}
@@ -84,7 +85,9 @@ class SharedLines(Sink):
     """A file of lines, some of which other processes have encoded."""
 
     def __init__(self, shared: SharedOutput, path: str, sink: LineSink) -> None:
-        self._shared, self._path, self._sink = shared, path, sink
+        self._shared = shared
+        self._path = path
+        self._sink = sink
 
     def write(self, window: Window) -> None:
         """Write a window's events."""
@@ -103,7 +106,8 @@ class SharedTruth:
     """A truth file, some lines of which other processes have encoded."""
 
     def __init__(self, shared: SharedOutput, file: TruthFile) -> None:
-        self._shared, self._file = shared, file
+        self._shared = shared
+        self._file = file
 
     def write(self, window: Window) -> None:
         """Write the truth of a window's detections."""

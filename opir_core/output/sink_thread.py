@@ -89,10 +89,13 @@ class OpenSink:
     def __init__(self, path: str, sink: Sink, count: Counter = detection_count) -> None:
         self.path = path
         #: The number of events of a window: for the windows given from now on, and for those written now.
-        self._count = self._count_written = count
+        self._count = count
+        self._count_written = self._count
         self.error: str | None = None
         self._sink = sink
-        self._given = self._handed = self._written = 0
+        self._given = 0
+        self._handed = 0
+        self._written = 0
         #: By how many events the sink's own figures did not add up, at most.
         self.unbalanced = 0
         self._replaced = Delivery(delivered=0)
@@ -188,7 +191,8 @@ class SinkThread(OpenSink):
         self, path: str, name: str, sink: Sink, *, is_spooled: bool = False, count: Counter = detection_count
     ) -> None:
         super().__init__(path, sink, count)
-        self.name, self.is_spooled = name, is_spooled
+        self.name = name
+        self.is_spooled = is_spooled
         self._replacement_done = threading.Condition()
         self._replacements = 0
         self._queue: queue.Queue[Window | _Replacement | None] = queue.Queue(QUEUED_WINDOWS)
@@ -329,8 +333,10 @@ class SinkThread(OpenSink):
             self._final = closed
             raise
         before = _sum(self._replaced, closed)
-        self._written = self._handed = 0
-        self._sink, self._count_written = made, replacement.count
+        self._written = 0
+        self._handed = 0
+        self._sink = made
+        self._count_written = replacement.count
         # Events left in a spool that both sinks share are counted once: with the new sink.
         again = min(before.spooled, self._current().recovered)
         self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)
@@ -363,7 +369,8 @@ def balanced(own: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, i
         left = beyond
         for name in _FATES:
             taken = min(left, counts[name])
-            counts[name], left = counts[name] - taken, left - taken
+            counts[name] = counts[name] - taken
+            left = left - taken
     elif is_final:
         counts["dropped"] -= beyond
     else:

@@ -115,7 +115,8 @@ class GrowingDigest:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._file = path, FileIO(path)
+        self._path = path
+        self._file = FileIO(path)
         self._sum = hashlib.sha256()
         self._done = 0
         self._ended = threading.Event()
@@ -143,7 +144,8 @@ class GrowingDigest:
         self._file.close()
 
     def _read(self) -> None:
-        synced, buffer = 0, memoryview(bytearray(_CHUNK))
+        synced = 0
+        buffer = memoryview(bytearray(_CHUNK))
         while True:
             is_last = self._ended.is_set()
             while count := self._file.readinto(buffer):

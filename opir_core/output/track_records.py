@@ -137,9 +137,11 @@ def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
             continue
         point.method = IMPACT_METHODS[method]
         if method == PAPER:
-            point.sigma_m, point.covariance_m2 = sigma_m, None
+            point.sigma_m = sigma_m
+            point.covariance_m2 = None
         else:
-            point.containment, point.ellipse_sigmas = TRACK_CONTAINMENTS, sigmas
+            point.containment = TRACK_CONTAINMENTS
+            point.ellipse_sigmas = sigmas
     return points
 
 

@@ -53,7 +53,8 @@ class OutputFiles:
         self._staged: list[_Staged] = []
         self._made: list[Path] = []
         self._record: _Staged | None = None
-        self._is_kept, self._manifest = folder is None, manifest
+        self._is_kept = folder is None
+        self._manifest = manifest
         if folder is not None:
             self.make_folder(folder, is_made_up=is_made_up)
             self._manifest = folder / _LIST
@@ -148,7 +149,8 @@ class OutputFiles:
                 staged.growing.stop()
             with suppress(OSError):
                 os.close(staged.descriptor)
-        self._staged, self._record = [], None
+        self._staged = []
+        self._record = None
 
     def abandon(self) -> None:
         """Remove the temporary files; the files of an earlier run are as they were."""

@@ -15,7 +15,8 @@ from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
 #: No satellite is nearer to the Earth's centre, m; positions in km are.
 _LEAST_RADIUS_M = 1e5
 #: No target flies deeper than this, m, nor beyond the Moon.
-_LEAST_TARGET_RADIUS_M, _MOST_TARGET_RADIUS_M = 6.2e6, 1e9
+_LEAST_TARGET_RADIUS_M = 6.2e6
+_MOST_TARGET_RADIUS_M = 1e9
 #: Burns begin and end within a year of the scene's start, s: every second of them is sampled.
 LATEST_S = 31_557_600.0
 #: Lines of sight are more accurate than this, rad; other units are not.
@@ -90,7 +91,9 @@ def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
 
     Calls `position_ecef_m` once, for each target at ignition, halfway and at burnout.
     """
-    count, ignition_s, burnout_s = len(ids), part.ignition_s, part.burnout_s
+    count = len(ids)
+    ignition_s = part.ignition_s
+    burnout_s = part.burnout_s
     late = np.flatnonzero(~((burnout_s >= ignition_s) & (burnout_s <= LATEST_S) & (ignition_s >= -LATEST_S)))
     if late.size:
         row = late[0]

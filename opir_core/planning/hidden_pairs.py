@@ -51,7 +51,8 @@ class CoarseGrid:
     @classmethod
     def over(cls, start_s: FloatArray, stop_s: FloatArray) -> "CoarseGrid":
         """Return the grid that encloses start to stop (n,) of each of n pairs."""
-        start_s, stop_s = start_s - _ENCLOSED_S, stop_s + _ENCLOSED_S
+        start_s = start_s - _ENCLOSED_S
+        stop_s = stop_s + _ENCLOSED_S
         steps = np.ceil((stop_s - start_s) / COARSE_STEP_S).astype(np.int64)
         points = steps + 1
         first = np.cumsum(points) - points

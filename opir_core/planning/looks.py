@@ -35,7 +35,8 @@ class Looks:
         first = np.maximum(pairs.first_scan, -((pairs.phase_ns - start_ns) // pairs.period_ns))
         last = np.minimum(pairs.last_scan, (end_ns - 1 - pairs.phase_ns) // pairs.period_ns)
         active = np.flatnonzero(last >= first)
-        first_scan, scans = first[active], (last - first)[active] + 1
+        first_scan = first[active]
+        scans = (last - first)[active] + 1
         offset = np.cumsum(scans) - scans
         scan = np.arange(int(scans.sum())) + np.repeat(first_scan - offset, scans)
         return cls(active, first_scan, scans, np.repeat(active, scans), scan)
@@ -61,14 +62,16 @@ class LookGeometry:
         """Return the exposures of looks; `time_s` (n,) are their times, if known."""
         still_at_work()  # windows are computed in blocks of looks: however many, each is a sign of life
         time_s = look_times_s(self.pairs, pair, scan) if time_s is None else time_s
-        sensor, target = self.pairs.sensor[pair], self.pairs.target[pair]
+        sensor = self.pairs.sensor[pair]
+        target = self.pairs.target[pair]
         place = self.sightlines.place(pair, time_s)
         # The emission times of the observed light, limited to the observed time of the target.
         left_s = time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
         emission_s = np.clip(left_s, self.targets.ignition_s[target], self.pairs.until_s[pair])
         if not with_geometry:
             return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
-        sensor_m, target_m = self.states.positions(sensor, time_s), self.targets.position_ecef_m(target, emission_s)
+        sensor_m = self.states.positions(sensor, time_s)
+        target_m = self.targets.position_ecef_m(target, emission_s)
         elevation_sine = place.interpolated(self.sightlines.elevation_sine)
         return Exposures(
             time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_sine, target_m, sensor_m
@@ -83,7 +86,8 @@ class LookGeometry:
         exposed = self.exposures(pair[uncertain], scan[uncertain])
         for number in np.unique(exposed.sensor):
             rows = np.flatnonzero(exposed.sensor == number)
-            sensor_m, target_m = exposed.sensor_ecef_m[rows], exposed.target_ecef_m[rows]
+            sensor_m = exposed.sensor_ecef_m[rows]
+            target_m = exposed.target_ecef_m[rows]
             seen = visible_now(self.states.sensors[number], sensor_m, target_m)
             exclusion = self.exclusions[number] if self.exclusions else None
             if exclusion is not None:

@@ -55,8 +55,11 @@ class PairCompiler:
         end_ns: int,
         exclusions: Sequence[SolarExclusion | None] = (),
     ) -> None:
-        self._sensors, self._targets, self._uniforms = sensors, targets, uniforms
-        self._light_time, self._end_ns = light_time, end_ns
+        self._sensors = sensors
+        self._targets = targets
+        self._uniforms = uniforms
+        self._light_time = light_time
+        self._end_ns = end_ns
         self._exclusions = {number: each for number, each in enumerate(exclusions) if each is not None}
         self._states = SensorStates.of(tuple(sensors))
         self._is_moving = np.array([not sensor.orbit.is_stationary for sensor in sensors], dtype=np.bool_)
@@ -67,7 +70,8 @@ class PairCompiler:
 
     def compiled(self) -> tuple[Pairs, Sightlines]:
         """Return all pairs, including those without looks before the scene's end, and their lines of sight."""
-        pairs, lines = list[Pairs](), list[Sightlines]()
+        pairs = list[Pairs]()
+        lines = list[Sightlines]()
         for block in self.blocks():
             of_block, lines_of_block = self.block(*block)
             pairs.append(of_block)
@@ -99,7 +103,8 @@ class PairCompiler:
         """Yield the sensors and targets (n,) of each block: all pairs, sorted by sensor, then target."""
         count = len(self._targets.ids)
         rows = np.arange(len(self._sensors) * count)
-        sensor, target = (rows // max(count, 1)).astype(np.int32), (rows % max(count, 1)).astype(np.int32)
+        sensor = (rows // max(count, 1)).astype(np.int32)
+        target = (rows % max(count, 1)).astype(np.int32)
         observed_s = self._until_s(sensor, target) - self._targets.ignition_s[target]
         # Three more: the grid encloses the observed time, which light times shift.
         points = np.cumsum(observed_s.astype(np.int64) + 3)
@@ -127,7 +132,8 @@ class PairCompiler:
     def _hidden(self, sensor: IndexArray, target: IndexArray, phase_ns: IntArray, until_s: FloatArray) -> Pairs:
         """Return pairs without looks: all are behind the Earth."""
         period_ns = self._period_ns[sensor]
-        never, blocked = np.zeros(len(sensor), dtype=np.bool_), np.full(len(sensor), Blocked.BEHIND_EARTH, np.int64)
+        never = np.zeros(len(sensor), dtype=np.bool_)
+        blocked = np.full(len(sensor), Blocked.BEHIND_EARTH, np.int64)
         start = np.zeros(len(sensor), dtype=np.int64)
         pairs = Pairs(sensor, target, period_ns, phase_ns, start, start, never, blocked, until_s, start, start - 1)
         return self._with_scans(pairs)
@@ -136,7 +142,8 @@ class PairCompiler:
         self, pairs: Pairs, path: TargetPath, start_s: FloatArray, stop_s: FloatArray
     ) -> tuple[Pairs, Sightlines]:
         """Return pairs with their looks, from the arrival of first and last light (n,), and their lines of sight."""
-        sensor, target = pairs.sensor, pairs.target
+        sensor = pairs.sensor
+        target = pairs.target
         grid = Grid.over(start_s, stop_s)
         travel_s, sensor_ecef_m, target_ecef_m = self._sampled(sensor, path, grid)
         of_point = sensor[grid.pair]
@@ -157,7 +164,8 @@ class PairCompiler:
 
     def _with_scans(self, pairs: Pairs) -> Pairs:
         """Return pairs with the scans of their phases: the first after `from_ns` to the last at `to_ns` at most."""
-        phase_ns, period_ns = pairs.phase_ns, pairs.period_ns
+        phase_ns = pairs.phase_ns
+        period_ns = pairs.period_ns
         first_scan = np.maximum((pairs.from_ns - phase_ns) // period_ns + 1, 0)
         is_seen = (pairs.blocked == Blocked.NOT) | (pairs.blocked == Blocked.NO_LOOK)
         last_scan = np.where(is_seen, (pairs.to_ns - phase_ns) // period_ns, first_scan - 1)
@@ -176,7 +184,8 @@ class PairCompiler:
         """Return which pairs (n,) the Earth surely hides all the time."""
         grid = CoarseGrid.over(self._targets.ignition_s[path.target], path.end_s)
         target_ecef_m = path.position_ecef_m(grid.pair, grid.time_s)
-        of_point, is_moving = sensor[grid.pair], self._is_moving[sensor]
+        of_point = sensor[grid.pair]
+        is_moving = self._is_moving[sensor]
         sensor_ecef_m = self._positions(of_point, grid.time_s)
         if self._light_time and is_moving.any():
             travel_s = distance_m(sensor_ecef_m, target_ecef_m) / SPEED_OF_LIGHT_M_S

@@ -180,7 +180,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     Sensors, launches and the tracker stay; so do the models, unless the scene has sources or the detection model
     `uses_seed`. Raises as `compile_plan`.
     """
-    scene, host = evolve(plan.scene, seed=seed), plan.host
+    scene = evolve(plan.scene, seed=seed)
+    host = plan.host
     changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
@@ -188,7 +189,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
         if scene.sources:
             pairs, sightlines = changed.pair_compiler(plan.exclusions).compiled()
         else:
-            pairs, sightlines = changed.pair_compiler(plan.exclusions).rephased(plan.pairs), plan.sightlines
+            pairs = changed.pair_compiler(plan.exclusions).rephased(plan.pairs)
+            sightlines = plan.sightlines
     changed = evolve(changed, pairs=pairs, sightlines=sightlines)
     changed.workload.require_run()
     return changed
@@ -196,7 +198,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
 
 def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
     """Return what of a plan is built anew for a scene with another seed: the sources, and what is built from them."""
-    host, sensors = plan.host, plan.sensors
+    host = plan.host
+    sensors = plan.sensors
     sources = _sources(scene, host, sensors)
     places = _rows_by_model(scene)
     targets = _joined(scene, plan.targets.trajectories[: len(places)], places, sources)
@@ -211,13 +214,15 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
 
     Raises `SceneError` with the problems of all sensors, sources and targets.
     """
-    problems, made = BuildProblems(), list[Sensor]()
+    problems = BuildProblems()
+    made = list[Sensor]()
     for chosen in scene.sensors:
         with problems.of(chosen.model.path):
             made.append(
                 _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers))
             )
-    sensors, sources = tuple(made), tuple["Sources", ...]()
+    sensors = tuple(made)
+    sources = tuple["Sources", ...]()
     with problems.of("sources"):
         sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources, problems)
@@ -261,7 +266,8 @@ def whole_flights(plan: Plan) -> Targets:
 
     Other hot sources are left out, and so are targets that a live run added.
     """
-    scene, rows = plan.scene, _rows_by_model(plan.scene)
+    scene = plan.scene
+    rows = _rows_by_model(plan.scene)
     trajectories = [_trajectories(scene, plan.host, places, True) for places in rows]
     return join_targets([target.id for target in scene.targets], trajectories, rows)
 
@@ -388,7 +394,8 @@ def _targets(
 
     Raises `SceneError` if there are problems, its own or those found before.
     """
-    places, trajectories = _rows_by_model(scene), list[Trajectories]()
+    places = _rows_by_model(scene)
+    trajectories = list[Trajectories]()
     free_flight = any(sensor.follows_bodies for sensor in sensors)
     for rows in places:
         with problems.of("targets"):
@@ -401,7 +408,9 @@ def _joined(
     scene: Scene, launches: Sequence[Trajectories], rows: Sequence[Sequence[int]], sources: "Sequence[Sources]"
 ) -> Targets:
     """Return the launches, given with their numbers in the scene, and the emitters of the sources after them."""
-    ids, trajectories, places = [target.id for target in scene.targets], [*launches], [*rows]
+    ids = [target.id for target in scene.targets]
+    trajectories = [*launches]
+    places = [*rows]
     for source in sources:
         places.append(range(len(ids), len(ids) + len(source.ids)))
         ids += source.ids
@@ -431,7 +440,8 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
     )
     configs = [target.model.config for target in chosen]
     trajectories = built(host, chosen[0].model, context, configs)
-    owner, hint = _owner(host, chosen[0].model), check_hint(chosen[0].model.name)
+    owner = _owner(host, chosen[0].model)
+    hint = check_hint(chosen[0].model.name)
     fault = trajectories_fault(trajectories, len(chosen))
     if not fault:
         part = Trajectories.adopt(trajectories, owner)
@@ -447,7 +457,8 @@ def _forces(scene: Scene) -> "ForceModel":
         return "kepler"
     from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 
-    drag, zonal = scene.forces.drag, scene.forces.zonal
+    drag = scene.forces.drag
+    zonal = scene.forces.zonal
     if drag is None:
         return Forces(zonal=zonal)
     air = drag.exponential

@@ -48,7 +48,8 @@ class PointingBias:
     def _rotation_rad(self, sensor: IndexArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, ...]:
         """Return rotation vectors in ECEF: with nadir down, (north, -east) about the east and north axes."""
         axes = local_axes(sensor_ecef_m)
-        about_east, about_north = self.north_rad[sensor], -self.east_rad[sensor]
+        about_east = self.north_rad[sensor]
+        about_north = -self.east_rad[sensor]
         return tuple(about_east * axes[:, 0, axis] + about_north * axes[:, 1, axis] for axis in range(3))
 
     def by_sensor(self, sensors: Sequence[Sensor]) -> list[dict[str, str | float]]:

@@ -165,7 +165,8 @@ class Grid:
 
     def span(self, cells: IntArray, start_s: FloatArray, stop_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return each pair's start and stop, limited to the first and last of the given cells."""
-        first, last = np.full(len(self.points), np.inf), np.full(len(self.points), -np.inf)
+        first = np.full(len(self.points), np.inf)
+        last = np.full(len(self.points), -np.inf)
         np.minimum.at(first, self.pair[cells], self.time_s[cells])
         np.maximum.at(last, self.pair[cells], self.time_s[cells] + GRID_STEP_S)
         return np.maximum(start_s, first), np.minimum(stop_s, last)
@@ -187,7 +188,8 @@ class TargetPath:
         """Return the paths of targets (n,) to their ends (n,)."""
         start_s = targets.ignition_s[target]
         short_s = np.minimum(_END_STEP_S, end_s - start_s)
-        after, before = np.minimum(start_s + short_s, end_s), np.maximum(end_s - short_s, start_s)
+        after = np.minimum(start_s + short_s, end_s)
+        before = np.maximum(end_s - short_s, start_s)
         moved_in = targets.position_ecef_m(target, after) - targets.position_ecef_m(target, start_s)
         moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(target, before)
         return cls(targets, target, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
@@ -200,13 +202,15 @@ class TargetPath:
     def position_ecef_m(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of the targets of pairs (m,) at any times (m,)."""
         target = self.target[pair]
-        start_s, end_s = self.targets.ignition_s[target], self.end_s[pair]
+        start_s = self.targets.ignition_s[target]
+        end_s = self.end_s[pair]
         within_s = np.minimum(np.maximum(time_s, start_s), end_s)
         position = self.targets.position_ecef_m(target, within_s)
         # Only the outer cells of a pair reach beyond the observed time.
         beyond = np.flatnonzero(time_s != within_s)
         if beyond.size:
-            who, over_s = pair[beyond], (time_s[beyond] - within_s[beyond])[:, None]
+            who = pair[beyond]
+            over_s = (time_s[beyond] - within_s[beyond])[:, None]
             velocity = np.where(over_s < 0.0, self.velocity_in_m_s[who], self.velocity_out_m_s[who])
             position = position.copy()  # it may be a trajectory's own
             position[beyond] += velocity * over_s

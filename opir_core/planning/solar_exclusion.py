@@ -18,7 +18,8 @@ from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.protocols import Sensor
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
-_ALLOWANCE_S, _TOLERANCE_S = 1.0, 0.1
+_ALLOWANCE_S = 1.0
+_TOLERANCE_S = 0.1
 
 #: Time that is searched at once, s: a year at once would take 200 MiB.
 _SPAN_S = 30 * 86_400.0

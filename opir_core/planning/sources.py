@@ -29,7 +29,8 @@ def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
 
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
     """Return what is built of each block of a scene's `sources`."""
-    bands, made = distinct_bands(sensors), list[Sources]()
+    bands = distinct_bands(sensors)
+    made = list[Sources]()
     make_atmosphere = cache(partial(scene_atmosphere, scene, host, bands))
     for source in scene.sources:
         context = SourceContext(

@@ -71,14 +71,21 @@ def _checked(position_m: Any, count: int) -> FloatArray:
 def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]) -> Targets:
     """Return all targets; `rows[g]` are the scene's numbers of the targets of `trajectories[g]`."""
     count = len(ids)
-    group, place = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
-    type_code, end_s = np.zeros(count, dtype=np.uint8), np.zeros(count)
-    ignition_s, burnout_s = np.zeros(count), np.zeros(count)
-    class_names, burns_s = [""] * count, list[FloatArray]()
+    group = np.zeros(count, dtype=np.int32)
+    place = np.zeros(count, dtype=np.int32)
+    type_code = np.zeros(count, dtype=np.uint8)
+    end_s = np.zeros(count)
+    ignition_s = np.zeros(count)
+    burnout_s = np.zeros(count)
+    class_names = [""] * count
+    burns_s = list[FloatArray]()
     for number, (part, where) in enumerate(zip(trajectories, rows, strict=True)):
         index = np.asarray(where, dtype=np.int64)
-        group[index], place[index] = number, np.arange(len(index))
-        type_code[index], ignition_s[index], burnout_s[index] = part.type_code, part.ignition_s, part.burnout_s
+        group[index] = number
+        place[index] = np.arange(len(index))
+        type_code[index] = part.type_code
+        ignition_s[index] = part.ignition_s
+        burnout_s[index] = part.burnout_s
         end_s[index] = part.end_s
         burns_s.append(part.burns_s)
         for row, name in zip(where, part.class_names, strict=True):

@@ -32,7 +32,8 @@ _WELL_ABOVE_RAD = 0.05
 
 def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
     """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not behind the Earth."""
-    half_angle_rad, least_rad = sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
+    half_angle_rad = sensor.field_of_regard_half_angle_rad
+    least_rad = sensor.minimum_elevation_rad
     margins = Margins.of(half_angle_rad, least_rad, sensor_ecef_m, target_ecef_m)
     clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
     return clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
@@ -126,7 +127,8 @@ def cell_visibility(
 
 def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[BoolArray, BoolArray]:
     """Return in which cells a margin is positive throughout, and in which it is negative throughout."""
-    early, late = margin[cells], margin[cells + 1]
+    early = margin[cells]
+    late = margin[cells + 1]
     bound = np.maximum(guard[cells], guard[cells + 1])
     always: BoolArray = np.minimum(early, late) > bound
     never: BoolArray = np.maximum(early, late) < -bound
@@ -147,11 +149,13 @@ def without_dark_gaps(
     if not gaps_s.shape[1]:
         return sight
     cells = grid.cells()
-    early_s, late_s = emission_s[cells, None], emission_s[cells + 1, None]
+    early_s = emission_s[cells, None]
+    late_s = emission_s[cells + 1, None]
     out_s, relit_s = gaps_s[grid.pair[cells]].transpose(2, 0, 1)
     meets = (late_s > out_s - _GAP_ALLOWANCE_S) & (early_s < relit_s + _GAP_ALLOWANCE_S)
     within = (early_s > out_s + _GAP_ALLOWANCE_S) & (late_s < relit_s - _GAP_ALLOWANCE_S)
-    dark, edge = within.any(axis=1), meets.any(axis=1)
+    dark = within.any(axis=1)
+    edge = meets.any(axis=1)
     result = sight.copy()
     result[cells[edge & (sight[cells] == Visibility.ALWAYS)]] = Visibility.UNCERTAIN
     result[cells[dark]] = Visibility.NEVER
@@ -161,6 +165,7 @@ def without_dark_gaps(
 def needs_look_test(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
     """Return which pairs have a cell without certain visibility between their first and last visible times."""
     cells = grid.cells()
-    time_s, pair = grid.time_s[cells], grid.pair[cells]
+    time_s = grid.time_s[cells]
+    pair = grid.pair[cells]
     between = (time_s + GRID_STEP_S > first_s[pair]) & (time_s < last_s[pair])
     return grid.any_of_pair(cells[between & (sight[cells] != Visibility.ALWAYS)])

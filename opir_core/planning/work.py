@@ -77,7 +77,8 @@ class Workload:
 
     def _require(self, work: Work, span: str, subject: str) -> None:
         for name in ("looks", "events", "bytes"):
-            limit, amount = f"{name}_per_{span}", getattr(work, name)
+            limit = f"{name}_per_{span}"
+            amount = getattr(work, name)
             most = getattr(self.limits, limit)
             if amount > most:
                 at_most = "" if name == "looks" else "up to "

@@ -21,8 +21,10 @@ _HIGH_STEP = np.uint64(0x9E3779B97F4A7C15)
 _LOW_STEP = np.uint64(0x6A09E667F3BCC909)
 
 # Version in bits 48-51, variant in bits 64-65 (RFC 9562, section 5.8).
-_VERSION_CLEARED, _VERSION = np.uint64(0xFFFFFFFFFFFF0FFF), np.uint64(0x8000)
-_VARIANT_CLEARED, _VARIANT = np.uint64(0x3FFFFFFFFFFFFFFF), np.uint64(0x8000000000000000)
+_VERSION_CLEARED = np.uint64(0xFFFFFFFFFFFF0FFF)
+_VERSION = np.uint64(0x8000)
+_VARIANT_CLEARED = np.uint64(0x3FFFFFFFFFFFFFFF)
+_VARIANT = np.uint64(0x8000000000000000)
 
 _HEX_PAIRS = np.frombuffer(b"".join(b"%02x" % byte for byte in range(256)), dtype=np.uint16)
 _HYPHEN = ord("-")
@@ -36,7 +38,8 @@ def _groups(places: Sequence[int], length: int) -> np.dtype[np.void]:
 
 
 #: Rows of digits alone and of whole texts: fields of several characters are copied at once, in half the time.
-_DIGITS, _TEXT = _groups((0, 8, 12, 16, 20), 32), _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
+_DIGITS = _groups((0, 8, 12, 16, 20), 32)
+_TEXT = _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
 
 
 def id_key(*parts: str | int) -> tuple[int, int]:
@@ -68,7 +71,9 @@ def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
     Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; ids of different
     streams collide with the probability of 122 random bits.
     """
-    high, low, count = key_words[:, 0], key_words[:, 1], scan.astype(np.uint64)
+    high = key_words[:, 0]
+    low = key_words[:, 1]
+    count = scan.astype(np.uint64)
     words = np.empty((len(count), 2), dtype=np.uint64)
     words[:, 0] = mixed(mixed(count * _HIGH_STEP + high) ^ low) & _VERSION_CLEARED | _VERSION
     words[:, 1] = mixed(mixed(count * _LOW_STEP + low) ^ high) & _VARIANT_CLEARED | _VARIANT

@@ -62,7 +62,8 @@ class PairStreams:
 
         A pair is there at most once: its words are kept in one row.
         """
-        flat, words = into.reshape(-1), into.shape[1]
+        flat = into.reshape(-1)
+        words = into.shape[1]
         if purpose not in self._kept:
             self._kept[purpose] = _KeptWords(len(self._names))
         kept = self._kept[purpose]
@@ -83,7 +84,8 @@ class PairStreams:
         for pair, start, words, place in zip(*(column.tolist() for column in (pairs, first, count, at)), strict=True):
             key = keys.get(pair)
             if key is None:
-                key = keys[pair] = stream_key(self._seed, *self._scan_names[pair], purpose)
+                key = stream_key(self._seed, *self._scan_names[pair], purpose)
+                keys[pair] = key
             into[place : place + words] = self._reader.words(key, start, words)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
@@ -97,7 +99,8 @@ class PairStreams:
 
     def of_pairs(self) -> "RowDraws":
         """Return random draws of the pairs, one row each, without scans."""
-        pairs, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
+        pairs = np.arange(len(self._names))
+        none = np.zeros(0, dtype=np.int64)
         return RowDraws(WindowNumbers(self, none, none, none), self, none, pairs)
 
     def forget(self, pairs: IntArray) -> None:
@@ -125,7 +128,8 @@ class _KeptWords:
         """Return pairs, first words, numbers of words and places in `words` of what must be read before `copy`."""
         ahead = first - self._first[pairs]
         rows = np.flatnonzero((ahead < 0) | (ahead + count > self._width))
-        pairs, first = pairs[rows], first[rows]
+        pairs = pairs[rows]
+        first = first[rows]
         self._first[pairs] = first
         return pairs, first, np.full(len(rows), self._width), pairs * self._width
 
@@ -148,7 +152,9 @@ class WindowNumbers:
 
     def __init__(self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray) -> None:
         self._streams = streams
-        self._active, self._first_scan, self._scans = active, first_scan, scans
+        self._active = active
+        self._first_scan = first_scan
+        self._scans = scans
         self._ends = np.cumsum(scans)
         self._drawn: dict[tuple[str, int], tuple[WordArray, BoolArray]] = {}
 
@@ -185,8 +191,10 @@ class WindowNumbers:
         behind = np.searchsorted(rows, self._ends)
         count = np.diff(behind, prepend=0)
         chosen = np.flatnonzero(count)
-        behind, count = behind[chosen], count[chosen]
-        first, last = rows[behind - count], rows[behind - 1]
+        behind = behind[chosen]
+        count = count[chosen]
+        first = rows[behind - count]
+        last = rows[behind - 1]
         scan = self._first_scan[chosen] + first - (self._ends - self._scans)[chosen]
         span = last - first + 1
         at = np.cumsum(span) - span
@@ -251,7 +259,8 @@ class RowDraws:
 
 
 #: Mean number of false alarms in a block, and the largest number of its scans.
-_PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
+_PER_BLOCK = 256.0
+_MOST_SCANS = 1 << 20
 
 #: Random numbers for time and direction: scan in the block, distance from nadir, angle about nadir.
 PLACE_WORDS = 3
@@ -271,7 +280,8 @@ class FalseAlarmStream:
     """The false alarms of one sensor, block by block."""
 
     def __init__(self, sensor: Sensor, number: int, name: str, seed: int, rate: float, words: int) -> None:
-        self._sensor, self._number = sensor, number
+        self._sensor = sensor
+        self._number = number
         self._words = words + PLACE_WORDS
         self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
         self._table = poisson_table(rate * self._scans)

@@ -128,7 +128,8 @@ class ComponentReader:
         return InvalidNode()
 
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
-        reader, pairs = self._reader(component, path, settings), alternatives(component.config)
+        reader = self._reader(component, path, settings)
+        pairs = alternatives(component.config)
         written = dict(settings.written)
         of_scene = component.presets.get(self.preset, {})
         preset = _preset(component, written.pop("preset")) if "preset" in written else of_scene
@@ -252,7 +253,8 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
 
     A block that sets the plain field turns off the default of its alternative.
     """
-    collector, silent = ErrorCollector(), {}
+    collector = ErrorCollector()
+    silent = {}
     for pair in alternatives(reader.config_class):
         names = _set_names(pair, block)
         if names == [pair.plain] and pair.is_other_default:

@@ -81,7 +81,8 @@ def placed(problems: Iterable[Problem], source: str, overrides: Sequence[str] = 
 
 def _place_of(root: Node, path: str) -> Place:
     """Return the place of the deepest node on a path; None if not even its first step is there."""
-    node, place = root, None
+    node = root
+    place = None
     for key, index, _ in _STEP.findall(f".{path}"):
         value = node.value
         if isinstance(value, dict) and key in value:
@@ -193,7 +194,8 @@ _Step = str | int | None
 
 def _steps(path: str, shown: str) -> list[_Step]:
     steps: list[_Step] = []
-    at, dotted = 0, f".{path}"
+    at = 0
+    dotted = f".{path}"
     while found := _STEP.match(dotted, at):
         steps.append(found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None)
         at = found.end()
@@ -237,7 +239,10 @@ def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str 
             return
         node = _item(node, step, path, shown) if isinstance(step, int) else _entry(node, step, path, shown)
         path = f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(".")
-    node.value, node.place, node.written, node.complaints = value.value, value.place, value.written, value.complaints
+    node.value = value.value
+    node.place = value.place
+    node.written = value.written
+    node.complaints = value.complaints
 
 
 def _entry(node: Node, key: str, path: str, shown: str) -> Node:

@@ -34,7 +34,8 @@ class Owners:
     block: str
 
     def __str__(self) -> str:
-        kind, shown = CATALOGUE[self.hook].kind, self.names[:_MOST_NAMED]
+        kind = CATALOGUE[self.hook].kind
+        shown = self.names[:_MOST_NAMED]
         more = [f"{len(self.names) - len(shown)} more"] if len(self.names) > len(shown) else []
         inside = f"{self.block} of " if self.block else ""
         return f"{inside}the {kind}{'s' if len(self.names) > 1 else ''} {listed([*shown, *more], 'and')}"

@@ -37,7 +37,8 @@ class SensorReader:
         items = items_of(node)
         if not items:
             raise node.refused("a scene needs a sensor: a constellation, or a model with an id")
-        collector, sensors = ErrorCollector(), list[SceneSensor]()
+        collector = ErrorCollector()
+        sensors = list[SceneSensor]()
         for index, item in enumerate(items):
             with collector.at(index_step(index)):
                 sensors += self._sensors_of(item, f"sensors[{index}]")
@@ -68,7 +69,8 @@ class SensorReader:
 
     def _of_file(self, node: Node, block: dict[str, Node], path: str) -> list[SceneSensor]:
         """Return a sensor for each satellite of a file."""
-        collector, sensors = ErrorCollector(), list[SceneSensor]()
+        collector = ErrorCollector()
+        sensors = list[SceneSensor]()
         with under(".fleet"):
             satellites = self._components.satellites(block.pop("fleet"), self._epoch_us)
         _refuse(block, ("id", "orbit"), "a fleet brings the {} of its sensors", collector)
@@ -81,7 +83,8 @@ class SensorReader:
 
     def _members(self, block: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation with explicit members, as `scene_mapping` writes it."""
-        collector, sensors = ErrorCollector(), list[SceneSensor]()
+        collector = ErrorCollector()
+        sensors = list[SceneSensor]()
         others = [key for key in block if key != "members"]
         _refuse(block, others, "is not allowed beside members; write it in each member", collector)
         with collector.at(".members"):
@@ -96,7 +99,8 @@ class SensorReader:
 
     def _fleet(self, node: Node, written: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation's own members, with the scene's settings applied to each."""
-        collector, sensors = ErrorCollector(), list[SceneSensor]()
+        collector = ErrorCollector()
+        sensors = list[SceneSensor]()
         _refuse(written, ("id", "model"), "a constellation brings the {} of its sensors", collector)
         with collector.at():
             constellation = self._components.component(_CONSTELLATIONS, name, path)
@@ -186,7 +190,8 @@ class SceneBuilder:
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
         """Return the name that a key has if the scene names none; a detection model may bring its classifier."""
-        default, chosen = CHOICES[key][1], nodes.get("detection") if key == "classification" else None
+        default = CHOICES[key][1]
+        chosen = nodes.get("detection") if key == "classification" else None
         if isinstance(chosen, Node) and isinstance(chosen.value, dict):
             chosen = chosen.value.get("model")
         if not isinstance(chosen, Node) or not isinstance(chosen.value, str):
@@ -202,7 +207,8 @@ class SceneBuilder:
         return self.components.named(hook, node, key)
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
-        collector, outputs = ErrorCollector(), list[Choice]()
+        collector = ErrorCollector()
+        outputs = list[Choice]()
         for index, item in enumerate(items_of(node)):
             with collector.at(index_step(index)):
                 choice = self._output(item, f"outputs[{index}]")

@@ -131,7 +131,8 @@ class SceneFile:
     )
 
 
-_FIRST_YEAR, _LAST_YEAR = 1970, 2099
+_FIRST_YEAR = 1970
+_LAST_YEAR = 2099
 _START = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _FORM = re.compile(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?(Z|[-+]\d{2}:\d{2})?", re.ASCII)

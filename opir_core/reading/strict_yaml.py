@@ -280,7 +280,8 @@ def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, 
     """Return the message of a parser error, in our words where there are some, and the mark of its place."""
     problem = error.problem or "this does not follow the rules of YAML"
     said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
-    begun, mark = error.context_mark, error.problem_mark or error.context_mark
+    begun = error.context_mark
+    mark = error.problem_mark or error.context_mark
     if not has_lines or begun is None or mark is None or begun.line == mark.line:
         return f"not YAML: {said}", mark
     if "expected ':'" in problem:

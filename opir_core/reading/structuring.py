@@ -156,7 +156,8 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
 
 def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     """Return the values of all parts; raises the errors of all parts together."""
-    collector, values = ErrorCollector(), []
+    collector = ErrorCollector()
+    values = []
     for step, reader, node in parts:
         with collector.at(step):
             values.append(reader(node, None))
@@ -182,7 +183,8 @@ class FieldReader:
 
     def value(self, node: Node) -> Any:
         """Return the field's value, or raise what its type or its validator says of it."""
-        default, info = self.attribute.default, info_of(self.attribute)
+        default = self.attribute.default
+        info = info_of(self.attribute)
         if info.named_values and isinstance(node.value, str):
             return self._named(info, node)
         # Of an optional block, the reader of the block itself.

@@ -95,7 +95,8 @@ def read_forces(node: Node) -> SceneForces:
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
-    collector, found = ErrorCollector(), dict[str, SceneDrag | None]()
+    collector = ErrorCollector()
+    found = dict[str, SceneDrag | None]()
     for index, item in enumerate(items_of(node)):
         with collector.at(index_step(index)):
             name, drag = _force(item)
@@ -152,7 +153,8 @@ class TargetReader:
         items = items_of(node)
         if len(items) > MAXIMUM_TARGETS:
             raise node.refused(f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read")
-        collector, targets = ErrorCollector(), list[SceneTarget]()
+        collector = ErrorCollector()
+        targets = list[SceneTarget]()
         for index, item in enumerate(items):
             with collector.at(index_step(index)):
                 path = f"targets[{index}]"
@@ -162,7 +164,8 @@ class TargetReader:
 
     def _target(self, node: Node, path: str) -> SceneTarget:
         block = dict(block_of(node, _TARGET_KEYS))
-        collector, signature = ErrorCollector(), None
+        collector = ErrorCollector()
+        signature = None
         if "signature" in block:
             with collector.at(".signature"):
                 named = block.pop("signature")
@@ -207,7 +210,8 @@ class SourceReader:
         items = items_of(node)
         if len(items) > MAXIMUM_SOURCES:
             raise node.refused(f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read")
-        collector, sources = ErrorCollector(), list[SceneSource]()
+        collector = ErrorCollector()
+        sources = list[SceneSource]()
         for index, item in enumerate(items):
             with collector.at(index_step(index)):
                 path = f"sources[{index}]"

@@ -48,7 +48,8 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
     """
     hints = get_type_hints(config)
     for attribute in [attribute for attribute in fields(config) if attribute.init]:
-        kind, default = hints[attribute.name], _default(attribute, base)
+        kind = hints[attribute.name]
+        default = _default(attribute, base)
         info = info_of(attribute)
         is_required = default is NOTHING
         yield FieldRow(

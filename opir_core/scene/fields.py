@@ -73,7 +73,8 @@ class FieldInfo:
         chosen = self.plausible or PLAUSIBLE_BY_UNIT.get(self.unit)
         if chosen is None:
             return None
-        low, high = _bound(self.minimum, self.above), _bound(self.maximum, self.below)
+        low = _bound(self.minimum, self.above)
+        high = _bound(self.maximum, self.below)
         is_narrower = low is not None and high is not None and low >= chosen[0] and high <= chosen[1]
         return None if is_narrower else (chosen[0], chosen[1] if high is None else min(high, chosen[1]))
 
@@ -91,7 +92,8 @@ class FieldInfo:
     @property
     def interval(self) -> str:
         """Return the allowed interval, `[0, 1]` or `(0, inf)`; "" for any number."""
-        low, high = _bound(self.minimum, self.above), _bound(self.maximum, self.below)
+        low = _bound(self.minimum, self.above)
+        high = _bound(self.maximum, self.below)
         if low is None and high is None:
             return ""
         left = "[" if self.minimum is not None else "("

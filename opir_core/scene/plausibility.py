@@ -50,7 +50,8 @@ def _plausible_defaults(config_class: type) -> Mapping[str, Any]:
 
 def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:
     """Yield what is implausible in the value of a setting, nested configurations included."""
-    info, place = info_of(attribute), f"{path}.{attribute.name}" if path else attribute.name
+    info = info_of(attribute)
+    place = f"{path}.{attribute.name}" if path else attribute.name
     for inner in _configurations(value):
         yield from implausible_settings(inner, place)
     unit = f" {info.unit}" if info.unit not in {"", "1"} else ""

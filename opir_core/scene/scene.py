@@ -20,7 +20,8 @@ EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
 REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 
 #: What a scene's events may report: the types of the paper, `REPORTED_TYPES`, or the names of target classes as well.
-PAPER_TYPES, CLASS_TYPES = "paper", "classes"
+PAPER_TYPES = "paper"
+CLASS_TYPES = "classes"
 
 #: The code of UNKNOWN in `REPORTED_TYPES`.
 UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
@@ -172,7 +173,8 @@ class WorkLimits:
 
 
 #: The orders in which the tracker gets detections.
-BY_OBSERVATION, BY_REPORT = "observation", "report"
+BY_OBSERVATION = "observation"
+BY_REPORT = "report"
 
 
 @frozen(repr=False)
@@ -232,7 +234,10 @@ class Scene:
 
 
 #: What a spool does when it is full.
-REFUSE, WAIT, DROP_OLDEST, DROP_NEWEST = "refuse", "wait", "drop-oldest", "drop-newest"
+REFUSE = "refuse"
+WAIT = "wait"
+DROP_OLDEST = "drop-oldest"
+DROP_NEWEST = "drop-newest"
 _MIB = 1 << 20
 
 

@@ -236,7 +236,8 @@ def core_target_class(name: str) -> TargetClass:
 
 def _target_class(name: str, row: Mapping[str, Any]) -> TargetClass:
     values = dict(row)
-    names, after = values.pop("profiles"), values.pop("after_burnout", {Ballistic.model: {}})
+    names = values.pop("profiles")
+    after = values.pop("after_burnout", {Ballistic.model: {}})
     ((kind, settings),) = after.items()
     return TargetClass(
         name=name,

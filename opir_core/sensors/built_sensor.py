@@ -18,7 +18,8 @@ from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 #: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from other orbits, deg.
-_SLOT_HALF_ANGLE_DEG, _MARGIN_DEG = 10.0, 1.3
+_SLOT_HALF_ANGLE_DEG = 10.0
+_MARGIN_DEG = 1.3
 
 #: W/cm² to W/m².
 W_M2_PER_W_CM2 = 1e4

@@ -63,9 +63,11 @@ class StepStareSweep:
         """
         east, north, down = _east_north_down(sensor_ecef_m, target_ecef_m)
         place = self._place(-np.arctan2(north, down), self.rows)
-        row, column = np.floor(place), np.floor(self._place(np.arctan2(east, down), self.columns))
+        row = np.floor(place)
+        column = np.floor(self._place(np.arctan2(east, down), self.columns))
         along = np.where(row % 2 == 0, column, self.columns - 1 - column)
-        line, cells = place - row, self.rows * self.columns
+        line = place - row
+        cells = self.rows * self.columns
         turn = line if self.is_staring else (row * self.columns + along + line) / cells
         return _phase_at(np.where(np.isfinite(east + north + down), turn, 0.0), uniform, self.period_ns)
 
@@ -106,10 +108,12 @@ def _east_north_down(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> tu
     x, y, z = sensor.T
     across = np.hypot(x, y)
     radius = np.where((across == 0.0) & (z == 0.0), np.nan, np.hypot(across, z))
-    cos_latitude, sin_latitude = across / radius, z / radius
+    cos_latitude = across / radius
+    sin_latitude = z / radius
     over_pole = across == 0.0
     safe = np.where(over_pole, 1.0, across)
-    east_x, east_y = np.where(over_pole, 0.0, -y / safe), np.where(over_pole, 1.0, x / safe)
+    east_x = np.where(over_pole, 0.0, -y / safe)
+    east_y = np.where(over_pole, 1.0, x / safe)
     outward = dx * east_y - dy * east_x
     east = dx * east_x + dy * east_y
     return east, dz * cos_latitude - outward * sin_latitude, -(outward * cos_latitude + dz * sin_latitude)

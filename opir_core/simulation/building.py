@@ -46,7 +46,9 @@ class BuildDetections:
     @classmethod
     def of(cls, plan: Plan, geometry: LookGeometry, streams: PairStreams) -> "BuildDetections":
         """Return the stage of a plan; a classifier that goes by pairs is asked once, here."""
-        scene, pairs, types = plan.scene, plan.pairs, len(plan.reported_types)
+        scene = plan.scene
+        pairs = plan.pairs
+        types = len(plan.reported_types)
         codes = plan.classifier.pair_type(pairs.sensor, pairs.target, streams.of_pairs())
         return cls(
             geometry=geometry,
@@ -66,9 +68,11 @@ class BuildDetections:
 
     def __call__(self, window: Observation) -> None:
         """Build the detections in blocks of rows whose columns stay in the processor's cache."""
-        order, measured = window.order, window.measured
+        order = window.order
+        measured = window.measured
         # Column by column: gathering rows of all columns at once touches more pages than the processor caches.
-        hits, measured = window.hits.take(order), None if measured is None else measured.take(order)
+        hits = window.hits.take(order)
+        measured = None if measured is None else measured.take(order)
         none = np.full(len(hits), -1, dtype=np.int64)
         times = {"time_ns": hits.time_ns, "reported_ns": hits.time_ns}
         columns = {**times, "scan": hits.scan, "detection_count": hits.count, "track": none, "estimate": none}
@@ -79,13 +83,15 @@ class BuildDetections:
             block, block_truth = self._block(hits.take(rows), window.numbers, of_rows)
             detections.put(block)
             truth.put(block_truth)
-        window.detections, window.truth = detections.record(), truth.record()
+        window.detections = detections.record()
+        window.truth = truth.record()
 
     def _block(
         self, hits: Hits, numbers: WindowNumbers, measured: Measured | None
     ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of a block of hits, and their truth; the model measures what is not `measured` yet."""
-        rng, states = numbers.of(hits.row, hits.pair, hits.direction_words), self.geometry.states
+        rng = numbers.of(hits.row, hits.pair, hits.direction_words)
+        states = self.geometry.states
         time_s = hits.time_ns.astype(np.float64) * 1e-9
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
         if measured is None:

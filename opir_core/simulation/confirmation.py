@@ -15,7 +15,8 @@ class Confirmation:
     """
 
     def __init__(self, needed: IntArray, scans: IntArray) -> None:
-        self._needed, self._scans = needed, scans
+        self._needed = needed
+        self._scans = scans
         #: The scans (pairs, most M - 1) of the last detections of each pair, the latest one first.
         self.recent = np.full((len(needed), int(needed.max(initial=1)) - 1), _NEVER)
 

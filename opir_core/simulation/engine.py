@@ -50,7 +50,8 @@ class Engine:
 
     def _planned_stages(self, plan: Plan) -> Sequence[Stage]:
         """Return the stages of a window, in order. What does not happen in the scene is not among them."""
-        pairs, geometry = plan.pairs, plan.look_geometry()
+        pairs = plan.pairs
+        geometry = plan.look_geometry()
         find_looks = FindLooks(pairs, self._streams)
         curves = interpolant_of(plan, geometry)
         build = BuildDetections.of(plan, geometry, self._streams)
@@ -74,7 +75,8 @@ class Engine:
 
     def take_over(self, former: "Engine") -> None:
         """Continue the run of another engine with the same sensors: its time, tracker, counts and last detections."""
-        self.time_ns, self._scheduled = former.time_ns, former._tracker
+        self.time_ns = former.time_ns
+        self._scheduled = former._tracker
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.set_sensors(self.plan.tracker_sensors())
         self._count.take_over(former._count)
@@ -99,7 +101,8 @@ class Engine:
 
         Raises `ModelError` for what a component raises or returns wrongly.
         """
-        start_ns, self.time_ns = self.time_ns, end_ns
+        start_ns = self.time_ns
+        self.time_ns = end_ns
         return self._tracked(self.observe(start_ns, end_ns), start_ns, end_ns)
 
     def observe(self, start_ns: int, end_ns: int, turn: AbstractContextManager[None] | None = None) -> Window:
@@ -115,7 +118,8 @@ class Engine:
 
     def track(self, window: Window, end_ns: int) -> Window:
         """Return a window of observations up to `end_ns` with its tracks; windows follow each other."""
-        start_ns, self.time_ns = self.time_ns, end_ns
+        start_ns = self.time_ns
+        self.time_ns = end_ns
         return self._tracked(window, start_ns, end_ns)
 
     def _tracked(self, window: Window, start_ns: int, end_ns: int) -> Window:

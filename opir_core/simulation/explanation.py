@@ -25,7 +25,8 @@ from opir_core.simulation.undetected import blocked_text, few_looks
 
 def explained(plan: Plan) -> Mapping[str, Any]:
     """Return the work of a plan, computed, skipped and omitted, by sensor and by pair, as plain values."""
-    looking, idle = np.flatnonzero(plan.pairs.looks > 0), np.flatnonzero(plan.pairs.looks == 0)
+    looking = np.flatnonzero(plan.pairs.looks > 0)
+    idle = np.flatnonzero(plan.pairs.looks == 0)
     return {
         "scene": plan.scene.name,
         "forces": list(plan.scene.forces.names),
@@ -188,7 +189,8 @@ def _truth_users(plan: Plan) -> list[str]:
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:
-    sensor, target = plan.sensors[plan.pairs.sensor[row]], plan.targets.ids[plan.pairs.target[row]]
+    sensor = plan.sensors[plan.pairs.sensor[row]]
+    target = plan.targets.ids[plan.pairs.target[row]]
     return {"sensor_id": sensor.id, "target_id": target}
 
 

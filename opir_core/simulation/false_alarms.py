@@ -72,9 +72,14 @@ class FalseAlarmGenerator:
     """Draws a run's false alarms, window by window; there are none where the Sun prevents looks."""
 
     def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
-        self._model, self._classifier, self._confidence = model, plan.classifier, plan.confidence
-        self._states, self._types_total = geometry.states, len(plan.reported_types)
-        scene, sensors, names = plan.scene, plan.sensors, plan.sensor_names()
+        self._model = model
+        self._classifier = plan.classifier
+        self._confidence = plan.confidence
+        self._states = geometry.states
+        self._types_total = len(plan.reported_types)
+        scene = plan.scene
+        sensors = plan.sensors
+        names = plan.sensor_names()
         rate = checked_rates(model.rate_per_scan, len(sensors))
         self._streams = {
             number: FalseAlarmStream(
@@ -100,7 +105,9 @@ class FalseAlarmGenerator:
 
     def _placed(self, drawn: Drawn, start_ns: int, end_ns: int) -> _Placed:
         """Return the false alarms in the window, with directions and times."""
-        sensor, scan, uniforms = drawn.sensor, drawn.scan, drawn.uniforms
+        sensor = drawn.sensor
+        scan = drawn.scan
+        uniforms = drawn.uniforms
         begin_ns = scan * self._period_ns.take(sensor)
         at_m = self._states.positions(sensor, begin_ns.astype(np.float64) * 1e-9)
         radius_m = np.sqrt(np.square(at_m).sum(axis=1))
@@ -126,11 +133,13 @@ class FalseAlarmGenerator:
         return phase_ns
 
     def _measured(self, noise: _Placed) -> FalseAlarms:
-        rows, bands = len(noise.time_ns), int(self._band_totals.max())
+        rows = len(noise.time_ns)
+        bands = int(self._band_totals.max())
         noise_only = self._model.measure_noise(noise.sensor, noise.uniforms)
         measured = checked_measured(noise_only, rows, bands, "measure_noise")
         sightings = self._classifier_inputs(noise, measured)
-        none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
+        none = np.full(rows, -1, dtype=np.int64)
+        unknown = np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
         types = self._types(sightings)
         detections = Detections(
@@ -215,14 +224,18 @@ def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, u
     1 - cosine is uniform over a cone; the sine follows without cancellation.
     """
     fall = most_fall * uniforms[:, 1]
-    off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
+    off = np.sqrt(fall * (2.0 - fall))
+    turn = 2.0 * np.pi * uniforms[:, 2]
     x, y, z = (at_m[:, axis] / -radius_m for axis in range(3))
     # East of the sensor; over a pole, the first axis.
     level = np.sqrt(x * x + y * y)
     on_axis = level == 0.0
     per_level = 1.0 / (level + on_axis)
-    east_x, east_y = on_axis - y * per_level, x * per_level
-    along_east, along_north, down = off * np.cos(turn), off * np.sin(turn), 1.0 - fall
+    east_x = on_axis - y * per_level
+    east_y = x * per_level
+    along_east = off * np.cos(turn)
+    along_north = off * np.sin(turn)
+    down = 1.0 - fall
     unit = np.empty_like(at_m)
     unit[:, 0] = x * down + east_x * along_east - z * east_y * along_north
     unit[:, 1] = y * down + east_y * along_east + z * east_x * along_north

@@ -31,7 +31,8 @@ class FindLooks:
 
     def __call__(self, window: Observation) -> None:
         """Find the looks in [start, end)."""
-        looks = window.looks = Looks.between(self.pairs, window.start_ns, window.end_ns)
+        looks = Looks.between(self.pairs, window.start_ns, window.end_ns)
+        window.looks = looks
         window.numbers = WindowNumbers(self.streams, looks.active, looks.first_scan, looks.scans)
 
     def forget(self, window: Observation) -> None:
@@ -48,8 +49,10 @@ def draw_detections(window: Observation) -> None:
     """
     # Looks with a P_d of 0 or 1 need no random number: 0 will do.
     drawn = window.numbers.words("detection", window.undecided)
-    row = window.row = np.flatnonzero(uniforms_of(drawn) < window.probability)
-    window.pair, window.scan = window.looks.pair.take(row), window.looks.scan.take(row)
+    row = np.flatnonzero(uniforms_of(drawn) < window.probability)
+    window.row = row
+    window.pair = window.looks.pair.take(row)
+    window.scan = window.looks.scan.take(row)
 
 
 @frozen(eq=False, repr=False)
@@ -60,7 +63,9 @@ class DrawDirections:
 
     def __call__(self, window: Observation) -> None:
         """Draw the random words of the line-of-sight errors."""
-        row, pair, scan = window.row, window.pair, window.scan
+        row = window.row
+        pair = window.pair
+        scan = window.scan
         words = window.numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
         time_ns = look_times_ns(self.pairs, pair, scan)
         window.hits = Hits(row, pair, scan, time_ns, window.count, window.probability.take(row), words)
@@ -97,13 +102,16 @@ class CountDetections:
             if self._confirmation is None:
                 return
             reported = np.flatnonzero(self._confirmation.confirmed(window.pair, window.scan))
-        window.row, window.pair = window.row.take(reported), window.pair.take(reported)
-        window.scan, window.count = window.scan.take(reported), window.count.take(reported)
+        window.row = window.row.take(reported)
+        window.pair = window.pair.take(reported)
+        window.scan = window.scan.take(reported)
+        window.count = window.count.take(reported)
 
     def _counted(self, pair: IntArray) -> IndexArray:
         """Return the numbers (n,) of detections of pairs (n,) so far, each included."""
         start = np.flatnonzero(np.diff(pair, prepend=-1))
-        distinct, times = pair[start], np.diff(start, append=len(pair))
+        distinct = pair[start]
+        times = np.diff(start, append=len(pair))
         place = np.arange(len(pair)) - np.repeat(start, times)
         count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
         self._counts[distinct] += times.astype(np.int32)

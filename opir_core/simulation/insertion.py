@@ -18,11 +18,14 @@ class DrawFalseAlarms:
 
     def __call__(self, window: Observation) -> None:
         """Draw the false alarms of the window and make room for them."""
-        false_alarms = window.false_alarms = self._generator.between(window.start_ns, window.end_ns)
-        hits, order = window.hits, window.order
+        false_alarms = self._generator.between(window.start_ns, window.end_ns)
+        window.false_alarms = false_alarms
+        hits = window.hits
+        order = window.order
         if false_alarms is None or not len(order):
             return
-        places = window.places = false_alarms.places(hits.time_ns, self._sensor[hits.pair], order)
+        places = false_alarms.places(hits.time_ns, self._sensor[hits.pair], order)
+        window.places = places
         # `insert_false_alarms` overwrites the rows at `places`: any row fills them.
         window.order = np.insert(order, np.sort(places) - np.arange(len(places)), order[0])
 

@@ -53,9 +53,11 @@ class _LookIntervals(NamedTuple):
         """Return the row of each interval's first look in a window, and its number of looks there."""
         most = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
         first_scan, scans, offset = (np.zeros(most, dtype=np.int64) for _ in range(3))
-        first_scan[looks.active], scans[looks.active] = looks.first_scan, looks.scans
+        first_scan[looks.active] = looks.first_scan
+        scans[looks.active] = looks.scans
         offset[looks.active] = np.cumsum(looks.scans) - looks.scans
-        known, most_scans = first_scan[self.pair], scans[self.pair]
+        known = first_scan[self.pair]
+        most_scans = scans[self.pair]
         start = np.clip(self.first - known, 0, most_scans)
         count: IntArray = np.clip(self.behind - known, 0, most_scans) - start
         return offset[self.pair] + start, count
@@ -94,8 +96,10 @@ class KnotCurves:
     def at_scans(self, geometry: LookGeometry) -> "ProbabilityInterpolant":
         """Return the interpolant over scan numbers, for the phases of a geometry's pairs."""
         pairs = geometry.pairs
-        ahead_ns, period_ns = knot_places(pairs).phase_ns - pairs.phase_ns, pairs.period_ns
-        pair, of_line = self.pieces.pair, self.intervals.pair
+        ahead_ns = knot_places(pairs).phase_ns - pairs.phase_ns
+        period_ns = pairs.period_ns
+        pair = self.pieces.pair
+        of_line = self.intervals.pair
         pieces = _first_scans(self.pieces, pairs)
         lines = _first_scans(self.intervals, pairs)
         units = period_ns / UNIT_NS
@@ -117,7 +121,8 @@ class KnotCurves:
 def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
     """Return the first scans (k,) of pieces: at or after their starts, of the first ones the first of the pair."""
     # Looks within the margin before a piece's first knot are its own: a breakpoint may be there.
-    pair, start = pieces.pair, np.maximum(pieces.scan[0] - MARGIN, 0)
+    pair = pieces.pair
+    start = np.maximum(pieces.scan[0] - MARGIN, 0)
     since_ns = start * UNIT_NS + (knot_places(pairs).phase_ns - pairs.phase_ns)[pair]
     first = np.maximum(-(-since_ns // pairs.period_ns[pair]), 0)
     return np.where(start == 0, np.minimum(first, pairs.first_scan[pair]), first)
@@ -146,7 +151,8 @@ class ProbabilityInterpolant:
 
     def with_looks(self, geometry: LookGeometry, rough: IntArray, tolerance: float) -> "ProbabilityInterpolant":
         """Return the interpolant with each look of rough pieces, given by their rows, evaluated."""
-        pairs, pair = geometry.pairs, self.pieces.pair[rough]
+        pairs = geometry.pairs
+        pair = self.pieces.pair[rough]
         first = np.maximum(self.pieces.first[rough], pairs.first_scan[pair])
         count = np.maximum(np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first, 0)
         pair = np.repeat(pair, count)
@@ -181,13 +187,15 @@ class WindowInterpolant:
     """The interpolant of a window's looks."""
 
     def __init__(self, whole: ProbabilityInterpolant, looks: Looks) -> None:
-        self._whole, self._looks = whole, looks
+        self._whole = whole
+        self._looks = looks
         start, count = whole.intervals.rows(looks)
         self._used = np.flatnonzero(count)
         self._ends = (start + count)[self._used]
         start, count = whole.pieces.rows(looks)
         self._pieces = np.flatnonzero(count)
-        self._starts, self._counts = start[self._pieces], count[self._pieces]
+        self._starts = start[self._pieces]
+        self._counts = count[self._pieces]
 
     def probability(self) -> FloatArray:
         """Return the probability of detection (n,) of each look."""
@@ -219,9 +227,11 @@ class WindowInterpolant:
         first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
         used = self._used[first : last + 1]
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
-        used, times = used[times > 0], times[times > 0]
+        used = used[times > 0]
+        times = times[times > 0]
         since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(np.float64)
-        at, rise = whole.at.take(used, axis=1), whole.rise.take(used, axis=1)
+        at = whole.at.take(used, axis=1)
+        rise = whole.rise.take(used, axis=1)
         width = len(at) // 2
         parts = (slice(width), slice(width, -1), slice(-1, None))
         snr, noise, sine = (_lines_at(at[part], rise[part], times, since) for part in parts)
@@ -243,10 +253,12 @@ def _lines_at(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArr
 
 def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatArray, BoolArray]:
     """Return all pieces in order, with their curves, certain P_d, and which are rough."""
-    quantile, smooth = grid.values[0], grid.curved
+    quantile = grid.values[0]
+    smooth = grid.curved
     # Settled pieces need no curve: a line fills the row; rough ones get none.
     straight = Intervals.joined([each.knots(slice(0, None, len(each.scan) - 1)) for each in (grid.settled, grid.rough)])
-    inner, ends = quantile[smooth.row], quantile[straight.row]
+    inner = quantile[smooth.row]
+    ends = quantile[straight.row]
     pieces = Intervals.joined([smooth.knots(slice(0, None, KNOTS - 1)), straight])
     order = _in_order(pieces.pair, pieces.scan[0])
     through = Curves.through(smooth.scan, inner)

@@ -41,7 +41,8 @@ class LatestTracks:
         ]
 
     def _row(self, latest: Tracks, place: int, launch_km: float, impact_km: float) -> Mapping[str, Any]:
-        track, chance = int(latest.track[place]), latest.type_probability[place]
+        track = int(latest.track[place])
+        chance = latest.type_probability[place]
         is_typed = bool(np.isfinite(chance).any())
         return {
             "track_id": track,

@@ -30,7 +30,8 @@ def classifier_inputs(
     count: IndexArray,
 ) -> ClassifierInputs:
     """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not measured."""
-    irradiance, noise = measured.band_irradiance_w_m2, measured.band_noise_w_m2
+    irradiance = measured.band_irradiance_w_m2
+    noise = measured.band_noise_w_m2
     return ClassifierInputs(
         time_s=time_s,
         sensor=sensor,
@@ -69,7 +70,8 @@ def classified(
     classifier: Classifier, sightings: ClassifierInputs, rng: RandomDraws, types: int = len(REPORTED_TYPES)
 ) -> Classified:
     """Return what a classifier reports, with its probabilities if it has any."""
-    rows, posterior = len(sightings), classifier.log_posterior(sightings)
+    rows = len(sightings)
+    posterior = classifier.log_posterior(sightings)
     if posterior is not None:
         return Classified.of(classifier, rows, posterior, "log_posterior", types)
     codes = checked_types(classifier.reported_type(sightings, rng), rows, types, "reported_type")
@@ -136,7 +138,8 @@ def measured_lines_of_sight(
 def _directions(exposed: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the components (n,) of the true unit vectors from sensor to target."""
     per_m = 1.0 / exposed.range_m
-    target_m, sensor_m = exposed.target_ecef_m, exposed.sensor_ecef_m
+    target_m = exposed.target_ecef_m
+    sensor_m = exposed.sensor_ecef_m
     x, y, z = ((target_m[:, axis] - sensor_m[:, axis]) * per_m for axis in range(3))
     return x, y, z
 
@@ -152,7 +155,8 @@ def _tilted(
     level = np.sqrt(x * x + y * y)
     on_axis = level == 0.0
     per_level = 1.0 / (level + on_axis)
-    cosine, sine = x * per_level + on_axis, y * per_level
+    cosine = x * per_level + on_axis
+    sine = y * per_level
     outward = z * second_rad
     moved_x = x - sine * first_rad - cosine * outward
     moved_y = y + cosine * first_rad - sine * outward
@@ -163,5 +167,7 @@ def _tilted(
 
 def _rows(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     rows = np.empty((len(x), 3))
-    rows[:, 0], rows[:, 1], rows[:, 2] = x, y, z
+    rows[:, 0] = x
+    rows[:, 1] = y
+    rows[:, 2] = z
     return rows

@@ -22,7 +22,8 @@ class MeasureResponses:
 
     def __call__(self, window: Observation) -> None:
         """Measure all hits, which are sorted by sensor."""
-        hits, interpolant = window.hits, window.interpolant
+        hits = window.hits
+        interpolant = window.interpolant
         if interpolant is None or not len(hits):
             return
         rng = window.numbers.of(hits.row, hits.pair, hits.direction_words)

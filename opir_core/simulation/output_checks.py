@@ -16,7 +16,9 @@ from opir_core.interfaces.protocols import Measured
 #: Largest distance of the sum of type probabilities from 1.
 _SUM_ROUNDING = 1e-6
 
-_DETECTION, _CLASSIFICATION, _CONFIDENCE = "detection", "classification", "confidence"
+_DETECTION = "detection"
+_CLASSIFICATION = "classification"
+_CONFIDENCE = "confidence"
 
 
 def outline(output: Any) -> str:
@@ -86,7 +88,8 @@ def checked_rates(rate_per_scan: Any, sensors: int) -> FloatArray:
 def checked_confirmation(confirmation: Any, sensors: int) -> IntArray:
     """Return the M of N (sensors, 2) scans that confirm detections, 1 <= M <= N."""
     _require_array(confirmation, "iu", (sensors, 2), _DETECTION, "confirmation")
-    needed, scans = confirmation[:, 0], confirmation[:, 1]
+    needed = confirmation[:, 0]
+    scans = confirmation[:, 1]
     if np.any((needed < 1) | (scans < needed)):
         row = int(np.argmax((needed < 1) | (scans < needed)))
         words = f"is {needed[row]} of {scans[row]} scans for sensor {row}; 1 <= M <= N is required"

@@ -24,7 +24,8 @@ from opir_core.sensors.scan_patterns import AlignedScan
 TOLERANCE = 1e-6
 
 #: Factor between expected and actual launches, of one at least, from which a warning is given.
-_UNEXPECTED, _COUNTS = 10.0, ("expected_launches", "launches")
+_UNEXPECTED = 10.0
+_COUNTS = ("expected_launches", "launches")
 
 #: Ids that a message lists.
 _LISTED = 3
@@ -50,7 +51,8 @@ def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
 
 def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:
     """Return the launches that the classifier and the tracker expect in the scene, where they have such a prior."""
-    duration_s, launches = plan.scene.duration_s, len(plan.scene.targets)
+    duration_s = plan.scene.duration_s
+    launches = len(plan.scene.targets)
     models = (plan.scene.classification, plan.classifier), (plan.scene.tracker, plan.make_tracker())
     expected = [
         (f"{choice.path}: {choice.name}", model.expected_launches(duration_s))
@@ -135,7 +137,8 @@ def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:
 
     Only sensors with looks at whole periods of scene time count; other scan phases meet an event by chance alone.
     """
-    pairs, targets = plan.pairs, plan.targets
+    pairs = plan.pairs
+    targets = plan.targets
     is_aligned = _is_aligned(plan.sensors)
     is_launch = pairs.target < len(plan.scene.targets)
     looking = pairs.take(np.flatnonzero(is_aligned[pairs.sensor] & is_launch & (pairs.looks > 0)))
@@ -160,7 +163,8 @@ def aligned_pairs(sensors: Sequence[Sensor], targets: Targets, launches: int, en
     """Return which pairs (sensors, targets) may be warned about, were they to have looks: those of the first
     `launches` targets that ignite or burn out on scan instants."""
     met = np.zeros((len(sensors), len(targets.ids)), dtype=np.bool_)
-    is_aligned, period_ns = _is_aligned(sensors), np.array([sensor.scan.period_ns for sensor in sensors], np.int64)
+    is_aligned = _is_aligned(sensors)
+    period_ns = np.array([sensor.scan.period_ns for sensor in sensors], np.int64)
     for period in np.unique(period_ns[is_aligned]):
         events = (targets.ignition_s[:launches], targets.burnout_s[:launches])
         of_period = np.any([_on_scan_instant(time_s, period, end_ns) for time_s in events], axis=0)

@@ -25,7 +25,8 @@ class EvaluatedProbability:
 
     def __call__(self, window: Observation) -> None:
         """Evaluate the P_d of all looks."""
-        pairs, looks = self.geometry.pairs, window.looks
+        pairs = self.geometry.pairs
+        looks = window.looks
         of_pair = self.model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
         if of_pair is not None:
             of_pair = checked_probability(of_pair, len(looks.active), "pair_probability")
@@ -48,7 +49,8 @@ class InterpolatedProbability:
 
     def __call__(self, window: Observation) -> None:
         """Interpolate the P_d of all looks."""
-        interpolant = window.interpolant = self.whole.over(window.looks)
+        interpolant = self.whole.over(window.looks)
+        window.interpolant = interpolant
         window.probability = checked_probability(interpolant.probability(), len(window.looks.pair), "response")
         window.undecided = interpolant.undecided()
 

@@ -20,13 +20,16 @@ UNIT_NS = 1000
 MARGIN = 50
 
 #: First pieces of smooth intervals: longest duration, s, or in scan periods, and largest number.
-FIRST_PIECE_S, FIRST_PIECE_SCANS, MOST_FIRST_PIECES = 16.0, 8, 64
+FIRST_PIECE_S = 16.0
+FIRST_PIECE_SCANS = 8
+MOST_FIRST_PIECES = 64
 
 #: Least distance of the knots of a curve, in scan periods: where that is too far, each look is evaluated.
 LEAST_SCANS = 2
 
 #: Tolerance of signals and noise midway between neighbouring knots: relative, or in standard deviations of noise.
-SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
+SIGNAL_SHARE = 0.01
+SIGNAL_SIGMA = 0.05
 
 #: Largest relative change of signals on pieces with three knots.
 STEADY_SHARE = 0.3
@@ -37,7 +40,10 @@ _SLACK_SHARE = 1e-5
 #: Largest terms of third and of fourth order of a curve, as shares of the tolerance; or of both together, if the curve
 #: of the piece twice as long predicts the new knots to within the last share. With a bend anywhere between its five
 #: knots the error of a curve is then below the tolerance (docs/design/knots_judged.py).
-THIRD_SHARE, FOURTH_SHARE, _PREDICTED_SHARE, MISSED_SHARE = 0.25, 0.08, 1.0, 0.03
+THIRD_SHARE = 0.25
+FOURTH_SHARE = 0.08
+_PREDICTED_SHARE = 1.0
+MISSED_SHARE = 0.03
 
 #: Limit of quantiles: beyond 8.3 a probability is 1 to the last bit, below -38 it is no double.
 FARTHEST = 40.0
@@ -46,7 +52,8 @@ FARTHEST = 40.0
 CERTAIN_SHARE = 1e-4
 
 #: Knots of a piece, and those evaluated first.
-KNOTS, _SPARE = 5, slice(0, 5, 2)
+KNOTS = 5
+_SPARE = slice(0, 5, 2)
 
 
 class Curves(NamedTuple):
@@ -114,7 +121,8 @@ class Intervals(NamedTuple):
         if isinstance(rows, slice):
             return Intervals(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.predicted[:, rows])
         numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
-        scan, row = self.scan.take(numbers, axis=1), self.row.take(numbers, axis=1)
+        scan = self.scan.take(numbers, axis=1)
+        row = self.row.take(numbers, axis=1)
         return Intervals(self.pair.take(numbers), scan, row, self.predicted.take(numbers, axis=1))
 
     def knots(self, places: Any) -> "Intervals":
@@ -155,16 +163,21 @@ class GridRefiner:
     """Refines the interpolation grid of all pairs: each round evaluates new knots of all open pieces at once."""
 
     def __init__(self, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> None:
-        self._geometry, self._model, self._tolerance = geometry, model, tolerance
+        self._geometry = geometry
+        self._model = model
+        self._tolerance = tolerance
         self._certain = certain_beyond(tolerance)
-        self._known, self._count = np.empty((1, 0)), 0
+        self._known = np.empty((1, 0))
+        self._count = 0
 
     def refined(self) -> RefinedGrid:
         """Return the refined grid, which does not depend on the phases of scans."""
         period_ns = self._geometry.pairs.period_ns
         self._geometry = evolve(self._geometry, pairs=knot_places(self._geometry.pairs))
         pieces, short = self._first_pieces(period_ns)
-        settled, curved, rough = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))], [short]
+        settled = [pieces.take(slice(0, 0)).knots(_SPARE)]
+        curved = [pieces.take(slice(0, 0))]
+        rough = [short]
         while len(pieces.pair):
             is_settled = self._is_settled(pieces.knots(_SPARE))
             settled.append(pieces.take(is_settled).knots(_SPARE))
@@ -188,7 +201,8 @@ class GridRefiner:
         count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         pair, first, span, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
-        start, stop = first + span * number // count, first + span * (number + 1) // count
+        start = first + span * number // count
+        stop = first + span * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
         is_short = (stop - start) * UNIT_NS <= LEAST_SCANS * period_ns[pair]
         if is_short.all():
@@ -200,7 +214,8 @@ class GridRefiner:
 
     def _filled(self, pieces: Intervals) -> Intervals:
         """Return pieces with second and fourth knots evaluated, where these are distinct scans."""
-        lower, own = pieces.scan[0:3:2], pieces.scan[1::2]
+        lower = pieces.scan[0:3:2]
+        own = pieces.scan[1::2]
         new = np.nonzero(own != lower)
         row = pieces.row[0:3:2].copy()
         row[new] = self._rows(pieces.pair[new[1]], own[new])
@@ -275,7 +290,8 @@ class GridRefiner:
 
     def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
         """Return which pieces have signals and noise that are linear between knots, to within the tolerance."""
-        width, at = len(values) // 2 - 1, _positions(pieces)
+        width = len(values) // 2 - 1
+        at = _positions(pieces)
         straight = np.ones(len(pieces.pair), dtype=np.bool_)
         for band in range(width):
             for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
@@ -315,8 +331,10 @@ def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
     curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
     everyone = np.arange(len(curves.middle))
     for first in (0, 2):
-        scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
-        scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
+        scan = np.empty_like(pieces.scan)
+        row = np.full(pieces.row.shape, -1)
+        scan[::2] = pieces.scan[first : first + 3]
+        row[::2] = pieces.row[first : first + 3]
         scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
         predicted = np.full((2, len(pieces.pair)), np.nan)
         predicted[:, distinct] = [curves.at(everyone, np.ones_like(everyone), one) for one in scan[1::2, distinct]]
@@ -330,7 +348,9 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     From the deviations of the second and fourth value from the parabola through the others: half of their difference,
     and half of their sum. Their sum bounds the error of a curve; for a smooth one it is many times the error.
     """
-    start, middle, stop = values[0], values[2], values[4]
+    start = values[0]
+    middle = values[2]
+    stop = values[4]
     early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
     late = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
     bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
@@ -342,7 +362,8 @@ def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tu
     """Return intervals between breakpoints of the model, less the margin: pairs, first and last places of knots."""
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
-    first, last = pairs.first_scan[looking], pairs.last_scan[looking]
+    first = pairs.first_scan[looking]
+    last = pairs.last_scan[looking]
     starts = first[:, None]
     breakpoints_s = model.breakpoints_s()
     if breakpoints_s is not None:
@@ -351,7 +372,8 @@ def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tu
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
     stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)
     row, place = np.nonzero(starts < stops)
-    start, last = starts[row, place], stops[row, place] - 1
+    start = starts[row, place]
+    last = stops[row, place] - 1
     return looking[row], np.minimum(start + MARGIN, (start + last) // 2), np.maximum(last - MARGIN, (start + last) // 2)
 
 

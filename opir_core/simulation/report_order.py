@@ -52,7 +52,8 @@ class ReportOrder:
 
         Windows follow each other; `end_ns` is the end of this one.
         """
-        start_ns, self._time_ns = self._time_ns, end_ns
+        start_ns = self._time_ns
+        self._time_ns = end_ns
         is_waiting = len(self._held.detections) > 0 or bool(self._incoming)
         if self._tracker is None and not is_waiting and not window.detections.is_delayed:
             return window
@@ -86,7 +87,8 @@ class ReportOrder:
         """Return the reports before a time, in order; the others stay held."""
         if self._first_incoming_ns < end_ns:
             self._held = _merged([self._held, *self._incoming])
-            self._incoming, self._first_incoming_ns = [], _NEVER_NS
+            self._incoming = []
+            self._first_incoming_ns = _NEVER_NS
         cut = int(np.searchsorted(self._held.detections.reported_ns, end_ns))
         due = _part(self._held, slice(0, cut))
         self._held = _part(self._held, slice(cut, None))
@@ -119,7 +121,8 @@ def with_own_estimates(window: Window) -> Window:
 
 def joined_detections(windows: Iterable[Window]) -> Detections:
     """Return the detections of windows, with `estimate` as rows of all their estimates."""
-    shifted, rows = [], 0
+    shifted = []
+    rows = 0
     for window in windows:
         shifted.append(window.detections if rows == 0 else _shifted(window.detections, rows))
         rows += len(window.estimates)
@@ -174,11 +177,16 @@ class ReportedTracker(ScheduledTracker):
             return Tracked(detections, Tracks.empty(), Tracks.empty())
         ticks = self._ticks(start_ns - self._lag_ns, end_ns - self._lag_ns, self._cadence_ns)
         ends = np.searchsorted(detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns)
-        associated, estimates, in_force, rows, start = [], [], [], 0, 0
+        associated = []
+        estimates = []
+        in_force = []
+        rows = 0
+        start = 0
         for number, end in enumerate(ends.tolist()):
             associated.append(self._associated(detections.take(slice(start, end)), rows))
             in_force.append(self._in_force)
-            rows, start = rows + len(self._in_force), end
+            rows = rows + len(self._in_force)
+            start = end
             estimates += [self._step(tick) for tick in ticks[number : number + 1]]
         return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
 
@@ -203,7 +211,8 @@ class ReportedTracker(ScheduledTracker):
         pending = Detections.concatenate(self._pending)
         pending = pending.take(_observation_order(pending))
         cut = int(np.searchsorted(pending.time_ns, tick_ns))
-        rest, self._stepped_ns = pending.take(slice(cut, None)), tick_ns
+        rest = pending.take(slice(cut, None))
+        self._stepped_ns = tick_ns
         self._pending = [rest] if len(rest) else []
         tracks = self._tracker_in_use.step(tick_ns / _NS, pending.take(slice(0, cut)))
         if self._lag_ns:

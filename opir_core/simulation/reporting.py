@@ -62,7 +62,8 @@ class ReportingDelays:
 
     def _uniforms(self, number: int, scans: IntArray) -> FloatArray:
         """Return numbers (n, stages) in [0, 1) of sorted scans (n,), read by runs of neighbouring scans."""
-        stream, starts = self._streams[number], np.flatnonzero(np.diff(scans, prepend=-2 * _READ_OVER) > _READ_OVER)
+        stream = self._streams[number]
+        starts = np.flatnonzero(np.diff(scans, prepend=-2 * _READ_OVER) > _READ_OVER)
         runs = [scans[run] for run in map(slice, starts.tolist(), [*starts[1:].tolist(), len(scans)])]
         words = [stream.words(int(run[0]), int(run[-1] - run[0]) + 1) for run in runs]
         stages = len(self._stages[number])

@@ -52,7 +52,8 @@ class Run:
 
     def __repr__(self) -> str:
         """Return the scene with the counts, in one line."""
-        counts, scene = self.summary["counts"], self.plan.scene
+        counts = self.summary["counts"]
+        scene = self.plan.scene
         return (
             f"<Run of {scene.name}: {number_of('detection', counts['detections'])}"
             f" of {number_of('target', counts['targets'])} by {number_of('sensor', counts['sensors'])},"
@@ -178,7 +179,8 @@ def plan_windows(plan: Plan, window_s: float | None = None, *, workers: int = 1)
         edges_ns = window_edges_ns(plan, window_s, workers)
         yield from (window for window, _ in shared_windows(plan, edges_ns, workers))
         return
-    engine, reports = Engine(plan), ReportOrder(plan)
+    engine = Engine(plan)
+    reports = ReportOrder(plan)
     for edge_ns in window_edges_ns(plan, window_s):
         yield reports.take(engine.advance(edge_ns), edge_ns)
     rest = reports.rest()

@@ -32,7 +32,8 @@ def shared_windows(
     elsewhere there is no text. With `only_counted` windows with text have only the columns that `Tally` counts.
     """
     require_workers(workers)
-    engine, reports = Engine(plan), ReportOrder(plan)
+    engine = Engine(plan)
+    reports = ReportOrder(plan)
     is_final = plan.make_tracker().cadence_s is None and not any(sensor.reporting for sensor in plan.sensors)
     reduced = counted if only_counted and is_final else lambda window: window
     with WindowWorkers(engine, edges_ns, workers, (is_final and encoders) or {}, reduced) as group:

@@ -9,7 +9,8 @@ from opir_core.interfaces.records import Tracks, Window
 
 def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
     """Return a window with all times `time_ns` later, of detections exactly, and track numbers `tracks` higher."""
-    detections, offset_s = window.detections, time_ns * 1e-9
+    detections = window.detections
+    offset_s = time_ns * 1e-9
     look_ns = detections.time_ns + time_ns
     reported_ns = detections.reported_ns + time_ns if detections.is_delayed else look_ns
     track: IntArray = np.where(detections.track >= 0, detections.track + tracks, detections.track)

@@ -21,7 +21,8 @@ def planned_work(pairs: Pairs) -> Mapping[str, Any]:
 
     Looks that are visible throughout need no visibility test; the others are tested one by one.
     """
-    looks, skipped = pairs.looks, pairs.blocked[pairs.looks == 0]
+    looks = pairs.looks
+    skipped = pairs.blocked[pairs.looks == 0]
     tested = int(looks[pairs.is_checked].sum())
     return {
         "pairs": len(looks),
@@ -38,8 +39,12 @@ class Tally:
     """Counts looks, detections and first detections of the windows of a plan."""
 
     def __init__(self, plan: Plan) -> None:
-        sensors, targets, pairs = plan.sensors, plan.targets, plan.pairs
-        self._sensors, self._targets, self._types = sensors, targets, plan.reported_types
+        sensors = plan.sensors
+        targets = plan.targets
+        pairs = plan.pairs
+        self._sensors = sensors
+        self._targets = targets
+        self._types = plan.reported_types
         self._is_source = targets.type_code >= len(TARGET_TYPES)
         self._work = planned_work(pairs)
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
@@ -75,7 +80,8 @@ class Tally:
             self.health = window.health.documents()
         if len(window.tracks):
             self._latest_tracks().take(window.tracks)
-        seen, target = window.detections, window.truth.target
+        seen = window.detections
+        target = window.truth.target
         self._count_held(target, seen.track)
         is_noise = target < 0
         columns: tuple[Any, ...] = (seen.sensor, target, seen.time_ns, seen.reported_type, seen.confidence)
@@ -109,8 +115,10 @@ class Tally:
         time_s = time_ns * 1e-9
         self._detections += np.bincount(pair, minlength=sensors * targets).reshape(sensors, targets)
         # The last of repeated writes stays: written backwards, it is the first detection of each pair.
-        first_s, last_s = np.full(sensors * targets, np.inf), np.full(sensors * targets, -np.inf)
-        first_s[pair[::-1]], last_s[pair] = time_s[::-1], time_s
+        first_s = np.full(sensors * targets, np.inf)
+        last_s = np.full(sensors * targets, -np.inf)
+        first_s[pair[::-1]] = time_s[::-1]
+        last_s[pair] = time_s
         np.minimum(self._first_s, first_s.reshape(sensors, targets), out=self._first_s)
         np.maximum(self._last_s, last_s.reshape(sensors, targets), out=self._last_s)
         types = self._reported.shape[1]
@@ -178,7 +186,8 @@ class Tally:
         }
 
     def _target_row(self, row: int) -> Mapping[str, Any]:
-        seen, ignition_s = self._seen(row), float(self._targets.ignition_s[row])
+        seen = self._seen(row)
+        ignition_s = float(self._targets.ignition_s[row])
         first_s = seen["first_detection_s"]
         first_report_s = float(self._first_report_s[row]) if self._is_delayed else first_s
         return {

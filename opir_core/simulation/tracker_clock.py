@@ -65,14 +65,19 @@ class ScheduledTracker:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
-        associated, estimates, in_force = [], [], []
-        start, rows, now_ns = 0, 0, start_ns
+        associated = []
+        estimates = []
+        in_force = []
+        start = 0
+        rows = 0
+        now_ns = start_ns
         while now_ns < end_ns:
             now_ns = self._next_edge_ns(now_ns, end_ns, detections.time_ns[start:])
             end = int(np.searchsorted(detections.time_ns, now_ns)) if now_ns < end_ns else len(detections)
             associated.append(self._associated(detections.take(slice(start, end)), rows))
             in_force.append(self._in_force)
-            start, rows = end, rows + len(self._in_force)
+            start = end
+            rows = rows + len(self._in_force)
             estimates += self._stepped(now_ns)
         columns = Tracks.concatenate(estimates), Tracks.concatenate(in_force)
         return Tracked(Detections.concatenate(associated), *columns, self._tracker_in_use.sensor_health())
@@ -108,7 +113,8 @@ class ScheduledTracker:
         since = self._pending[0] if len(self._pending) == 1 else Detections.concatenate(self._pending)
         if since.is_delayed:
             self._latest_report_ns = max(self._latest_report_ns, int(since.reported_ns.max()))
-        tracks, self._pending = self._tracker_in_use.step(edge_ns / _NS, since), []
+        tracks = self._tracker_in_use.step(edge_ns / _NS, since)
+        self._pending = []
         if self._latest_report_ns > edge_ns:
             tracks = evolve(tracks, available_s=np.full(len(tracks), self._latest_report_ns / _NS))
         self._in_force = tracks
@@ -117,7 +123,8 @@ class ScheduledTracker:
 
 def checked_tracker(plan: Plan) -> Tracker:
     """Return a new tracker of a plan, with checked output if it steps; it ends at an error if the plan says so."""
-    tracker, choice = plan.make_tracker(), plan.scene.tracker
+    tracker = plan.make_tracker()
+    choice = plan.scene.tracker
     if tracker.cadence_s is None:
         return tracker
     owner = partial(owner_text, plan.host, choice)
@@ -147,7 +154,9 @@ class CheckedTracker(Tracker):
     """
 
     def __init__(self, tracker: Tracker, owner: Callable[[], str], hint: str, hypotheses: int) -> None:
-        self._tracker, self._owner, self._hint = tracker, owner, hint
+        self._tracker = tracker
+        self._owner = owner
+        self._hint = hint
         self._hypotheses = hypotheses
         self._width: int | None = None
 
@@ -176,7 +185,8 @@ class CheckedTracker(Tracker):
     def _fault_in_width(self, estimates: Tracks) -> str:
         """Return the error of columns of hypotheses that come or go from tick to tick, or ""."""
         width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
-        before, self._width = self._width, width
+        before = self._width
+        self._width = width
         return "" if before in (None, width) else f"returned {width} hypotheses, after {before} at earlier ticks"
 
     def is_idle(self) -> bool:
@@ -206,7 +216,8 @@ class EndingTracker(Tracker):
 
     def __init__(self, tracker: Tracker, on_error: Callable[[str], None]) -> None:
         self._tracker: Tracker | None = tracker
-        self._on_error, self._cadence_s = on_error, tracker.cadence_s
+        self._on_error = on_error
+        self._cadence_s = tracker.cadence_s
 
     @property
     def cadence_s(self) -> float | None:
@@ -255,7 +266,8 @@ def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
     times: Any = estimates.tick_s
     rows = times.size if isinstance(times, np.ndarray) else 0
     for name, shape in _SHAPES.items():
-        column, kinds = getattr(estimates, name), _KINDS.get(name, "fiu")
+        column = getattr(estimates, name)
+        kinds = _KINDS.get(name, "fiu")
         # A tracker weighs all hypotheses, or none.
         due = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
         is_array = isinstance(column, np.ndarray) and column.dtype.kind in kinds
@@ -324,7 +336,10 @@ def _are_regions(rows: list[Any]) -> bool:
 
 #: Rounding of angles and probabilities, of sums of probabilities, and of covariances scaled to correlations: the
 #: asymmetry and the most negative eigenvalue that rounding explains.
-_ROUNDING, _SUM_ROUNDING, _SYMMETRY, _NEGATIVE = 1e-9, 1e-6, 1e-6, 1e-6
+_ROUNDING = 1e-9
+_SUM_ROUNDING = 1e-6
+_SYMMETRY = 1e-6
+_NEGATIVE = 1e-6
 _PROBABILITIES = (
     *("probability_burning", "probability_relights", "probability_launch", "probability_missile", "probability_orbit"),
     *("type_probability", "hypothesis_probability"),

@@ -31,7 +31,8 @@ def blocked_text(plan: Plan, row: int) -> str:
 def few_looks(plan: Plan, pair: IntArray) -> tuple[IntArray, IntArray, Exposures]:
     """Return pairs, scans and exposures of a few looks of each of the pairs, which have some."""
     pair, share = np.repeat(pair, _LOOKS), np.tile(np.linspace(0.0, 1.0, _LOOKS), len(pair))
-    first, last = plan.pairs.first_scan[pair], plan.pairs.last_scan[pair]
+    first = plan.pairs.first_scan[pair]
+    last = plan.pairs.last_scan[pair]
     scan = first + np.floor(share * (last - first)).astype(np.int64)
     return pair, scan, plan.look_geometry().exposures(pair, scan)
 

@@ -107,7 +107,8 @@ class WindowWorkers:
     ) -> None:
         require_workers(workers)
         self._tasks = list(zip([0, *edges_ns[:-1]], edges_ns, strict=True))
-        self._encoders, self._reduced = encoders, reduced
+        self._encoders = encoders
+        self._reduced = reduced
         self._engine = engine
         count = min(workers, len(self._tasks))
         self._relay = _Relay(engine, _AHEAD * count + 2)
@@ -300,7 +301,8 @@ class _Relay:
         sizes = [-(-array.nbytes // _ALIGNMENT) * _ALIGNMENT for array in self._state]
         memory = _shared_memory(_ALIGNMENT + slots * sum(sizes))
         self._published = np.frombuffer(memory, dtype=np.int64, count=1)
-        self._slots, at = [], _ALIGNMENT
+        self._slots = []
+        at = _ALIGNMENT
         for _ in range(slots):
             arrays = []
             for array, size in zip(self._state, sizes, strict=True):
@@ -337,8 +339,10 @@ class _Packing:
     """Puts the text of a window into a buffer and, what has no room there, with its columns into a file in memory."""
 
     def __init__(self, buffer: mmap.mmap) -> None:
-        self._buffer, self._used = buffer, 0
-        self.file, self.size = -1, 0
+        self._buffer = buffer
+        self._used = 0
+        self.file = -1
+        self.size = 0
 
     def text(self, lines: "bytes | memoryview") -> tuple[bool, slice]:
         """Return whether lines were put into the file, and where."""

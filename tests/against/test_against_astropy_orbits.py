@@ -42,7 +42,8 @@ def ours_and_theirs(number: str) -> tuple[np.ndarray, np.ndarray, Time]:
 def test_with_ut1_and_the_pole_put_in_nothing_is_left(number):
     ours, theirs, times = ours_and_theirs(number)
     late_rad = EARTH_ROTATION_RAD_S * 1.0000000001 * times.delta_ut1_utc
-    cosine, sine = np.cos(late_rad), np.sin(late_rad)
+    cosine = np.cos(late_rad)
+    sine = np.sin(late_rad)
     turned = np.stack([cosine * ours[:, 0] + sine * ours[:, 1], cosine * ours[:, 1] - sine * ours[:, 0], ours[:, 2]], 1)
     corrected = np.einsum("nij,nj->ni", erfa.pom00(*get_polar_motion(times), 0.0), turned)
     # Fitted to 1 mm; a double of a Julian date, in two parts, costs no more.

@@ -17,14 +17,16 @@ from scipy.interpolate import CubicSpline
 
 from opir_core.orbits import KeplerConfig, OrbitConfig, eclipse_intervals, orbit_of, outage_intervals
 
-MU, OMEGA = 3.986004418e14, 7.292115e-5
+MU = 3.986004418e14
+OMEGA = 7.292115e-5
 RADII = np.array([6378137.0, 6378137.0, 6378137.0 * (1.0 - 1.0 / 298.257223563)])
 SUN_RADIUS_M = 6.957e8
 STEP_S = 20.0
 #: opir takes UTC for UT1, from which it differed by up to 0.2 s on these dates.
 TOLERANCE_S = 0.3
 GEO_KM = (MU / OMEGA**2) ** (1.0 / 3.0) / 1e3
-MOLNIYA_KM, TUNDRA_KM = GEO_KM / 2.0 ** (2.0 / 3.0), GEO_KM
+MOLNIYA_KM = GEO_KM / 2.0 ** (2.0 / 3.0)
+TUNDRA_KM = GEO_KM
 
 
 def orbit(axis_km, eccentricity=0.0, inclination=0.0, node=0.0, perigee=0.0, anomaly=0.0):
@@ -67,7 +69,8 @@ GEOMETRIES = {
 
 def position_m(elements, time_s):
     """The satellite in ECEF."""
-    axis_m, eccentricity = elements["semi_major_axis_km"] * 1e3, elements["eccentricity"]
+    axis_m = elements["semi_major_axis_km"] * 1e3
+    eccentricity = elements["eccentricity"]
     mean = np.radians(elements["mean_anomaly_deg"]) + np.sqrt(MU / axis_m**3) * time_s
     eccentric = mean + eccentricity * np.sin(mean)
     for _ in range(50):
@@ -87,7 +90,8 @@ def position_m(elements, time_s):
 
 def turned_z(vectors, angle):
     x, y, z = vectors.T
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
 
 
@@ -115,8 +119,10 @@ def hidden_limb(position, sun):
     inside = (SUN_RADIUS_M / distance) ** 2
     radius = SUN_RADIUS_M * np.sqrt(1.0 - inside)
     limb = sun - SUN_RADIUS_M**2 / distance * along + radius * (np.cos(angle) * first + np.sin(angle) * second)
-    start, way = position / RADII, (limb - position) / RADII
-    square, product = np.sum(way * way, axis=-1), np.sum(start * way, axis=-1)
+    start = position / RADII
+    way = (limb - position) / RADII
+    square = np.sum(way * way, axis=-1)
+    product = np.sum(start * way, axis=-1)
     reach = product**2 - square * (np.sum(start * start, axis=-1) - 1.0)
     return np.mean((reach > 0.0) & (product < 0.0), axis=0)
 
@@ -126,11 +132,14 @@ def events(condition, stop_s):
     grid = np.arange(0.0, stop_s + STEP_S, STEP_S).clip(max=stop_s)
     state = condition(grid)
     changed = np.flatnonzero(state[1:] != state[:-1])
-    low, high, before = grid[changed], grid[changed + 1], state[changed]
+    low = grid[changed]
+    high = grid[changed + 1]
+    before = state[changed]
     for _ in range(16):
         middle = 0.5 * (low + high)
         is_before = condition(middle) == before
-        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+        low = np.where(is_before, middle, low)
+        high = np.where(is_before, high, middle)
     return 0.5 * (low + high)
 
 
@@ -164,7 +173,8 @@ def geometry(request):
 def test_eclipses_begin_and_end_when_they_should(geometry):
     sensor, epoch, stop_s, states = geometry
     found = eclipse_intervals(sensor.orbit, epoch, 0.0, stop_s)
-    outer, inner = np.append(found.start_s, found.stop_s), np.append(found.umbra_start_s, found.umbra_stop_s)
+    outer = np.append(found.start_s, found.stop_s)
+    inner = np.append(found.umbra_start_s, found.umbra_stop_s)
     penumbra = events(lambda time_s: hidden_limb(*states(time_s)) > 0.0, stop_s)
     umbra = events(lambda time_s: hidden_limb(*states(time_s)) == 1.0, stop_s)
     assert inside(outer, stop_s) == pytest.approx(penumbra, abs=TOLERANCE_S)
@@ -178,7 +188,8 @@ def test_outages_begin_and_end_when_they_should(geometry):
 
     def is_blind(time_s):
         position, sun = states(time_s)
-        down, towards = -position, sun - position
+        down = -position
+        towards = sun - position
         angle = np.arctan2(np.linalg.norm(np.cross(down, towards), axis=1), np.sum(down * towards, axis=1))
         near = angle < sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
         return near & (hidden_limb(position, sun) < 1.0)

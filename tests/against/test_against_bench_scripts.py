@@ -30,7 +30,8 @@ def test_detector_noise_is_that_of_electrons():
     )
     found = noise_budget(bench, Poses.of())
     named = {each.name: each.sigma_w_m2 for each in found.terms}
-    cone, pitch_m = math.pi / (4.0 * 2.0**2 + 1.0), 28e-6 * 2.0 * 0.5
+    cone = math.pi / (4.0 * 2.0**2 + 1.0)
+    pitch_m = 28e-6 * 2.0 * 0.5
     warm = [0.3 * photons_per_s(260.0, *edges) * cone * pitch_m**2 * 0.7 * 0.9 for edges in ((2.5, 3.0), (4.0, 5.0))]
     read = named["read-out"]
     assert np.allclose(named["dark current"] / read, math.sqrt(3e9 * 0.020 / (9 * 80.0**2)), rtol=1e-6)
@@ -79,7 +80,8 @@ def test_photon_noise_is_poisson():
     sensor = bench.sensor
     found = noise_budget(bench, Poses.of())
     sigma = photon_noise(bench)
-    low, high = sensor.bands[0].lower_um, sensor.bands[0].upper_um
+    low = sensor.bands[0].lower_um
+    high = sensor.bands[0].upper_um
     photon_j = H_C / (0.5e-6 * (low + high))
     radiance = sigma**2 * sensor.radiometer.collection_m2_s / photon_j / sensor.radiometer.ifov_rad**2
     assert planck(200.0, low, high) < radiance < planck(330.0, low, high)
@@ -127,9 +129,12 @@ def bare(sensor="DSP"):
 
 def test_the_least_intensity_is_that_of_the_closed_form():
     """T NEI R² in vacuum, with R from the law of cosines on a sphere."""
-    bench, height_m, elevation = bare().changed(sensor__nei_w_m2=4e-12), 30e3, math.radians(35.0)
+    bench = bare().changed(sensor__nei_w_m2=4e-12)
+    height_m = 30e3
+    elevation = math.radians(35.0)
     found = bench.signals(Poses.of(height_m=height_m, elevation_rad=elevation))
-    near, far = 6371008.8 + height_m, 42164170.0
+    near = 6371008.8 + height_m
+    far = 42164170.0
     range_m = math.sqrt(far**2 - (near * math.cos(elevation)) ** 2) - near * math.sin(elevation)
     expected = bench.sensor.radiometer.threshold * 4e-12 * range_m**2
     assert least_intensities_w_sr(bench, found)[0, 0] == pytest.approx(expected, rel=3e-3)
@@ -137,7 +142,8 @@ def test_the_least_intensity_is_that_of_the_closed_form():
 
 def test_the_least_intensity_in_a_band_is_what_that_band_alone_needs():
     """Of summed bands that of a sensor with this band alone; of compared ones that of coincidence in all but one."""
-    both, poses = Bench.of_model("SBIRS-GEO"), Poses.of(height_m=30e3)
+    both = Bench.of_model("SBIRS-GEO")
+    poses = Poses.of(height_m=30e3)
     found = least_intensities_w_sr(both, both.signals(poses))[0]
     for place, band in enumerate(both.sensor.bands):
         edges = {band.name: [band.lower_um, band.upper_um]}
@@ -238,15 +244,18 @@ def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
     plane |= {"spatial_filter": "sum", "core_pixels": 9, "temporal_filter": "none", "jitter_urad": 0.0}
     bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
     bench = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
-    poses, edges = Poses.of("SRBM", height_m=[10e3, 40e3]), (2.5, 3.1, 4.17, 4.4, 4.6, 5.0)
+    poses = Poses.of("SRBM", height_m=[10e3, 40e3])
+    edges = (2.5, 3.1, 4.17, 4.4, 4.6, 5.0)
     found = best_bands(bench, [poses], BandLimits(edges, 0.2, 1.0), most=99)
     sensor = bench.sensor
-    ifov, own = sensor.radiometer.ifov_rad, {}
+    ifov = sensor.radiometer.ifov_rad
+    own = {}
     for low, high in ((a, b) for a in edges for b in edges if 0.2 - 1e-9 <= b - a <= 1.0 + 1e-9):
         alone = bench.changed(sensor__bands={"MWIR": [low, high]}, sensor__reference_band="MWIR")
         light = float(alone.light_w_m2(poses)[:, 0].min())
         per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low + high) / H_C
-        pitch, cone = ifov * 2.0 * 0.6, math.pi / (4.0 * 2.0**2 + 1.0)
+        pitch = ifov * 2.0 * 0.6
+        cone = math.pi / (4.0 * 2.0**2 + 1.0)
         warm = 0.3 * photons_per_s(290.0, low, high) * cone * pitch**2 * 0.8
         dark = rule_07_electrons_per_s(high, 120.0, pitch)
         own[low, high] = light * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
@@ -255,7 +264,8 @@ def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
     for band, snr in own.items():
         # Diffraction leaves some light outside of 81 pixels.
         assert 0.9 * snr < rows[band][4] < 1.02 * snr
-    half_rad, sigma = sensor.field_of_regard_half_angle_rad, sensor.radiometer.threshold
+    half_rad = sensor.field_of_regard_half_angle_rad
+    sigma = sensor.radiometer.threshold
     cells = 4.0 * math.pi * math.sin(0.5 * half_rad) ** 2 / ifov**2
     a_day = float(ndtr(-sigma)) * cells * 86400.0 / (sensor.scan.period_ns * 1e-9)
     assert [row[6] for row in rows.values()] == pytest.approx([a_day] * len(rows), rel=1e-6)
@@ -267,7 +277,8 @@ def test_a_clip_holds_the_light_and_the_way_of_its_target():
     plane |= {"optics_transmission": 0.7, "quantum_efficiency": 0.8, "fill_factor": 0.9, "optics_temperature_k": 0.0}
     plane |= {"dark_current_e_s": 0.0, "read_noise_e": 0.1, "well_capacity_e": 1e15, "drift_urad_s": 0.0}
     bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
-    aspect, poses = math.radians(50.0), Poses.of("SRBM", height_m=40e3, aspect_rad=math.radians(50.0))
+    aspect = math.radians(50.0)
+    poses = Poses.of("SRBM", height_m=40e3, aspect_rad=math.radians(50.0))
     made = clip(bench, poses, Filming(frames=5, every_s=4.0, pixels=64), seed=4)
     at = np.arange(64.0)
     for frame_e, row, column, light in zip(made.electrons, made.row, made.column, made.light_w_m2, strict=True):
@@ -275,7 +286,8 @@ def test_a_clip_holds_the_light_and_the_way_of_its_target():
         assert (frame_e.sum(axis=1) @ at / total, frame_e.sum(axis=0) @ at / total) == pytest.approx(
             (row, column), abs=0.2
         )
-        low, high = bench.sensor.bands[0].lower_um, bench.sensor.bands[0].upper_um
+        low = bench.sensor.bands[0].lower_um
+        high = bench.sensor.bands[0].upper_um
         per_unit = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.9 * 0.01 * 0.5e-6 * (low + high) / H_C
         assert total == pytest.approx(light * per_unit, rel=0.02)
     range_m = float(bench.signals(poses).range_m[0])

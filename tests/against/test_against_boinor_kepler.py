@@ -21,7 +21,8 @@ COUNT = 200
 @pytest.fixture(scope="module")
 def kernels():
     """Return boinor's kernels as plain Python: compiling them takes a minute, running them so a millisecond a state."""
-    compiles, numba.config.DISABLE_JIT = numba.config.DISABLE_JIT, True
+    compiles = numba.config.DISABLE_JIT
+    numba.config.DISABLE_JIT = True
     try:
         yield {name: getattr(import_module(f"boinor.core.propagation.{name}"), name) for name in ("vallado",)} | {
             "farnocchia": import_module("boinor.core.propagation.farnocchia").farnocchia_rv

@@ -51,7 +51,8 @@ def apogees(random):
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     along = np.cross(up, random.normal(size=(COUNT, 3)))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    height, speed = random.uniform(200e3, 1500e3, COUNT), random.uniform(500.0, 6500.0, COUNT)
+    height = random.uniform(200e3, 1500e3, COUNT)
+    speed = random.uniform(500.0, 6500.0, COUNT)
     return up * (6371e3 + height)[:, np.newaxis], along * speed[:, np.newaxis]
 
 
@@ -138,7 +139,8 @@ def test_without_the_seams_the_onset_is_missed(monkeypatch, tolerance_m):
 
 def test_steps_end_at_the_seams_and_are_bounded_in_the_air():
     """The split itself, step by step: every seam that the arc passes is an end of one of its steps."""
-    position, velocity = np.array([7200e3, 0.0, 0.0]), np.array([0.0, 3000.0, 3000.0])
+    position = np.array([7200e3, 0.0, 0.0])
+    velocity = np.array([0.0, 3000.0, 3000.0])
     forces = Forces(drag=Drag(1000.0))
     duration = impact_states_eci(position, velocity, 1e3, forces).duration_s
     arcs = dense_arcs(position, velocity, duration, forces, tolerance_m=1e-3)

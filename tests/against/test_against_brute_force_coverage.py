@@ -28,7 +28,8 @@ for package in ("opir_heo", "opir_leo"):
     if find_spec(package) is None:
         sys.path.append(str(ROOT / "plugins" / package))
 
-A_M, B_M = 6378137.0, 6356752.314245
+A_M = 6378137.0
+B_M = 6356752.314245
 TIMES_S = np.arange(0.0, 86400.0, 5417.0)
 
 
@@ -94,7 +95,8 @@ def test_positions_and_coverage_of_a_fleet(fleet):
         # Skyfield bisects for the universal anomaly; 7e-5 m apart here at most.
         assert np.abs(ours - theirs).max() < 1e-3
         for position in theirs:
-            down, away = -position / np.linalg.norm(position), targets - position
+            down = -position / np.linalg.norm(position)
+            away = targets - position
             nadir = np.arccos(away @ down / np.linalg.norm(away, axis=1))
             expected = clear_by_points(position, targets) & (nadir < sensor.field_of_regard_half_angle_rad)
             found = visible_now(sensor, np.broadcast_to(position, targets.shape), targets)

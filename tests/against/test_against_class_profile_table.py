@@ -35,7 +35,8 @@ def path_over_a_sphere(profile):
     plane = LaunchPlane(
         np.array([[0.0, 0.0, RADIUS_M]]), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]), np.array([RADIUS_M])
     )
-    speed, burn = np.array([profile.burnout_speed_m_s]), np.array([profile.burn_time_s])
+    speed = np.array([profile.burnout_speed_m_s])
+    burn = np.array([profile.burn_time_s])
     series = course.swept_series_rad(speed, plane.radius_m)
     return BoostPath(np.zeros(1), burn, speed, plane, course, course.climb_series_s(), series)
 
@@ -49,11 +50,13 @@ def table_rows(name):
 
 @pytest.mark.parametrize("name", sorted(FLIGHTS))
 def test_courses_are_those_of_the_table(name):
-    table, path = table_rows(name), path_over_a_sphere(PROFILES[name])
+    table = table_rows(name)
+    path = path_over_a_sphere(PROFILES[name])
     times = table["t_s"]
     assert times[-1] == PROFILES[name].burn_time_s
     position, velocity = path.state(np.zeros(len(times), dtype=int), times)
-    distance, speed = np.linalg.norm(position, axis=1), np.linalg.norm(velocity, axis=1)
+    distance = np.linalg.norm(position, axis=1)
+    speed = np.linalg.norm(velocity, axis=1)
     downrange = RADIUS_M * np.arctan2(position[:, 0], position[:, 2])
     np.testing.assert_allclose((distance - RADIUS_M) / 1e3, table["alt_km"], atol=0.003)
     np.testing.assert_allclose(downrange / 1e3, table["downrange_km"], atol=0.004)
@@ -70,11 +73,13 @@ def test_free_flights_have_the_range_apogee_and_time_of_the_table(name):
     position, velocity = (
         v[0] for v in path_over_a_sphere(profile).state(np.zeros(1, dtype=int), np.array([profile.burn_time_s]))
     )
-    r, speed_squared = np.linalg.norm(position), velocity @ velocity
+    r = np.linalg.norm(position)
+    speed_squared = velocity @ velocity
     a = 1.0 / (2.0 / r - speed_squared / EARTH_MU_M3_S2)
     eccentricity = math.sqrt(1.0 - (np.linalg.norm(np.cross(position, velocity)) ** 2) / (EARTH_MU_M3_S2 * a))
     assert (a * (1.0 + eccentricity) - RADIUS_M) / 1e3 == pytest.approx(apogee_km, abs=1.0)
-    low, high = 0.5 * (time_s - profile.burn_time_s), 2.0 * time_s
+    low = 0.5 * (time_s - profile.burn_time_s)
+    high = 2.0 * time_s
     for _ in range(60):
         middle = 0.5 * (low + high)
         height = np.linalg.norm(propagate_kepler(position, velocity, middle)[0]) - RADIUS_M

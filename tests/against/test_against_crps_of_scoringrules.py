@@ -17,7 +17,8 @@ def covariance_of(rng, size):
 
 def test_in_one_dimension_the_energy_score_is_the_crps_of_a_normal():
     rng = np.random.default_rng(1)
-    error, sigma = rng.normal(0.0, 3.0, 50), rng.uniform(0.01, 5.0, 50)
+    error = rng.normal(0.0, 3.0, 50)
+    sigma = rng.uniform(0.01, 5.0, 50)
     ours = energy_scores(error[:, None], np.square(sigma)[:, None, None])
     np.testing.assert_allclose(ours, scoringrules.crps_normal(0.0, error, sigma), rtol=1e-7, atol=1e-7)
 
@@ -35,7 +36,8 @@ def test_energy_scores_of_normals_are_those_of_large_ensembles(size):
 
 def test_radii_of_ellipsoids_stretch_the_distribution():
     rng = np.random.default_rng(5)
-    covariance, freedom = covariance_of(rng, 6), 6
+    covariance = covariance_of(rng, 6)
+    freedom = 6
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     error = rng.multivariate_normal(np.zeros(6), covariance)
     alike, normal = (energy_scores(error[None], covariance[None], radii) for radii in (usual[None], None))
@@ -48,7 +50,8 @@ def test_radii_of_ellipsoids_stretch_the_distribution():
 
 def test_points_are_scored_as_an_ensemble():
     rng = np.random.default_rng(7)
-    points, weight = rng.normal(size=(40, 2)), rng.uniform(size=40)
+    points = rng.normal(size=(40, 2))
+    weight = rng.uniform(size=40)
     away = np.linalg.norm(points, axis=1)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     assert weighted_energy(np.ones(40), away, apart) == pytest.approx(
@@ -60,7 +63,8 @@ def test_points_are_scored_as_an_ensemble():
 
 
 def test_log_and_brier_scores_of_two_classes():
-    stated, is_true = np.array([0.9, 0.2, 0.5]), np.array([1, 1, 0])
+    stated = np.array([0.9, 0.2, 0.5])
+    is_true = np.array([1, 1, 0])
     probability = np.stack([1.0 - stated, stated], axis=1)
     np.testing.assert_allclose(log_scores(probability, is_true), scoringrules.log_score(is_true, stated))
     # Over both classes the score of Brier's paper is twice that of one of them.

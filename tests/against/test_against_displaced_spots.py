@@ -25,9 +25,11 @@ from scipy.special import j0, j1
 Floats = NDArray[np.float64]
 
 #: Samples along a pixel, and pixels from the centre of the pattern to its edge.
-SUB, REACH = 16, 16
+SUB = 16
+REACH = 16
 #: Standard errors within which a mean of 20 settings lies with 99.9 % in all.
-SIGMAS, DRAWS = 4.1, 6000
+SIGMAS = 4.1
+DRAWS = 6000
 
 
 class Setting(NamedTuple):
@@ -82,7 +84,8 @@ class Pattern:
 
 def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Return outputs (n,) of the filter for spots now and in the earlier frame, for random places and directions."""
-    weights, frames = weights_of(setting), setting.frames
+    weights = weights_of(setting)
+    frames = setting.frames
     pattern = Pattern(setting.spread.cutoff, setting.spread.blur)
     place = rng.uniform(-0.5, 0.5, (DRAWS, 2))
 
@@ -129,7 +132,8 @@ def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None
 def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None:
     """1 - J0² - J1² of the radius in π λ / D (Lord Rayleigh, 1881), by the transfer that ensquared energies use."""
     wavenumber = np.linspace(0.0, 5.0, 200_001)[1:]
-    cutoff, radius_px = 5.0, 2.0 * radius * np.pi / 5.0
+    cutoff = 5.0
+    radius_px = 2.0 * radius * np.pi / 5.0
     transfer = PointSpread(cutoff, 1e-6).transfer(wavenumber)
     inside = np.trapezoid(radius_px * j1(wavenumber * radius_px) * transfer, wavenumber)
     known = 1.0 - j0(np.pi * radius) ** 2 - j1(np.pi * radius) ** 2
@@ -139,7 +143,8 @@ def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None
 @pytest.mark.parametrize("phase", ["mean", "worst"])
 @pytest.mark.parametrize("cutoff", [4.0, 7.0, 12.0])
 def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(cutoff: float, phase: str) -> None:
-    rng, spread = np.random.default_rng(3), PointSpread(cutoff, 0.15)
+    rng = np.random.default_rng(3)
+    spread = PointSpread(cutoff, 0.15)
     at = rng.uniform(-0.5, 0.5, (DRAWS, 2)) if phase == "mean" else np.full((1, 2), 0.5)
     seen = Pattern(cutoff, 0.15).shares(at, 1)[:, 0, 0]
     found = ensquared_airy_energy(spread, 1, phase)

@@ -18,7 +18,8 @@ def held(kind, count, seed, marks, sensors=2):
     truth, burns = ascents(kind, count, seed)
     due = {mark: np.ceil(burns[:, mark[0], mark[1]] + mark[2]) for mark in marks}
     found = {mark: np.zeros(len(truth), dtype=bool) for mark in marks}
-    until_s, some = max(each.max() for each in due.values()), sensors_of()[:sensors]
+    until_s = max(each.max() for each in due.values())
+    some = sensors_of()[:sensors]
     for tick in followed(truth, SEEING, seed, until_s, some, regions_every_s=600.0):
         for mark, when in due.items():
             for flight in np.flatnonzero(when == tick.time_s):

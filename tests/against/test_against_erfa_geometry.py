@@ -46,7 +46,8 @@ def test_astropy_earth_location():
 
 def test_local_axes_are_those_of_erfa():
     rng = np.random.default_rng(2)
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, 500)), rng.uniform(-np.pi, np.pi, 500)
+    latitude = np.arcsin(rng.uniform(-1, 1, 500))
+    longitude = rng.uniform(-np.pi, np.pi, 500)
     step = 1.0
     up = (erfa.gd2gc(1, longitude, latitude, 1e6 + step) - erfa.gd2gc(1, longitude, latitude, 1e6)) / step
     axes = east_north_up_axes(latitude, longitude)
@@ -123,8 +124,10 @@ def test_sun_in_ecef_from_1970_to_2099():
 
 
 def test_sun_in_eci_stays_while_the_earth_turns():
-    epoch, hours = np.datetime64("2026-04-01T12:00:00"), np.arange(0.0, 25.0) * 3600.0
-    in_eci, in_ecef = sun_position_eci_m(epoch, hours), sun_position_ecef_m(epoch, hours)
+    epoch = np.datetime64("2026-04-01T12:00:00")
+    hours = np.arange(0.0, 25.0) * 3600.0
+    in_eci = sun_position_eci_m(epoch, hours)
+    in_ecef = sun_position_ecef_m(epoch, hours)
     assert in_eci[0] == pytest.approx(in_ecef[0], rel=1e-15)
     # The Sun walks 0.986 degrees a day along the ecliptic, and 15 degrees an hour in ECEF.
     assert apart_deg(in_eci[24], in_eci[0]) == pytest.approx(0.986, rel=0.0, abs=0.04)

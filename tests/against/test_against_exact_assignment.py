@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
 
-RANGE_M, SIGMA_RAD, INSTANTS = 3.7e7, 6e-6, 6
+RANGE_M = 3.7e7
+SIGMA_RAD = 6e-6
+INSTANTS = 6
 
 
 def lines_of(sensors: int, targets: int, spread_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,8 @@ from focal_plane import CENTROIDS, Noise, crossed, expected, settings
 from focal_plane_images import centroid_errors, filtered
 from opir_photons.radiometry import centroid_sigma_rad
 
-SIGMAS, FRAMES = 3.9, 200
+SIGMAS = 3.9
+FRAMES = 200
 SETTINGS = list(settings())
 #: Thresholds of which noise alone crosses some often enough.
 CROSSED = [number for number, each in enumerate(SETTINGS) if each.threshold <= 2.5][2::5]

@@ -19,7 +19,9 @@ import opir_core as opir
 from opir_core.scene import core_plumes
 
 TABLE = json.loads((DATA / "goes_sightings.json").read_text(encoding="utf-8"))
-LOOKS, LEAST_K, SHARE = TABLE["looks"], TABLE["thresholds_k"], TABLE["share_in_brightest_pixel"]
+LOOKS = TABLE["looks"]
+LEAST_K = TABLE["thresholds_k"]
+SHARE = TABLE["share_in_brightest_pixel"]
 
 #: Facts missed at the middle level: burns against the flight.
 MISSED = {("entry burn", "B08"), ("boostback burn", "B08")}

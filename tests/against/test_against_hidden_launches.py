@@ -14,7 +14,8 @@ pytestmark = pytest.mark.slow
 SEEING = Seeing(period_s=0.1, sigma_rad=20e-6, chance=0.72)
 
 #: 95 % points of χ² of two and of one degree of freedom.
-HELD_PLACE, HELD_TIME = 5.99, 3.84
+HELD_PLACE = 5.99
+HELD_TIME = 3.84
 
 
 def hidden(kind, count, seed):
@@ -36,12 +37,14 @@ def test_where_and_when_what_comes_out_of_clouds_was_launched(kind, area_km2):
     *_, last = followed(truth, SEEING, 21, seen_s.max() + 12.0, regions_every_s=600.0)
     rows = rows_of(last.reported, last.shared)
     assert (rows >= 0).all()
-    launch, spread = last.reported.launch[rows], last.reported.launch_covariance[rows]
+    launch = last.reported.launch[rows]
+    spread = last.reported.launch_covariance[rows]
     site = ecef_to_geodetic(truth.position_m[:, 0])
     radius_m = np.linalg.norm(truth.position_m[:, 0], axis=1)
     north = (launch[:, 0] - site.latitude_rad) * radius_m
     east = (launch[:, 1] - site.longitude_rad) * radius_m * np.cos(site.latitude_rad)
-    off, level = np.stack([east, north], axis=1), spread[:, :2, :2]
+    off = np.stack([east, north], axis=1)
+    level = spread[:, :2, :2]
     squared = np.sum(off * np.linalg.solve(level, off[:, :, None])[:, :, 0], axis=1)
     assert np.mean(squared < HELD_PLACE) >= 0.8
     assert np.mean((launch[:, 2] - truth.start_s) ** 2 < HELD_TIME * spread[:, 2, 2]) >= 0.8

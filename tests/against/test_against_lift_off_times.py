@@ -14,9 +14,15 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_statistics import GROUND, LAUNCH, NONE, MotionStatistics
 from opir_trackers.onset.posterior import GroupPosterior
 
-SIGMA_RAD, LOOKS_PER_S, THRESHOLD, SLACK = 20e-6, 10.0, 0.95, 1.3
+SIGMA_RAD = 20e-6
+LOOKS_PER_S = 10.0
+THRESHOLD = 0.95
+SLACK = 1.3
 #: Two geostationary satellites (longitudes) and a place on a sphere of the equatorial radius at height 0, in ECEF, m.
-SLOTS_DEG, LATITUDE_DEG, EARTH_M, ORBIT_M = (-30.0, 35.0), 40.0, 6378137.0, 42164e3
+SLOTS_DEG = (-30.0, 35.0)
+LATITUDE_DEG = 40.0
+EARTH_M = 6378137.0
+ORBIT_M = 42164e3
 
 
 def place_and_up():
@@ -70,7 +76,8 @@ def probabilities(seed, copies, lift_m_s2, sensors, until_s):
     for second in range(until_s):
         copy, lines = looks(rng, copies, float(second), lift_m_s2, sensors)
         statistics = statistics.with_lines(copy, lines, posterior.log_clutter)
-        seen_s, pause_s = np.full(copies, second + 1.0), np.full(copies, 1.0 / LOOKS_PER_S)
+        seen_s = np.full(copies, second + 1.0)
+        pause_s = np.full(copies, 1.0 / LOOKS_PER_S)
         statistics = posterior.assessed(statistics, second + 1.0, np.zeros(copies), seen_s, pause_s)
         yield statistics.probability
 

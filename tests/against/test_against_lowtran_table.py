@@ -42,7 +42,8 @@ def paths(height_m, zenith_rad):
 def test_akimas_curves_are_scipys():
     rng = np.random.default_rng(3)
     for count in (3, 5, 40):
-        x, y = np.cumsum(rng.uniform(0.1, 2.0, count)), rng.normal(size=(count, 4))
+        x = np.cumsum(rng.uniform(0.1, 2.0, count))
+        y = rng.normal(size=(count, 4))
         at = np.linspace(x[0], x[-1], 333)
         np.testing.assert_allclose(akima(x, y, at), Akima1DInterpolator(x, y)(at), rtol=0.0, atol=1e-13)
 

@@ -13,8 +13,10 @@ from opir_core.geometry import (
     nadir_angle_rad,
 )
 
-A, F = mp.mpf(EARTH_EQUATORIAL_RADIUS_M), mp.mpf(EARTH_FLATTENING)
-B, E2 = A * (1 - F), F * (2 - F)
+A = mp.mpf(EARTH_EQUATORIAL_RADIUS_M)
+F = mp.mpf(EARTH_FLATTENING)
+B = A * (1 - F)
+E2 = F * (2 - F)
 CUSP_M = float(A * E2)
 LUNAR_DISTANCE_M = 3.844e8
 
@@ -31,7 +33,9 @@ def directions(count, seed):
 
 
 def exact_ecef(latitude, longitude, height):
-    latitude, longitude, height = mp.mpf(latitude), mp.mpf(longitude), mp.mpf(height)
+    latitude = mp.mpf(latitude)
+    longitude = mp.mpf(longitude)
+    height = mp.mpf(height)
     normal = A / mp.sqrt(1 - E2 * mp.sin(latitude) ** 2)
     rho = (normal + height) * mp.cos(latitude)
     return rho * mp.cos(longitude), rho * mp.sin(longitude), (normal * (1 - E2) + height) * mp.sin(latitude)
@@ -66,7 +70,8 @@ def test_position_is_named_within_120_nm_at_the_moon(seed):
 @pytest.mark.parametrize("away_m", [0.0] + [10.0**power for power in range(-12, 5)])
 def test_position_is_named_within_3_nm_about_the_cusp_of_the_evolute(away_m):
     rng = np.random.default_rng(3)
-    longitude, (out, up) = rng.uniform(-np.pi, np.pi, 60), away_m * rng.normal(size=(2, 60))
+    longitude = rng.uniform(-np.pi, np.pi, 60)
+    (out, up) = away_m * rng.normal(size=(2, 60))
     rho = CUSP_M + out
     assert misplacement_m(np.stack([rho * np.cos(longitude), rho * np.sin(longitude), up], axis=1)) <= 3e-9
 
@@ -95,7 +100,8 @@ def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_cent
     for radius in (3e6, 6.4e6, 4.2e7, LUNAR_DISTANCE_M):
         for position in directions(150, 4) * radius:
             latitude, _, height = map(float, ecef_to_geodetic(position))
-            rho, z = mp.hypot(*map(mp.mpf, position[:2])), mp.mpf(position[2])
+            rho = mp.hypot(*map(mp.mpf, position[:2]))
+            z = mp.mpf(position[2])
             exact = exact_latitude(rho, z, latitude)
             normal = A / mp.sqrt(1 - E2 * mp.sin(exact) ** 2)
             exact_height = rho * mp.cos(exact) + z * mp.sin(exact) - A * A / normal
@@ -107,7 +113,8 @@ def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_cent
 def test_inside_the_earth_the_height_is_the_distance_to_the_nearest_point():
     """Against a dense walk round the whole meridian ellipse, all four quadrants of it."""
     t = np.linspace(-np.pi, np.pi, 20001)
-    edge_rho, edge_z = EARTH_EQUATORIAL_RADIUS_M * np.cos(t), EARTH_POLAR_RADIUS_M * np.sin(t)
+    edge_rho = EARTH_EQUATORIAL_RADIUS_M * np.cos(t)
+    edge_z = EARTH_POLAR_RADIUS_M * np.sin(t)
     for radius in (1.0, 1e3, 2e4, 4e4, 5e4, 1e6, 5e6):
         for x, y, z in directions(40, 5) * radius:
             walked = np.min(np.hypot(np.hypot(x, y) - edge_rho, z - edge_z))
@@ -120,7 +127,8 @@ def test_geodetic_to_ecef_is_exact_to_rounding():
         for latitude, longitude in zip(
             np.arcsin(rng.uniform(-1, 1, 100)), rng.uniform(-np.pi, np.pi, 100), strict=True
         ):
-            found, exact = geodetic_to_ecef(latitude, longitude, height), exact_ecef(latitude, longitude, height)
+            found = geodetic_to_ecef(latitude, longitude, height)
+            exact = exact_ecef(latitude, longitude, height)
             assert mp.norm([mp.mpf(f) - e for f, e in zip(found, exact, strict=True)]) <= bound
 
 
@@ -128,7 +136,9 @@ def first_point(origin, ray, height=0.0):
     """The first point of a ray on the ellipsoid, and the cosine to the outward normal there; None on a miss."""
     axes = [A + height, A + height, B + height]
     o, d = [[mp.mpf(v) / s for v, s in zip(vector, axes, strict=True)] for vector in (origin, ray)]
-    dd, od, oo = mp.fdot(d, d), mp.fdot(o, d), mp.fdot(o, o) - 1
+    dd = mp.fdot(d, d)
+    od = mp.fdot(o, d)
+    oo = mp.fdot(o, o) - 1
     if od * od < dd * oo:
         return None
     root = mp.sqrt(od * od - dd * oo)
@@ -162,7 +172,8 @@ def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(radius_m, ro
 
 
 def test_intersection_from_inside_is_where_the_ray_leaves():
-    origins, rays = directions(100, 9) * 6e6, directions(100, 10)
+    origins = directions(100, 9) * 6e6
+    rays = directions(100, 10)
     for origin, ray, found in zip(origins, rays, intersection_with_ellipsoid(origins, rays), strict=True):
         point, _ = first_point(origin, ray)
         assert mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)]) <= 1e-8
@@ -174,7 +185,8 @@ def test_nadir_angle_is_exact_near_nothing_and_near_a_half_turn(angle):
         across = np.cross(up, other) / np.linalg.norm(np.cross(up, other))
         sensor = up * 4.2164e7
         target = sensor + 3.6e7 * (across * np.sin(angle) - up * np.cos(angle))
-        s, t = list(map(mp.mpf, sensor)), list(map(mp.mpf, target))
+        s = list(map(mp.mpf, sensor))
+        t = list(map(mp.mpf, target))
         d = [b - a for a, b in zip(s, t, strict=True)]
         cross = [s[1] * d[2] - s[2] * d[1], s[2] * d[0] - s[0] * d[2], s[0] * d[1] - s[1] * d[0]]
         assert abs(nadir_angle_rad(sensor, target) - mp.atan2(mp.norm(cross), -mp.fdot(s, d))) <= 1e-15

@@ -83,7 +83,8 @@ shares = st.one_of(st.floats(-1.0, 1.0), powers_of_ten(-9.0, -1.0).map(lambda sh
 @st.composite
 def states(draw):
     """Return position and velocity on a conic of drawn eccentricity, pericentre and true anomaly."""
-    e, q = draw(eccentricities), draw(powers_of_ten(4.0, 8.0))
+    e = draw(eccentricities)
+    q = draw(powers_of_ten(4.0, 8.0))
     largest = np.pi if e < 1.0 else np.arccos(-1.0 / e) * (1.0 - 1e-9)
     nu = draw(shares) * largest
     p = q * (1.0 + e)
@@ -97,7 +98,8 @@ def states(draw):
 @st.composite
 def straight_states(draw, sideways_share):
     """Return states that rise or fall along the radius, from rest to one and a half times escape speed."""
-    radius, speed = draw(powers_of_ten(6.0, 8.0)), draw(st.floats(-1.5, 1.5))
+    radius = draw(powers_of_ten(6.0, 8.0))
+    speed = draw(st.floats(-1.5, 1.5))
     ahead, sideways = unit_vectors(draw(seeds))
     velocity = speed * np.sqrt(2.0 * EARTH_MU_M3_S2 / radius)
     return radius * ahead, velocity * (ahead + draw(sideways_share) * sideways)
@@ -153,7 +155,8 @@ def test_around_the_parabola(excess):
     radius = 6578e3
     speed = np.sqrt(2.0 * EARTH_MU_M3_S2 / radius) * (1.0 + 0.25 * excess)
     for angle in (0.0, 0.7, -0.7, 1.5):
-        position, velocity = np.array([radius, 0.0, 0.0]), speed * np.array([np.sin(angle), np.cos(angle), 0.0])
+        position = np.array([radius, 0.0, 0.0])
+        velocity = speed * np.array([np.sin(angle), np.cos(angle), 0.0])
         for duration in (1e-6, 60.0, 3600.0, -3600.0, MONTH_S):
             assert_within_the_bar(position, velocity, duration)
 
@@ -161,7 +164,8 @@ def test_around_the_parabola(excess):
 @examples(100)
 @given(st.floats(-400.0, 60.0), powers_of_ten(-8.0, 3.0))
 def test_universal_functions(z, scale):
-    alpha, s = np.array([np.sign(z) * scale]), np.array([np.sqrt(abs(z) / scale)])
+    alpha = np.array([np.sign(z) * scale])
+    s = np.array([np.sqrt(abs(z) / scale)])
     found = universal_functions(alpha, s)
     expected = exact_functions(mpmath.mpf(float(alpha[0])), mpmath.mpf(float(s[0])))
     # What rounding s and the function itself do to it, times how often doubling the argument repeats that.

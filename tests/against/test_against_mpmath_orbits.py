@@ -40,13 +40,16 @@ def eccentric_anomaly(mean, eccentricity):
 
 
 def position_ecef(elements: Elements, time_s: float):
-    axis, eccentricity = mpmath.mpf(elements.semi_major_axis_m), mpmath.mpf(elements.eccentricity)
+    axis = mpmath.mpf(elements.semi_major_axis_m)
+    eccentricity = mpmath.mpf(elements.eccentricity)
     rate = mpmath.sqrt(mpmath.mpf(EARTH_MU_M3_S2) / axis**3)
     anomaly = eccentric_anomaly(mpmath.mpf(elements.mean_anomaly_rad) + rate * mpmath.mpf(time_s), eccentricity)
     ahead = axis * (mpmath.cos(anomaly) - eccentricity)
     across = axis * mpmath.sqrt(1 - eccentricity**2) * mpmath.sin(anomaly)
-    cosine, sine = mpmath.cos(elements.argument_of_perigee_rad), mpmath.sin(elements.argument_of_perigee_rad)
-    x, y = cosine * ahead - sine * across, sine * ahead + cosine * across
+    cosine = mpmath.cos(elements.argument_of_perigee_rad)
+    sine = mpmath.sin(elements.argument_of_perigee_rad)
+    x = cosine * ahead - sine * across
+    y = sine * ahead + cosine * across
     y, z = y * mpmath.cos(elements.inclination_rad), y * mpmath.sin(elements.inclination_rad)
     turn = mpmath.mpf(elements.node_longitude_rad) - mpmath.mpf(EARTH_ROTATION_RAD_S) * mpmath.mpf(time_s)
     return [mpmath.cos(turn) * x - mpmath.sin(turn) * y, mpmath.sin(turn) * x + mpmath.cos(turn) * y, z]

@@ -11,7 +11,9 @@ from opir_photons.radiometry.planck import (
     planck_radiance,
 )
 
-H, K, C = mp.mpf("6.62607015e-34"), mp.mpf("1.380649e-23"), mp.mpf(299792458)
+H = mp.mpf("6.62607015e-34")
+K = mp.mpf("1.380649e-23")
+C = mp.mpf(299792458)
 
 
 def drawn_bands(count):
@@ -27,7 +29,9 @@ CASES = [(100.0, 1.0, 30.0), (6000.0, 1.0, 30.0), (100.0, 1.0, 1.0001), (6000.0,
 
 def above(x, power):
     """Return ∫ xᵖ / (eˣ - 1) dx from x to infinity, by the series of 1 / (eˣ - 1) in e⁻ˣ, integrated term by term."""
-    total, number, term = mp.mpf(0), 0, mp.mpf(1)
+    total = mp.mpf(0)
+    number = 0
+    term = mp.mpf(1)
     while term > total * mp.mpf(10) ** (-mp.mp.dps):
         number += 1
         parts = (mp.ff(power, k) * x ** (power - k) / mp.mpf(number) ** (k + 1) for k in range(power + 1))

@@ -14,9 +14,11 @@ from opir_coverage.visibility import Fleet, SightMap, day_s
 
 from opir_core import compile_plan, scene_from_mapping
 
-A_M, F = 6378137.0, 1.0 / 298.257223563
+A_M = 6378137.0
+F = 1.0 / 298.257223563
 B_M = A_M * (1.0 - F)
-MU, SPIN = 3.986004418e14, 7.292115e-5
+MU = 3.986004418e14
+SPIN = 7.292115e-5
 
 
 def scene(sensors, **more):
@@ -63,8 +65,11 @@ def is_seen(sensor_m, half_rad, least_rad, point_m, up):
     elevation = np.arcsin(np.sum(unit * up, axis=1))
     nadir = np.arccos(np.sum(-unit * -sensor_m / np.linalg.norm(sensor_m), axis=1))
     axes = np.array([A_M, A_M, B_M])
-    p, d = point_m / axes, way / axes
-    a, b, c = np.sum(d * d, axis=1), np.sum(p * d, axis=1), np.sum(p * p, axis=1) - 1.0
+    p = point_m / axes
+    d = way / axes
+    a = np.sum(d * d, axis=1)
+    b = np.sum(p * d, axis=1)
+    c = np.sum(p * p, axis=1) - 1.0
     inside = b * b - a * c
     near = (-b - np.sqrt(np.maximum(inside, 0.0))) / a
     is_hit = (inside > 0.0) & (near > 0.0) & (near < 1.0)
@@ -124,9 +129,11 @@ def test_rosettes_cover_the_globe_just_from_the_published_height(pattern, inclin
 @pytest.mark.parametrize("total", [1, 4])
 def test_gaps_under_an_equatorial_ring_are_those_of_the_closed_form(total):
     """The satellites pass every 2π/(n - ω)/N, and are in view for 2 acos(R/r)/(n - ω)."""
-    altitude_m, steps = 1.2e6, 2880
+    altitude_m = 1.2e6
+    steps = 2880
     rate = math.sqrt(MU / (A_M + altitude_m) ** 3) - SPIN
-    passes_s, view_s = 2.0 * math.pi / rate / total, 2.0 * math.acos(A_M / (A_M + altitude_m)) / rate
+    passes_s = 2.0 * math.pi / rate / total
+    view_s = 2.0 * math.acos(A_M / (A_M + altitude_m)) / rate
     settings = CoverageSettings(target_class=None, heights_km=(0.0,), grid_deg=0.5, steps=steps, assets=(1,))
     plan = compile_plan(scene(walker(total, total, 0, altitude_m * 1e-3, 0.0)))
     time_s = day_s(steps)
@@ -138,7 +145,8 @@ def test_gaps_under_an_equatorial_ring_are_those_of_the_closed_form(total):
     from opir_coverage import ages_of_data_s, response_times_s, runs, time_average_gap_s
 
     step_s = 86400.0 / settings.steps
-    access, gap = runs(covered, step_s), runs(~covered, step_s)
+    access = runs(covered, step_s)
+    gap = runs(~covered, step_s)
     gap_s = passes_s - view_s
     # Gaps and accesses at the ends of the day are cut; those between are as long as the closed form, to a step.
     assert np.max(np.abs(gap.most_s - gap_s)) <= step_s
@@ -152,7 +160,8 @@ def test_gaps_under_an_equatorial_ring_are_those_of_the_closed_form(total):
 @pytest.mark.parametrize("angle_deg", [10.0, 60.0, 90.0, 150.0])
 def test_two_lines_of_sight_have_the_dilution_of_the_closed_form(angle_deg):
     """Eigenvalues of the information are 2, 1 - cos β and 1 + cos β over r²: √(1/2 + 2/sin² β) r."""
-    angle, range_m = math.radians(angle_deg), 3.7e7
+    angle = math.radians(angle_deg)
+    range_m = 3.7e7
     first = np.array([0.6, 0.0, 0.8])
     second = math.cos(angle) * first + math.sin(angle) * np.array([0.0, 1.0, 0.0])
     direction = np.stack([first, second])[:, None, :]
@@ -169,7 +178,8 @@ def test_dilution_is_the_spread_of_triangulated_points():
     rng = np.random.default_rng(5)
     sensors = rng.normal(size=(4, 3))
     sensors *= (4e7 / np.linalg.norm(sensors, axis=1))[:, None]
-    point, sigma = np.array([6.4e6, 0.0, 0.0]), 1e-5
+    point = np.array([6.4e6, 0.0, 0.0])
+    sigma = 1e-5
     way = sensors - point
     range_m = np.linalg.norm(way, axis=1)
     unit = way / range_m[:, None]

@@ -13,7 +13,9 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import Band, SignatureContext, SourceContext
 
 #: CNEOS fireballs, 1044 events of 1988 to 2026: median and 95 % of heights and speeds; median energy radiated.
-BOLIDE_KM, BOLIDE_M_S, BOLIDE_J = (22.0, 35.2, 61.0), (11.8e3, 17.3e3, 30.2e3), 6.2e10
+BOLIDE_KM = (22.0, 35.2, 61.0)
+BOLIDE_M_S = (11.8e3, 17.3e3, 30.2e3)
+BOLIDE_J = 6.2e10
 
 #: Temperatures of gas flares (Fisher and Wooster, 2018), K.
 FLARE_K = (1600.0, 2200.0)
@@ -79,12 +81,15 @@ def test_long_wave_ground_by_day_is_not_colder_than_by_night(climate):
 
 
 #: All of the launches of short-range missiles of 1991 were seen by DSP (NOVA "False Alarms"; IEEE Spectrum, 2000).
-SEEN, LAUNCHED = 88, 88
+SEEN = 88
+LAUNCHED = 88
 
 
 def ranged(latitude_deg, longitude_deg, bearing_deg, range_km):
     """Return the place at a range and bearing on a sphere, deg."""
-    angle, bearing, latitude = range_km / 6371.0, np.radians(bearing_deg), np.radians(latitude_deg)
+    angle = range_km / 6371.0
+    bearing = np.radians(bearing_deg)
+    latitude = np.radians(latitude_deg)
     sine = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(bearing)
     across = np.sin(bearing) * np.sin(angle) * np.cos(latitude)
     east = np.degrees(np.arctan2(across, np.cos(angle) - np.sin(latitude) * sine))
@@ -95,7 +100,8 @@ def ranged(latitude_deg, longitude_deg, bearing_deg, range_km):
 @pytest.mark.parametrize("cloud", [None, {"top_km": 3.0}, {"top_km": 10.0}], ids=["clear", "3 km", "10 km"])
 def test_short_range_missiles_on_a_winter_night_are_seen_as_in_1991(cloud):
     """Twelve over 600 km by the sensor of the record; the share seen is within binomial chance of all of 88."""
-    rng, count = np.random.default_rng(2), 12
+    rng = np.random.default_rng(2)
+    count = 12
     targets = []
     for number in range(count):
         latitude, longitude, bearing = rng.uniform([32.0, 40.0, 200.0], [34.0, 42.0, 280.0]).tolist()

@@ -15,7 +15,8 @@ from scipy.spatial import ConvexHull
 
 from opir_core import compile_plan, scene_from_mapping
 
-MU, EARTH_M = 3.986004418e14, 6_378_137.0
+MU = 3.986004418e14
+EARTH_M = 6_378_137.0
 
 
 def scene(*fleets, **more):

@@ -47,7 +47,8 @@ def angle_difference_deg(one, other):
 
 @cases("ecef_to_geodetic_wgs84")
 def test_ecef_to_geodetic(case):
-    expected, tolerance = case["expected"], case["tol"]
+    expected = case["expected"]
+    tolerance = case["tol"]
     latitude, longitude, height = ecef_to_geodetic(case["inputs"]["ecef_m"])
     assert abs(np.degrees(latitude) - expected["lat_deg"]) <= tolerance["lat_deg"]
     assert abs(np.degrees(longitude) - expected["lon_deg"]) <= tolerance["lon_deg"]
@@ -56,7 +57,8 @@ def test_ecef_to_geodetic(case):
 
 @cases("geodetic_to_ecef_wgs84", "geodetic_to_ecef_grs80", "geodetic_to_ecef_vallado_consts")
 def test_geodetic_to_ecef(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     latitude = given.get("lat_rad", np.radians(given.get("lat_deg", 0.0)))
     longitude = given.get("lon_rad", np.radians(given.get("lon_deg", 0.0)))
     if "inv_f" in given:
@@ -76,8 +78,10 @@ def test_geodetic_to_ecef(case):
 
 @cases("look_angles")
 def test_look_angles(case):
-    given, expected = case["inputs"], case["expected"]
-    latitude, longitude = np.radians(given["site_lat_deg"]), np.radians(given["site_lon_deg"])
+    given = case["inputs"]
+    expected = case["expected"]
+    latitude = np.radians(given["site_lat_deg"])
+    longitude = np.radians(given["site_lon_deg"])
     site = geodetic_to_ecef(latitude, longitude, given["site_h_km"] * 1e3, ellipsoid=VALLADO)
     offset = np.array(given["recef_km"]) * 1e3 - site
     azimuth, elevation, distance = azimuth_elevation_range_in_axes(offset, east_north_up_axes(latitude, longitude))
@@ -88,7 +92,8 @@ def test_look_angles(case):
 
 @cases("line_of_sight_ellipsoid_intersection")
 def test_line_of_sight_meets_the_ellipsoid(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     origin = geodetic_to_ecef(np.radians(given["lat_deg"]), np.radians(given["lon_deg"]), given["h_m"])
     # pymap3d's tilt is measured from straight down.
     ray = line_of_sight(origin, np.radians(given["az_deg"]), np.radians(given["tilt_deg"] - 90.0))
@@ -102,7 +107,8 @@ def test_line_of_sight_meets_the_ellipsoid(case):
 
 @cases("geodesic_inverse_wgs84")
 def test_geodesic_inverse(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     distance, bearing = geodesic_inverse(*np.radians([given[key] for key in ("lat1", "lon1", "lat2", "lon2")]))
     assert distance == pytest.approx(expected["s12_m"], rel=0.0, abs=case["tol"])
     assert angle_difference_deg(np.degrees(bearing), expected["azi1_deg"]) < 1e-9
@@ -110,7 +116,8 @@ def test_geodesic_inverse(case):
 
 @cases("geodesic_direct_wgs84")
 def test_geodesic_direct(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     start = np.radians([given[key] for key in ("lat1", "lon1", "azi1")])
     latitude, longitude = geodesic_direct(*start, given["s12_m"])
     assert np.degrees(latitude) == pytest.approx(expected["lat2"], rel=0.0, abs=case["tol"])
@@ -141,7 +148,8 @@ def test_sun_position(case):
 
 @cases("earth_shadow")
 def test_earth_shadow(case):
-    position, sun = np.array(case["inputs"]["r_km"]) * 1e3, sun_position_of_date_m(case["inputs"]["jd"])
+    position = np.array(case["inputs"]["r_km"]) * 1e3
+    sun = sun_position_of_date_m(case["inputs"]["jd"])
     assert is_sunlit(position, sun) == case["expected"]["in_light"]
     assert sunlit_fraction(position, sun) == float(case["expected"]["in_light"])
     assert not is_sunlit(-7e6 * sun / np.linalg.norm(sun), sun)
@@ -150,7 +158,8 @@ def test_earth_shadow(case):
 @cases("geo_visibility_spherical")
 def test_geostationary_visibility(case):
     """In the equatorial plane the ellipsoid is the sphere of the case."""
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     central = np.radians(expected["earth_central_angle_deg"])
     ground = np.array([np.cos(central), np.sin(central), 0.0]) * given["R_km"] * 1e3
     satellite = np.array([given["r_geo_km"] * 1e3, 0.0, 0.0])

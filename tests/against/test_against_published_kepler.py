@@ -29,7 +29,8 @@ def relative_error(found, expected):
 
 @cases("kepler_propagation")
 def test_propagation(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     start = np.array(given["r0_km"]) * 1e3, np.array(given["v0_km_s"]) * 1e3
     position, velocity = propagate_kepler(*start, given["dt_s"], given["mu_km3_s2"] * 1e9)
     assert relative_error(position / 1e3, expected["r_km"]) <= 1e-12
@@ -38,7 +39,8 @@ def test_propagation(case):
 
 @cases("lambert")
 def test_lambert(case):
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     ends = np.array(given["r1_km"]) * 1e3, np.array(given["r2_km"]) * 1e3
     v1, v2 = lambert(*ends, given["tof_s"], given["mu_km3_s2"] * 1e9, way=given["transfer"])
     assert relative_error(v1 / 1e3, expected["v1_km_s"]) <= 1e-13
@@ -90,7 +92,8 @@ def test_free_flight_of_bate_mueller_white_page_290():
     expected = case_named("bmw_p290")["expected"]
     phi = np.radians(expected["phi_deg"])
     speed = 2.0 / 3.0
-    position, velocity = np.array([1.2, 0.0, 0.0]), speed * np.array([np.sin(phi), np.cos(phi), 0.0])
+    position = np.array([1.2, 0.0, 0.0])
+    velocity = speed * np.array([np.sin(phi), np.cos(phi), 0.0])
     semi_major = -1.0 / (2.0 * (speed**2 / 2.0 - 1.0 / 1.2))
     sigma = position @ velocity
     eccentricity = np.hypot(1.0 - 1.2 / semi_major, sigma / np.sqrt(semi_major))
@@ -107,7 +110,10 @@ def test_free_flight_of_bate_mueller_white_page_290():
 def test_free_flight_of_bate_mueller_white_page_291(which):
     """From 30 N 60 E to 30 S 60 W at 1.0817 DU/TU from 0.025 DU: two flight-path angles reach it, one falls."""
     expected = case_named("bmw_p291")["expected"]
-    phi, psi, radius, speed = np.radians(expected[which]), np.arccos(expected["cos_psi"]), 1.025, 1.0817
+    phi = np.radians(expected[which])
+    psi = np.arccos(expected["cos_psi"])
+    radius = 1.025
+    speed = 1.0817
     position = radius * np.array([1.0, 0.0, 0.0])
     velocity = speed * np.array([np.sin(phi), np.cos(phi), 0.0])
     aim = radius * np.array([np.cos(psi), np.sin(psi), 0.0])

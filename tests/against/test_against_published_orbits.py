@@ -162,7 +162,8 @@ def test_the_share_of_time_spent_in_the_north(turns, eccentricity):
 def test_speed_at_perigee_is_that_of_vis_viva():
     elements = highly_elliptical_elements(2.0, 0.74, 0.0)
     position, velocity = TwoBodyMotion(elements).state_eci(np.array([elements.perigee_time_s]))
-    radius, speed = float(np.linalg.norm(position)), float(np.linalg.norm(velocity))
+    radius = float(np.linalg.norm(position))
+    speed = float(np.linalg.norm(velocity))
     assert radius == pytest.approx(elements.perigee_radius_m, rel=1e-13)
     assert speed**2 == pytest.approx(EARTH_MU_M3_S2 * (2.0 / radius - 1.0 / elements.semi_major_axis_m), rel=1e-13)
     assert radius - EARTH_EQUATORIAL_RADIUS_M == pytest.approx(528e3, abs=1e3)

@@ -28,7 +28,8 @@ def test_planck_band_radiance():
 
 
 def test_the_papers_minimum_detectable_intensity_in_both_units():
-    given, expected = case("seed_imin")["inputs"], case("seed_imin")["expected"]
+    given = case("seed_imin")["inputs"]
+    expected = case("seed_imin")["expected"]
     rest = (given["R_km"] * 1e3, given["tau"], given["snr"])
     converted = minimum_detectable_intensity(given["NEI_W_cm2"] * W_M2_PER_W_CM2, *rest)
     assert converted == pytest.approx(expected["I_min_W_sr"], rel=1e-12)
@@ -38,7 +39,8 @@ def test_the_papers_minimum_detectable_intensity_in_both_units():
 
 #: EchoStar 23 at 3.9 µm, 38 s after launch, 16 March 2017: what GOES-16 saw at most, over ground of 278 to 293 K (CIMSS
 #: Satellite Blog, archives 23468), and what that means at the source, with what a pixel may catch of the light.
-SEEN_K, GROUND_K = 306.8, (278.0, 293.0)
+SEEN_K = 306.8
+GROUND_K = (278.0, 293.0)
 AT_SOURCE_W_SR = (3.3e5, 13e5)
 LOOKS = json.loads((DATA / "goes_sightings.json").read_text(encoding="utf-8"))["looks"]
 

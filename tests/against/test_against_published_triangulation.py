@@ -34,8 +34,10 @@ def test_the_bound(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
 def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
     """The mean squared error of 4000 fixes is the bound's within 5 standard errors of a sum of squares."""
-    rng, runs = np.random.default_rng(7), 4000
-    origin, target = sensors_m(case["inputs"]), np.array(case["expected"]["target_ecef_m"])
+    rng = np.random.default_rng(7)
+    runs = 4000
+    origin = sensors_m(case["inputs"])
+    target = np.array(case["expected"]["target_ecef_m"])
     sigma = np.array(case["inputs"]["sigma_rad_per_axis"])
     apart = target - origin
     truth = apart / np.linalg.norm(apart, axis=1)[:, None]

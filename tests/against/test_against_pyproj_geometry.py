@@ -19,7 +19,8 @@ PROJ_GEODESIC = pyproj.Geod(ellps="WGS84")
 
 def places(count, seed, lowest_m=-1e4, highest_m=1e5):
     rng = np.random.default_rng(seed)
-    latitude, longitude = np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)
+    latitude = np.arcsin(rng.uniform(-1.0, 1.0, count))
+    longitude = rng.uniform(-np.pi, np.pi, count)
     return latitude, longitude, rng.uniform(lowest_m, highest_m, count)
 
 
@@ -61,7 +62,8 @@ def test_line_of_sight_in_the_topocentric_frame():
     rng = np.random.default_rng(5)
     for latitude, longitude, height in zip(*places(20, 6), strict=True):
         frame = topocentric(latitude, longitude, height)
-        azimuth, elevation = rng.uniform(0.0, 2.0 * np.pi, 100), np.arcsin(rng.uniform(-1.0, 1.0, 100))
+        azimuth = rng.uniform(0.0, 2.0 * np.pi, 100)
+        elevation = np.arcsin(rng.uniform(-1.0, 1.0, 100))
         observer = geodetic_to_ecef(latitude, longitude, height)
         east, north, up = frame.transform(*(observer + 1e7 * line_of_sight(observer, azimuth, elevation)).T)
         assert east == pytest.approx(1e7 * np.sin(azimuth) * np.cos(elevation), rel=0.0, abs=1e-8)
@@ -73,7 +75,8 @@ def test_geodesics_both_ways():
     start_latitude, start_longitude, _ = places(500, 7)
     end_latitude, end_longitude, _ = places(500, 8)
     # Every tenth pair is nearly antipodal, where series of the older kind do not converge.
-    end_latitude[::10], end_longitude[::10] = -start_latitude[::10] + 1e-3, start_longitude[::10] + np.pi - 2e-3
+    end_latitude[::10] = -start_latitude[::10] + 1e-3
+    end_longitude[::10] = start_longitude[::10] + np.pi - 2e-3
     distance, bearing = geodesic_inverse(start_latitude, start_longitude, end_latitude, end_longitude)
     azimuth, _, length = PROJ_GEODESIC.inv(start_longitude, start_latitude, end_longitude, end_latitude, radians=True)
     assert distance == pytest.approx(length, rel=0.0, abs=3e-8)

@@ -17,9 +17,13 @@ from scipy.spatial.transform import Rotation
 
 from opir_core.interfaces.contexts import TrackerContext
 
-SIGMA_RAD, BIAS_RAD, TARGETS, SECONDS = 20e-6, 60e-6, 8, 40
+SIGMA_RAD = 20e-6
+BIAS_RAD = 60e-6
+TARGETS = 8
+SECONDS = 40
 SLOTS_DEG = (-150.0, -95.0)
-GEO_M, EARTH_M = 4.2164e7, 6.378137e6
+GEO_M = 4.2164e7
+EARTH_M = 6.378137e6
 
 
 def frame(longitude_deg: float) -> np.ndarray:
@@ -41,7 +45,8 @@ def paths(rng: np.random.Generator) -> Any:
     """Return a function of the places (n, 3) of a target at times (n,) since the start, for each target."""
     made = []
     for _ in range(TARGETS):
-        latitude, longitude = rng.uniform(-35.0, 35.0), rng.uniform(-150.0, -95.0)
+        latitude = rng.uniform(-35.0, 35.0)
+        longitude = rng.uniform(-150.0, -95.0)
         up = Rotation.from_euler("zy", [longitude, -latitude], degrees=True).apply([1.0, 0.0, 0.0])
         aside = np.cross(up, rng.standard_normal(3))
         aside /= np.linalg.norm(aside)
@@ -56,7 +61,8 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
     rng = np.random.default_rng([2, seed])
     bias = BIAS_RAD * rng.standard_normal((len(SLOTS_DEG), 2))
     axes = np.array([frame(slot) for slot in SLOTS_DEG])
-    rows, information = [], np.eye(bias.size) / BIAS_RAD**2
+    rows = []
+    information = np.eye(bias.size) / BIAS_RAD**2
     for path in paths(rng):
         seen = []
         for sensor in range(len(SLOTS_DEG)):
@@ -118,7 +124,9 @@ def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
         for row, slot in enumerate(SLOTS_DEG)
     )
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, light_time=False)
-    tracker, cut, numbers = imm_tracker(ImmConfig(regions_every_s=600.0), context), 0, set()
+    tracker = imm_tracker(ImmConfig(regions_every_s=600.0), context)
+    cut = 0
+    numbers = set()
     for tick in range(1, SECONDS + 1):
         end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
         numbers |= set(tracker.step(float(tick), detections.take(slice(cut, end))).track.tolist())
@@ -128,7 +136,8 @@ def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
 
 @pytest.mark.slow
 def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
-    scaled, squares = [], []
+    scaled = []
+    squares = []
     for seed in range(0, 24, 2):
         detections, bias, information = looks(seed)
         health = found(detections, BIAS_RAD)[0].sensor_health()

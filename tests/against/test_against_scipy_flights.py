@@ -20,7 +20,8 @@ from opir_core.geometry import Geodetic
 
 TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "class_profiles.json").read_text(encoding="utf-8"))
 PROFILES = boost_profiles()
-MU, WHIRL = 3.986004418e14, 7.292115e-5
+MU = 3.986004418e14
+WHIRL = 7.292115e-5
 GEOD = pyproj.Geod(ellps="WGS84")
 TO_ECEF = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 TO_GEODETIC = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
@@ -45,18 +46,26 @@ def integrated_course(row, radius_m, elapsed_s):
 
 @pytest.mark.parametrize("name", sorted(PROFILES))
 def test_boost_follows_the_formulas_of_the_profile(name):
-    latitude, longitude, height, azimuth = 0.55, 2.9, 700.0, 4.4
-    profile, row = PROFILES[name], TABLE["profiles"][name]
-    a, f = 6378137.0, 1 / 298.257223563
-    e2, sine = f * (2 - f), math.sin(latitude)
-    normal, meridian = a / math.sqrt(1 - e2 * sine**2), a * (1 - e2) / (1 - e2 * sine**2) ** 1.5
+    latitude = 0.55
+    longitude = 2.9
+    height = 700.0
+    azimuth = 4.4
+    profile = PROFILES[name]
+    row = TABLE["profiles"][name]
+    a = 6378137.0
+    f = 1 / 298.257223563
+    e2 = f * (2 - f)
+    sine = math.sin(latitude)
+    normal = a / math.sqrt(1 - e2 * sine**2)
+    meridian = a * (1 - e2) / (1 - e2 * sine**2) ** 1.5
     radius = 1 / (math.cos(azimuth) ** 2 / (meridian + height) + math.sin(azimuth) ** 2 / (normal + height))
     elapsed = np.concatenate(
         [np.linspace(0.0, 1.0, 60) * profile.burn_time_s, profile.pitch_start_s + np.logspace(-6, 1, 30)]
     )
     h, phi = integrated_course(row, radius, elapsed)
 
-    lon, lat = math.degrees(longitude), math.degrees(latitude)
+    lon = math.degrees(longitude)
+    lat = math.degrees(latitude)
     launch, above = (np.array(TO_ECEF.transform(lon, lat, height + step)) for step in (0.0, 1e6))
     up = (above - launch) / 1e6
     east = np.cross([0.0, 0.0, 1.0], up) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], up))
@@ -79,7 +88,8 @@ def pull(_time, state):
 
 def place_at(x, y, z, elapsed_s):
     """Return longitude and latitude, deg, and height, m, of an inertial point over the Earth as it has turned."""
-    cosine, sine = math.cos(WHIRL * elapsed_s), math.sin(WHIRL * elapsed_s)
+    cosine = math.cos(WHIRL * elapsed_s)
+    sine = math.sin(WHIRL * elapsed_s)
     return TO_GEODETIC.transform(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
@@ -95,7 +105,9 @@ def aimed_cases():
 @pytest.mark.parametrize(("profile", "start", "bearing_deg", "range_m"), list(aimed_cases()))
 def test_free_flight_comes_down_within_a_metre_of_the_aim_point(profile, start, bearing_deg, range_m):
     """The first descent to the aim point's height is found by scipy's event location."""
-    launch_height, aim_height, ignition_s = 120.0, 850.0, 4321.0
+    launch_height = 120.0
+    aim_height = 850.0
+    ignition_s = 4321.0
     aim_lon, aim_lat, _ = GEOD.fwd(*start, bearing_deg, range_m)
     launch = Geodetic(np.radians([start[1]]), np.radians([start[0]]), launch_height)
     flight = aim(launch, Geodetic(np.radians([aim_lat]), np.radians([aim_lon]), aim_height), ignition_s, [profile])
@@ -104,7 +116,8 @@ def test_free_flight_comes_down_within_a_metre_of_the_aim_point(profile, start, 
     def height(elapsed_s, state):
         return place_at(*state[:3], elapsed_s)[2] - aim_height
 
-    height.terminal, height.direction = True, -1
+    height.terminal = True
+    height.direction = -1
     burnout = np.concatenate([flight.burnout_position_eci_m[0], flight.burnout_velocity_eci_m_s[0]])
     arc = solve_ivp(pull, (0.0, 6000.0), burnout, method="DOP853", rtol=1e-12, atol=1e-6, events=height)
     (elapsed_s,), (state,) = arc.t_events[0], arc.y_events[0]

@@ -15,9 +15,13 @@ from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 from opir_core.flight.staged.staging import stagings
 from opir_core.interfaces.contexts import TargetContext
 
-MU, WHIRL, A, F = 3.986004418e14, 7.292115e-5, 6378137.0, 1 / 298.257223563
+MU = 3.986004418e14
+WHIRL = 7.292115e-5
+A = 6378137.0
+F = 1 / 298.257223563
 E2 = F * (2 - F)
-J2, J2_RADIUS = 1.082626683553e-3, 6378136.3
+J2 = 1.082626683553e-3
+J2_RADIUS = 6378136.3
 GEOD = pyproj.Geod(ellps="WGS84")
 TO_ECEF = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 TO_GEODETIC = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
@@ -30,7 +34,8 @@ COAST_BETA = 3000.0
 
 def height_m(position):
     """Return the geodetic height by fixed-point iteration of the latitude (Torge, Geodesy, section 4.1)."""
-    across, z = math.hypot(position[0], position[1]), position[2]
+    across = math.hypot(position[0], position[1])
+    z = position[2]
     tangent = z / across / (1 - E2)
     for _ in range(6):
         sine = tangent / math.sqrt(1 + tangent * tangent)
@@ -55,7 +60,8 @@ def drag(position, relative, beta, air):
 
 
 def to_inertial(vector, t):
-    cosine, sine = math.cos(WHIRL * t), math.sin(WHIRL * t)
+    cosine = math.cos(WHIRL * t)
+    sine = math.sin(WHIRL * t)
     return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1], vector[2]])
 
 
@@ -63,12 +69,19 @@ class Flight:
     """One flight, from the settings and from the solved azimuth, kick and cut-off."""
 
     def __init__(self, staging, config, truth, has_j2, air, coast_air):
-        self.stages, self.tail, self.beta = staging.stages, staging.tail_off_s, staging.ballistic_coefficient_kg_m2
-        self.rise, self.turned = staging.vertical_rise_s, staging.vertical_rise_s + staging.pitch_over_s
-        self.kick, azimuth = math.radians(truth["kick_deg"]), math.radians(truth["azimuth_deg"])
-        self.has_j2, self.air, self.coast_air = has_j2, air, coast_air
+        self.stages = staging.stages
+        self.tail = staging.tail_off_s
+        self.beta = staging.ballistic_coefficient_kg_m2
+        self.rise = staging.vertical_rise_s
+        self.turned = staging.vertical_rise_s + staging.pitch_over_s
+        self.kick = math.radians(truth["kick_deg"])
+        azimuth = math.radians(truth["azimuth_deg"])
+        self.has_j2 = has_j2
+        self.air = air
+        self.coast_air = coast_air
         self.burnout = truth["burnout_s"] - truth["ignition_s"]
-        lat, lon = math.radians(config.launch.lat_deg), math.radians(config.launch.lon_deg)
+        lat = math.radians(config.launch.lat_deg)
+        lon = math.radians(config.launch.lon_deg)
         east = np.array([-math.sin(lon), math.cos(lon), 0.0])
         north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])
         self.up = np.array([math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)])
@@ -89,7 +102,8 @@ class Flight:
 
     def untailed(self, stage, since):
         """Return the acceleration of constant thrust and mass flow that gains the ideal speed."""
-        q, burn = 1 - 1 / stage.growth, stage.burn_time_s
+        q = 1 - 1 / stage.growth
+        burn = stage.burn_time_s
         grid, weight = np.polynomial.legendre.leggauss(60)
         whole = 0.5 * (burn - self.tail)
         middle = np.sum(weight / (1 - q * (grid + 1) * whole / burn)) * whole
@@ -122,7 +136,8 @@ class Flight:
         dark = self.thrust(middle) == 0.0
 
         def right_side(t, state):
-            position, velocity = state[:3], state[3:]
+            position = state[:3]
+            velocity = state[3:]
             relative = velocity - WHIRL * np.array([-position[1], position[0], 0.0])
             pull = gravity(position, self.has_j2)
             if boosts:
@@ -136,7 +151,8 @@ class Flight:
         return right_side
 
     def pieces(self):
-        edges, ignition = [0.0, self.rise, self.turned], 0.0
+        edges = [0.0, self.rise, self.turned]
+        ignition = 0.0
         for stage in self.stages[:-1]:
             end = ignition + stage.burn_time_s
             edges += [end - self.tail, end, end + stage.gap_s]
@@ -163,7 +179,8 @@ class Flight:
         def down(t, y):
             return height_m(y[:3]) - self.target_height
 
-        down.terminal, down.direction = True, -1.0
+        down.terminal = True
+        down.direction = -1.0
         coast = solve_ivp(self.rates(math.inf), (self.burnout, 2e4), state, events=down, max_step=50.0, **options)
         return [*parts, coast]
 

@@ -21,7 +21,8 @@ def height_above(height_m):
     def event(_, state):
         return ecef_to_geodetic(state[:3]).height_m - height_m
 
-    event.terminal, event.direction = True, -1.0
+    event.terminal = True
+    event.direction = -1.0
     return event
 
 
@@ -31,7 +32,8 @@ def states(count, seed):
     up /= np.linalg.norm(up, axis=1)[:, None]
     along = np.cross(up, along)
     along /= np.linalg.norm(along, axis=1)[:, None]
-    elevation, speed = rng.uniform(0.2, 1.5, count), rng.uniform(1e3, 7.5e3, count)
+    elevation = rng.uniform(0.2, 1.5, count)
+    speed = rng.uniform(1e3, 7.5e3, count)
     velocity = (speed * np.sin(elevation))[:, None] * up + (speed * np.cos(elevation))[:, None] * along
     return (6378e3 + rng.uniform(50e3, 400e3, count))[:, None] * up, velocity
 

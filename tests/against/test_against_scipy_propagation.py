@@ -48,7 +48,8 @@ def gravity(position, zonal):
 
 def derivative(zonal, drag):
     def rates(_time, state):
-        position, velocity = state[:3], state[3:]
+        position = state[:3]
+        velocity = state[3:]
         acceleration = gravity(position, zonal)
         if drag is not None:
             beta, density = drag
@@ -100,7 +101,8 @@ def test_impact_with_drag(atmosphere, density, height_m):
     def reached(_time, state):
         return float(ecef_to_geodetic(state[:3]).height_m) - height_m
 
-    reached.terminal, reached.direction = True, -1
+    reached.terminal = True
+    reached.direction = -1
     end = reference(start, 600.0, ("j2",), (beta, density), events=reached, max_step=0.5)
     found = impact_states_eci(*start, height_m, forces, tolerance_m=1e-4)
     assert abs(found.duration_s - end.t_events[0][0]) <= 1e-6
@@ -143,7 +145,9 @@ def table(rows, width):
 def test_coefficients():
     """Ours for r'' = a are products of theirs for y' = f."""
     tableau = np.zeros((16, 16))
-    tableau[:12, :12], tableau[12, :12], tableau[13:] = DOP853.A, DOP853.B, DOP853.A_EXTRA
+    tableau[:12, :12] = DOP853.A
+    tableau[12, :12] = DOP853.B
+    tableau[13:] = DOP853.A_EXTRA
     nodes = [*DOP853.C, 1.0, *DOP853.C_EXTRA]
     np.testing.assert_array_equal(table(dop853.VELOCITY_WEIGHTS, 16), tableau)
     np.testing.assert_allclose(table(dop853.POSITION_WEIGHTS, 16), tableau @ tableau, rtol=0.0, atol=1e-13)

@@ -39,9 +39,11 @@ def gravity(position, zonal):
     """Return -grad of the potential -mu/r (1 - sum J_n (R/r)^n P_n(z/r)), by r and s = z/r."""
     r = np.linalg.norm(position)
     s = position[2] / r
-    along_r, along_s = 1.0, 0.0
+    along_r = 1.0
+    along_s = 0.0
     for name in zonal:
-        n, polynomial = int(name[1]), legendre(int(name[1]))
+        n = int(name[1])
+        polynomial = legendre(int(name[1]))
         strength = getattr(FIELD, name) * (FIELD.radius_m / r) ** n
         along_r -= (n + 1) * strength * polynomial(s)
         along_s -= strength * polynomial.deriv()(s)
@@ -54,7 +56,8 @@ def impact_ecef_m(position, velocity, aim_height_m, zonal, beta):
     turn = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
     def rates(_, state):
-        place, speed = state[:3], state[3:]
+        place = state[:3]
+        speed = state[3:]
         pull = gravity(place, zonal) - np.cross(turn, np.cross(turn, place)) - 2.0 * np.cross(turn, speed)
         if beta is not None:
             density = 1.225 * np.exp(-height(0.0, state) / 7200.0)
@@ -67,7 +70,8 @@ def impact_ecef_m(position, velocity, aim_height_m, zonal, beta):
     def landed(_, state):
         return height(_, state) - aim_height_m
 
-    landed.terminal, landed.direction = True, -1
+    landed.terminal = True
+    landed.direction = -1
     start = np.concatenate([position, velocity])
     bound = {} if beta is None else {"max_step": 15.0}
     done = solve_ivp(rates, (0.0, 6000.0), start, method="DOP853", events=landed, rtol=1e-9, atol=1e-4, **bound)
@@ -86,7 +90,8 @@ def test_every_target_comes_down_within_a_metre_of_its_aim(name):
     _, zonal, beta = SCENES[name]
     for number, target in enumerate(truth_of(name)):
         coefficient = beta and beta["own" if number == 2 else "usual"]
-        burnout, aim = target["burnout"], target["aim"]
+        burnout = target["burnout"]
+        aim = target["aim"]
         states = np.array(burnout["position_ecef_m"]), np.array(burnout["velocity_ecef_m_s"])
         there, flight_s = impact_ecef_m(*states, aim["height_m"], zonal, coefficient)
         place = Geodetic(np.radians(aim["lat_deg"]), np.radians(aim["lon_deg"]), aim["height_m"])

@@ -75,10 +75,16 @@ def path_m(profile, latitude, longitude, azimuth, speed, angle, since_s):
 def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     """Positions are integrated in steps, their derivatives taken by differences, angles measured along two axes."""
     profile = core_target_class("ICBM").profiles[0]
-    latitude, longitude, azimuth, sigma, bias = math.radians(41.0), math.radians(-105.0), 0.4, 2e-5, 1e-5
+    latitude = math.radians(41.0)
+    longitude = math.radians(-105.0)
+    azimuth = 0.4
+    sigma = 2e-5
+    bias = 1e-5
     sensors = [np.array([4.2164e7 * math.cos(a), 4.2164e7 * math.sin(a), 0.0]) for a in np.radians([-135.0, -70.0])]
-    times_s, base = np.linspace(15.0, profile.burn_time_s, 12), np.zeros(6)
-    speed, angle = profile.burnout_speed_m_s, profile.burnout_flight_path_angle_rad
+    times_s = np.linspace(15.0, profile.burn_time_s, 12)
+    base = np.zeros(6)
+    speed = profile.burnout_speed_m_s
+    angle = profile.burnout_flight_path_angle_rad
     steps = np.array([1e-5, 1e-5, 1e-2, 1e-4, 1.0, 1e-4])
 
     def position(off, time_s):
@@ -101,11 +107,13 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
             )
             rows = np.zeros((2, 10))
             rows[:, :6] = np.stack([slopes @ one, slopes @ other]) / range_m
-            rows[0, 6 + 2 * number] = rows[1, 7 + 2 * number] = 1.0
+            rows[0, 6 + 2 * number] = 1.0
+            rows[1, 7 + 2 * number] = 1.0
             information += rows.T @ rows / sigma**2
     information[range(6, 10), range(6, 10)] += 1.0 / bias**2
     covariance = np.linalg.inv(information)
-    e2, sine = 0.00669437999014, math.sin(latitude)
+    e2 = 0.00669437999014
+    sine = math.sin(latitude)
     normal = 6378137.0 / math.sqrt(1.0 - e2 * sine * sine)
     meridian = normal * (1.0 - e2) / (1.0 - e2 * sine * sine)
     launch_m = math.sqrt(covariance[0, 0] * meridian**2 + covariance[1, 1] * (normal * math.cos(latitude)) ** 2)

@@ -30,7 +30,8 @@ def region(rng: np.random.Generator) -> list[Polygon]:
 
 
 def as_rings(polygons: list[Polygon], sign: float) -> tuple[np.ndarray, list[list[int]]]:
-    rings, edges = [], []
+    rings = []
+    edges = []
     for polygon in polygons:
         short = segmentize(orient(polygon, sign), LONGEST_EDGE_M)
         first = sum(map(len, rings))

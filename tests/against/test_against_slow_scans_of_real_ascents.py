@@ -8,7 +8,8 @@ import pytest
 import opir_core as opir
 
 ASCENTS = Path(__file__).parents[2] / "examples" / "ascents"
-START_S, LATE_S = 30.0, 105.0
+START_S = 30.0
+LATE_S = 105.0
 SENSOR = {"model": "DSP", "scan_period_ms": 10_000.0}
 
 

@@ -44,9 +44,12 @@ HUGE_KM2 = 5e7
 )
 def reported(request):
     truth = flown("SRBM", FLIGHTS, 3, request.param)
-    impact, ticks = truth.impacts(), []
+    impact = truth.impacts()
+    ticks = []
     for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0):
-        area, held, burning = np.full((FLIGHTS, 3), np.nan), np.zeros((FLIGHTS, 3)), np.full(FLIGHTS, np.nan)
+        area = np.full((FLIGHTS, 3), np.nan)
+        held = np.zeros((FLIGHTS, 3))
+        burning = np.full(FLIGHTS, np.nan)
         for flight, row in enumerate(rows_of(tick.reported, tick.shared).tolist()):
             if row < 0 or tick.reported.probability_launch[row] < 0.5:
                 continue

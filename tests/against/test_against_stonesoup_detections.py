@@ -65,7 +65,8 @@ def tracks_of(path, tmp_path):
 
 def test_detections_of_stonesoup_are_tracked_as_events(tmp_path):
     made = detections()
-    lines, events = ["time_utc,sensor,los_x_ecef,los_y_ecef,los_z_ecef,sigma_urad"], []
+    lines = ["time_utc,sensor,los_x_ecef,los_y_ecef,los_z_ecef,sigma_urad"]
+    events = []
     for when, sensor, origin, elevation, bearing in made:
         # The axes of Stone Soup's model are those of ECEF: bearing from x to y, elevation towards z.
         level = np.cos(elevation)

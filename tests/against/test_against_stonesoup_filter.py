@@ -15,7 +15,9 @@ from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import Forces, ZonalField
 
-STEP_S, SIGMA_RAD, NOISE = 0.5, 2e-5, 0.3
+STEP_S = 0.5
+SIGMA_RAD = 2e-5
+NOISE = 0.3
 WEIGHTLESS = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=0.0))
 SENSORS_M = 42164e3 * np.array([[np.cos(0.17), np.sin(0.17), 0.0], [np.cos(1.7), np.sin(1.7), 0.0]])
 
@@ -24,7 +26,9 @@ def looks(count: int) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, n
     """Return origins, axes and positions across them of looks at a curved path, and the prior."""
     rng = np.random.default_rng(11)
     start = np.array([3.1e6, 4.2e6, 3.7e6])
-    origins, axes, seen = [], [], []
+    origins = []
+    axes = []
+    seen = []
     for number in range(1, count + 1):
         time_s = number * STEP_S
         target = start + np.array([40.0, -20.0, 60.0]) * time_s + np.array([9.0, 6.0, 12.0]) * time_s**2
@@ -88,7 +92,9 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     )
     now = datetime.datetime(2026, 4, 1)
     state: Any = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=now)
-    predictor, updater, across = ExtendedKalmanPredictor(model), ExtendedKalmanUpdater(None), look_across()
+    predictor = ExtendedKalmanPredictor(model)
+    updater = ExtendedKalmanUpdater(None)
+    across = look_across()
     noise = {"ndim_state": 12, "mapping": (0, 4, 8), "noise_covar": np.eye(2) * SIGMA_RAD**2}
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         time = now + datetime.timedelta(seconds=number * STEP_S)
@@ -104,7 +110,8 @@ def test_forty_looks() -> None:
     mean, covariance = stone_soup_estimates(origins, axes, seen, prior)
     motion = Motion(BOOST, NOISE, WEIGHTLESS)
     switching = ImmFilter(motion, motion, np.inf, np.inf, rounds=1)
-    state, root = prior[:1].copy(), np.diag(1.0 / prior[1])[None]
+    state = prior[:1].copy()
+    root = np.diag(1.0 / prior[1])[None]
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         state, root = switching._carried(motion, state, root, np.array([STEP_S]))
         time_s = number * STEP_S

@@ -27,7 +27,8 @@ def as_states(values: np.ndarray) -> list[object]:
 def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
     from stonesoup.metricgenerator.ospametric import GOSPAMetric
 
-    found, true = points(seed, estimates), points(seed + 100, truths)
+    found = points(seed, estimates)
+    true = points(seed + 100, truths)
     metric, _ = GOSPAMetric(c=2000.0, p=order).compute_gospa_metric(as_states(found), as_states(true))
     reported = metric.value
     mine = gospa(found, true, cutoff=2000.0, order=order)

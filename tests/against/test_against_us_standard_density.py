@@ -68,9 +68,12 @@ def defined_density(height_m):
     """Integrate the standard's hydrostatic equation by its own closed forms, layer after layer, from sea level."""
     bases = [0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0]
     lapses = [-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3]
-    g0, molar_mass, gas = 9.80665, 28.9644e-3, 8.31432
+    g0 = 9.80665
+    molar_mass = 28.9644e-3
+    gas = 8.31432
     geopotential = 6356766.0 * height_m / (6356766.0 + height_m)
-    temperature, pressure = 288.15, 101325.0
+    temperature = 288.15
+    pressure = 101325.0
     for base, top, lapse in zip(bases[:-1], bases[1:], lapses, strict=True):
         rise = min(geopotential, top) - base
         if lapse == 0.0:

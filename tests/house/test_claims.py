@@ -13,7 +13,8 @@ sys.path.insert(0, str(ROOT / "docs"))
 
 from claims import claims, claims_page
 
-AGAINST, SUPPORT = ROOT / "tests" / "against", ROOT / "tests" / "support"
+AGAINST = ROOT / "tests" / "against"
+SUPPORT = ROOT / "tests" / "support"
 ROWS = claims()
 VALIDATED = [row for row in ROWS if row["status"] == "VALIDATED"]
 IDS = [row["claim"] for row in VALIDATED]
@@ -75,7 +76,8 @@ def fault(row):
     """Return what is wrong with the oracle of a claim, or ""."""
     file = row["test"].partition("::")[0]
     kind, _, name = row["oracle"].partition(" ")
-    tree, function = tree_of(file), function_of(row)
+    tree = tree_of(file)
+    function = function_of(row)
     if kind == "import":
         is_there = any(module.partition(".")[0] == name for module in imported(tree))
         return "" if is_there and not is_opirs(name) else f"{file} does not import {name}"

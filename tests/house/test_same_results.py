@@ -37,7 +37,8 @@ def comparison() -> ModuleType:
 
 def compared(comparison: ModuleType, folder: Path, *others: dict[str, Any]) -> bool:
     """Return whether one event agrees with others."""
-    one, two = folder / "one.jsonl", folder / "two.jsonl"
+    one = folder / "one.jsonl"
+    two = folder / "two.jsonl"
     one.write_text(f"{json.dumps(EVENT)}\n", encoding="utf-8")
     two.write_text("".join(f"{json.dumps(other)}\n" for other in others), encoding="utf-8")
     same: bool = comparison.same("scene", one, two)

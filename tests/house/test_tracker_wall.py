@@ -100,7 +100,8 @@ def imports_of(module: str) -> tuple[str, ...]:
 
 def reached(modules: list[str]) -> dict[str, str]:
     """Return the modules that modules import in the end, with the way there; the way does not lead through doors."""
-    ways, left = {module: module for module in modules}, list(modules)
+    ways = {module: module for module in modules}
+    left = list(modules)
     while left:
         module = left.pop()
         for other in imports_of(module):

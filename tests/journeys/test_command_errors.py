@@ -81,7 +81,10 @@ def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
     assert main([*RUN, "--out", "/dev/null", "--truth", "/dev/null", "--manifest", "/dev/null"]) == 0
 
 
-TRACKS, TRUTH, EVENTS, MANIFEST = "run.tracks.jsonl", "run.truth.jsonl", "run.jsonl", "run.manifest.json"
+TRACKS = "run.tracks.jsonl"
+TRUTH = "run.truth.jsonl"
+EVENTS = "run.jsonl"
+MANIFEST = "run.manifest.json"
 
 BROKEN = [
     (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":"x"', "line 1: time_s: not what opir writes: expected `float`"),

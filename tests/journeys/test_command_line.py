@@ -264,7 +264,8 @@ LATE = ("--set", "sensors[0].reporting={downlink: {mean_s: 2}, processing: {mean
 
 
 def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: Opir) -> None:
-    prompt, late = opir("run", FIRST_LIGHT), opir("run", FIRST_LIGHT, *LATE)
+    prompt = opir("run", FIRST_LIGHT)
+    late = opir("run", FIRST_LIGHT, *LATE)
     assert "end to end" not in prompt.stdout
     head, row = (late.stdout.splitlines()[number] for number in (7, 8))
     assert head.split("  ")[:2] == ["target", "type"]

@@ -32,7 +32,8 @@ def can_mount() -> bool:
 @pytest.mark.slow
 @pytest.mark.skipif(not can_mount(), reason="this system lets nobody mount a small disk")
 def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
-    disk, kept = tmp_path / "disk", tmp_path / "kept"
+    disk = tmp_path / "disk"
+    kept = tmp_path / "kept"
     disk.mkdir()
     kept.mkdir()
     with kafka_broker.broker() as broker:

@@ -74,7 +74,8 @@ def of_target(scene: Mapping[str, Any], target_id: str) -> set[str]:
 
 
 def test_a_longer_scene_begins_with_the_shorter_ones_events() -> None:
-    short, long = events({**SCENE, "duration_s": 80.0}), events({**SCENE, "duration_s": 100.0})
+    short = events({**SCENE, "duration_s": 80.0})
+    long = events({**SCENE, "duration_s": 100.0})
     assert long.startswith(short)
     assert len(long) > len(short) > 0
 

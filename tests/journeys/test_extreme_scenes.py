@@ -40,7 +40,8 @@ OFFSETS_DEG = st.sampled_from([0.0, LIMB_DEG, -LIMB_DEG, LIMB_DEG + 1e-9, 180.0,
 
 @st.composite
 def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
-    latitude, longitude = draw(LATITUDES), draw(LONGITUDES)
+    latitude = draw(LATITUDES)
+    longitude = draw(LONGITUDES)
     bearing = draw(st.sampled_from([0.0, 90.0, 180.0, 270.0]) | st.floats(0.0, 360.0))
     range_m = draw(RANGES_M)
     there = geodesic_direct(*(math.radians(value) for value in (latitude, longitude, bearing)), range_m)
@@ -136,7 +137,8 @@ def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
 def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
     targets = plan.targets
     every = np.arange(len(targets.ids), dtype=np.int32)
-    start, end = targets.ignition_s, targets.burnout_s
+    start = targets.ignition_s
+    end = targets.burnout_s
     for time_s in (start, 0.5 * (start + end), np.nextafter(end, 0.0), end, start + 1e-9):
         assert np.isfinite(targets.position_ecef_m(every, time_s)).all()
     for time_s in (np.nextafter(start, -1.0), np.nextafter(end, np.inf)):
@@ -154,7 +156,8 @@ def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
 
 
 def assert_detections(plan: Plan, run: Run) -> None:
-    seen, truth = run.detections, run.truth
+    seen = run.detections
+    truth = run.truth
     azimuth, elevation = seen.angles()
     for column in (seen.confidence, seen.line_of_sight_ecef, seen.sensor_ecef_m, azimuth, elevation):
         assert np.isfinite(column).all()

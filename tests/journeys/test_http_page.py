@@ -97,7 +97,10 @@ TRACK: dict[str, Any] = {
 
 def region(condition: str, probability: float, half_deg: float, samples: float | None) -> dict[str, Any]:
     """Return a square region about the impact of `TRACK`."""
-    west, east, south, north = 40.0 - half_deg, 40.0 + half_deg, -45.0 - half_deg, -45.0 + half_deg
+    west = 40.0 - half_deg
+    east = 40.0 + half_deg
+    south = -45.0 - half_deg
+    north = -45.0 + half_deg
     ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
     figures = {"containment": 0.95, "area_km2": 1e4 * half_deg, "condition": condition, "probability": probability}
     return figures | {"effective_samples": samples, "geometry": {"type": "Polygon", "coordinates": [ring]}}

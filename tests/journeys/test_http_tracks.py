@@ -20,7 +20,8 @@ from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 from opir_core.scene import core_hypotheses
 
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
-LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
+LAUNCH = (34.73, -120.57)
+AIM = (32.0, -124.0)
 
 
 @pytest.mark.slow
@@ -33,7 +34,8 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
         reported = running.ask("GET", "/tracks").json
     validate(reported)
     for track in (reported["tracks"][0], streamed):
-        launch, impact = track["launch_point"], track["impact_point"]
+        launch = track["launch_point"]
+        impact = track["impact_point"]
         assert away_km(launch, LAUNCH) < 20.0
         assert 1000.0 * away_km(impact, AIM) < 2.0 * impact["ellipse"]["semi_major_m"]
         for point in (launch, impact):
@@ -131,7 +133,8 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
 
 @pytest.mark.slow
 def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old() -> None:
-    documents, reported = TrackDocuments(0), []
+    documents = TrackDocuments(0)
+    reported = []
     for second in range(1, 301):
         place = np.array([6.5e6, 1e3 * second, 0.0, 0.0, 0.0, 0.0])
         (track,) = documents.take(stub_estimates(1, tick_s=float(second), state=place))["tracks"]
@@ -160,10 +163,12 @@ def positive(terms: list[float]) -> bool:
 
 def streamed_track(port: int) -> Any:
     """Return the first track of the stream that is two minutes old."""
-    connection, give_up_at = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0), time.monotonic() + 180.0
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
+    give_up_at = time.monotonic() + 180.0
     try:
         connection.request("GET", "/stream?view=brief")
-        lines, kind = connection.getresponse(), ""
+        lines = connection.getresponse()
+        kind = ""
         while time.monotonic() < give_up_at:
             line = lines.readline().decode().strip()
             kind = line[7:] if line.startswith("event: ") else kind
@@ -178,7 +183,8 @@ def streamed_track(port: int) -> Any:
 
 def away_km(point: Any, place: tuple[float, float]) -> float:
     """Return the great-circle distance, haversine formula, on a sphere of 6371 km."""
-    first, second = math.radians(point["lat_deg"]), math.radians(place[0])
+    first = math.radians(point["lat_deg"])
+    second = math.radians(place[0])
     across = math.radians(point["lon_deg"] - place[1])
     half = math.sin((second - first) / 2) ** 2 + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
     return 2 * 6371.0 * math.asin(math.sqrt(half))

@@ -140,7 +140,8 @@ def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> 
 
 @pytest.mark.slow
 def test_the_broker_flaps(mock: Any, spool: Path) -> None:
-    topic, rng = mock.topic(), random.Random(5)
+    topic = mock.topic()
+    rng = random.Random(5)
     sink = kafka_sink(mock.address, topic, spool)
     over = threading.Event()
 
@@ -253,7 +254,8 @@ def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool
 def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path) -> None:
     topic = mock.topic()
     settings = kafka_broker.config(mock.address, topic)
-    connect, refusals = connector(settings), [errors.SaslAuthenticationFailed(), errors.SaslAuthenticationFailed()]
+    connect = connector(settings)
+    refusals = [errors.SaslAuthenticationFailed(), errors.SaslAuthenticationFailed()]
 
     async def refused_at_first() -> Any:
         if refusals:
@@ -311,7 +313,8 @@ def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
 
 
 def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, jumps = time.time(), random.Random(3)
+    now = time.time()
+    jumps = random.Random(3)
     monkeypatch.setattr(time, "time", lambda: now + jumps.uniform(-1e6, 1e6))
     topic = broker.topic()
     sink = kafka_sink(broker.address, topic, spool)
@@ -323,7 +326,8 @@ def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
-    topic, other = broker.topic(), broker.topic()
+    topic = broker.topic()
+    other = broker.topic()
     sinks = {
         "dead": kafka_sink(dead_address(), other, tmp_path / "dead", brief()),
         "alive": kafka_sink(broker.address, topic, tmp_path / "alive"),
@@ -383,7 +387,8 @@ def test_a_broker_that_answers_slowly_gets_everything_once(mock: Any, spool: Pat
 
 @pytest.mark.slow
 def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock: Any, spool: Path) -> None:
-    topic, events = mock.topic(1), 750
+    topic = mock.topic(1)
+    events = 750
     sink = kafka_sink(mock.address, topic, spool, brief(stall_s=4.0), **PATIENT)
     until(lambda: sink.delivery_so_far().complaint is None)
     mock.tell("slow", 700)

@@ -24,7 +24,8 @@ AFTER_S = 60.0
 #: `--late-after` by default: later, s, a run is not ready.
 LATE_S = 5.0
 #: What a launch may be answered: it is in the run, or the run has no room for it.
-ACCEPTED, REFUSED = 202, 429
+ACCEPTED = 202
+REFUSED = 429
 
 
 @contextmanager
@@ -73,13 +74,15 @@ class Watch(threading.Thread):
 
 def launch_of(rng: random.Random) -> dict[str, Any]:
     """Return a launch from anywhere near the equator to 80 degrees further east."""
-    latitude_deg, longitude_deg = rng.uniform(-30.0, 30.0), rng.uniform(-180.0, 100.0)
+    latitude_deg = rng.uniform(-30.0, 30.0)
+    longitude_deg = rng.uniform(-180.0, 100.0)
     site, aim = ({"lat_deg": latitude_deg, "lon_deg": longitude_deg + east_deg} for east_deg in (0.0, 80.0))
     return {"type": "ICBM", "launch": site, "aim": aim}
 
 
 def test_a_flood_of_launches_is_refused_before_it_makes_the_run_late(tmp_path: Path) -> None:
-    rng, answers = random.Random(44), Counter[int]()
+    rng = random.Random(44)
+    answers = Counter[int]()
     with served(tmp_path) as port, connected(port) as connection:
         _, config = asked(connection, "GET", "/config")
         config["http"] |= {"writes_per_s": 10_000.0}

@@ -13,7 +13,8 @@ from opir_core.cli.main import main
 from opir_core.output import OutputFiles, finish_interrupted
 
 #: Power cuts of each recording in the slow tests; in the quick ones a few.
-CUTS, FEW = int(os.environ.get("OPIR_POWER_CUTS", "1000")), 60
+CUTS = int(os.environ.get("OPIR_POWER_CUTS", "1000"))
+FEW = 60
 
 pytestmark = pytest.mark.skipif(not can_record(), reason="needs Linux and a C compiler")
 
@@ -70,7 +71,8 @@ class Stage:
     """A folder with the files of a command, and the means to make them anew."""
 
     def __init__(self, scratch: Path, command: str) -> None:
-        self.scratch, self._command = scratch, command
+        self.scratch = scratch
+        self._command = command
         self.disk = scratch / "disk"
         self.disk.mkdir()
         for folder in ("a", "b"):
@@ -106,7 +108,8 @@ def recorded(stage: Stage) -> tuple[Recording, dict[str, bytes], dict[str, bytes
 def require_old_or_new(stage: Stage, interrupted: Callable[[Recording], Iterable[PowerCut]]) -> set[bool]:
     """Return whether the new files were there after interruptions; fail if neither they nor those before were."""
     recording, old, new = recorded(stage)
-    known, found_new = parts(stage.disk), set[bool]()
+    known = parts(stage.disk)
+    found_new = set[bool]()
     for cut in interrupted(recording):
         place = cut.make(stage.scratch / "cut")
         finish(place)

@@ -26,7 +26,8 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.simulation.engine import Engine
 
-KILLS, RUNS = 20, 8
+KILLS = 20
+RUNS = 8
 
 SCENE = """
 scene: kills
@@ -94,9 +95,12 @@ def killed(number: int) -> None:
 
 @pytest.mark.slow
 def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nursery, tmp_path: Path) -> None:
-    scene, log, lines = tmp_path / "scene.yaml", tmp_path / "log", tmp_path / "lines"
+    scene = tmp_path / "scene.yaml"
+    log = tmp_path / "log"
+    lines = tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "40"), encoding="utf-8")
-    rng, seen = random.Random(KILLS), []
+    rng = random.Random(KILLS)
+    seen = []
     with kafka_broker.broker() as broker:
         topic = broker.topic()
         kafka = {"bootstrap_servers": broker.address, "topic": topic, **kafka_broker.BRISK}
@@ -129,7 +133,9 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
 
 @pytest.mark.slow
 def test_a_run_that_is_killed_and_started_again_is_whole(nurse: Nursery, tmp_path: Path) -> None:
-    scene, log, lines = tmp_path / "scene.yaml", tmp_path / "log", tmp_path / "lines"
+    scene = tmp_path / "scene.yaml"
+    log = tmp_path / "log"
+    lines = tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "200"), encoding="utf-8")
     spool = tmp_path / "spool"
     sink = {"jsonl": {"path": str(lines), "spool": {"path": str(spool)}}}

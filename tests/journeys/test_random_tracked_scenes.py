@@ -32,7 +32,8 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
     assert is_arc or np.linalg.norm(tracks.state[:, 3:], axis=1).max(initial=0.0) < 20e3
     assert_sound(tracks.state_covariance, "state")
     for name, spread in SEEN.items():
-        value, covariance = getattr(tracks, name), getattr(tracks, spread)
+        value = getattr(tracks, name)
+        covariance = getattr(tracks, spread)
         reported = np.isfinite(value).all(axis=1)
         assert np.isnan(value[~reported]).all(), name
         assert_sound(covariance[reported], name)

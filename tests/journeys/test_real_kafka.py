@@ -177,7 +177,8 @@ def lacks_every_permission(admin: Any, _topic: str) -> None:
 def test_a_login_is_refused_until_what_it_lacks_is_given(
     one: Cluster, spool: Path, login: SecurityConfig, lacks: Any, reason: str, mend: Any
 ) -> None:
-    topic, admin = one.topic(), one.admin()
+    topic = one.topic()
+    admin = one.admin()
     lacks(admin, topic)
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
@@ -191,7 +192,9 @@ def test_a_login_is_refused_until_what_it_lacks_is_given(
 
 
 def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool: Path, login: SecurityConfig) -> None:
-    topic, other, admin = one.topic(), one.topic(), one.admin()
+    topic = one.topic()
+    other = one.topic()
+    admin = one.admin()
     let_in(admin)
     permit(admin, other)  # who may write to no topic at all gets no producer's number
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
@@ -212,7 +215,8 @@ def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool:
 
 
 def test_a_login_refused_after_a_good_one_is_parked(one: Cluster, spool: Path, login: SecurityConfig) -> None:
-    topic, admin = one.topic(), one.admin()
+    topic = one.topic()
+    admin = one.admin()
     let_in(admin)
     permit(admin, topic)
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
@@ -284,7 +288,8 @@ def test_batches_larger_than_the_topic_takes_arrive_in_parts(one: Cluster, spool
 
 
 def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one: Cluster, spool: Path) -> None:
-    topic, admin = one.topic(1, max_message_bytes="300"), one.admin()
+    topic = one.topic(1, max_message_bytes="300")
+    admin = one.admin()
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(one.address, topic, spool, policy, compression="none")
     fill(sink, 2, 20, 0, 0.0)
@@ -317,7 +322,9 @@ def test_a_quota_slows_and_loses_nothing(one: Cluster, spool: Path) -> None:
 
 
 def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one: Cluster, spool: Path) -> None:
-    topic, found, stop = one.topic(4), defaultdict(list), threading.Event()
+    topic = one.topic(4)
+    found = defaultdict(list)
+    stop = threading.Event()
     group = f"group-{time.time_ns()}"
 
     def consume(until_stopped: threading.Event) -> None:

@@ -38,7 +38,8 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
     if why := kafka_cluster.why_absent() or WHY_ABSENT:
         pytest.skip(why)
     folder = tmp_path_factory.mktemp("tls")
-    ours, others = Authority(folder, "ours"), Authority(folder, "others")
+    ours = Authority(folder, "ours")
+    others = Authority(folder, "others")
     certificate, key = ours.signed("broker", f"IP:{ADDRESS}")
     store = folder / "store.pem"
     store.write_text(key.read_text() + certificate.read_text())
@@ -124,7 +125,8 @@ def test_the_reason_and_the_remedy_are_in_the_message(
 
 
 def test_a_certificate_that_is_refused_is_mended_under_a_run(stand: Stand, tmp_path: Path) -> None:
-    topic, trusted = stand.cluster.topic(), tmp_path / "ca.pem"
+    topic = stand.cluster.topic()
+    trusted = tmp_path / "ca.pem"
     trusted.write_text(Path(stand.other_ca).read_text())
     security = SecurityConfig(protocol="SSL", ca_file=str(trusted))
     policy = brief(stall_s=30.0)

@@ -30,7 +30,8 @@ from serve_process import Nursery, nursery
 from watched_service import WatchedService
 
 LONG_S = float(os.environ.get("OPIR_SERVICE_MACHINE_S", "0"))
-EXAMPLES, STEPS = 4, 10
+EXAMPLES = 4
+STEPS = 10
 
 pytestmark = [
     pytest.mark.slow,
@@ -124,7 +125,8 @@ class ServiceMachine(RuleBasedStateMachine):
 def surroundings() -> Iterator[None]:
     """Have a broker and a place where processes come from."""
     with closing(kafka_broker.MockBroker()) as broker, nursery("faulty_process") as nurse:
-        ServiceMachine.broker, ServiceMachine.nurse = broker, nurse
+        ServiceMachine.broker = broker
+        ServiceMachine.nurse = nurse
         yield
 
 

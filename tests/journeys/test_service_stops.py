@@ -129,7 +129,8 @@ def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp
 
 @pytest.mark.slow
 def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(tmp_path: Path) -> None:
-    pipe, spool = tmp_path / "pipe", tmp_path / "spool"
+    pipe = tmp_path / "pipe"
+    spool = tmp_path / "spool"
     os.mkfifo(pipe)
     kept = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
     outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': kept})}}}]"

@@ -24,7 +24,8 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
         assert after["clock"]["cycle"] > before["clock"]["cycle"]
         assert after["sinks"][0]["delivered"] > before["sinks"][0]["delivered"]
         assert after["sinks"][0]["dropped"] == 0
-        late, reported = bytearray(), None
+        late = bytearray()
+        reported = None
         while reported is None:
             assert time.monotonic() < give_up_at
             late += idle.recv(1 << 20)

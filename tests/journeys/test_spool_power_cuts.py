@@ -15,9 +15,11 @@ from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.salvage import salvage, salvaged_at_start
 
 #: Power cuts of each recording in the slow tests; in the quick ones a few.
-CUTS, FEW = int(os.environ.get("OPIR_POWER_CUTS", "1000")), 30
+CUTS = int(os.environ.get("OPIR_POWER_CUTS", "1000"))
+FEW = 30
 #: How long a recorded session lasts, s.
-LONG_S, SHORT_S = 6.0, 1.0
+LONG_S = 6.0
+SHORT_S = 1.0
 #: Longest time, s, for which a power cut may undo what a spool without `survives_power_cut` has taken.
 UNDONE_S = 1.0
 
@@ -46,12 +48,14 @@ def filled(tmp_path: Path, kind: str, *, survives: bool, seconds: float) -> Reco
 
 def require_kept(tmp_path: Path, kind: str, *, survives: bool, seconds: float, cuts: int) -> tuple[int, float]:
     """Fail if a cut damages or loses more than it may; return the most events lost, and from how long before, s."""
-    most, longest_s = 0, 0.0
+    most = 0
+    longest_s = 0.0
     for cut in power_cuts(filled(tmp_path, kind, survives=survives, seconds=seconds), range(cuts)):
         found = left(cut, cut.make(tmp_path / "cut"), kind)
         where = f"cut {cut.seed} after call {cut.calls}"
         assert found.lost_s <= (0.0 if survives else UNDONE_S), f"{where}: {len(found.lost)} events lost"
-        most, longest_s = max(most, len(found.lost)), max(longest_s, found.lost_s)
+        most = max(most, len(found.lost))
+        longest_s = max(longest_s, found.lost_s)
     return most, longest_s
 
 

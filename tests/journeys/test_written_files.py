@@ -65,7 +65,8 @@ WRITERS: dict[str, Callable[[Any, Path], object]] = {
 
 @pytest.mark.parametrize("name", ONE_FILE)
 def test_an_export_is_written_through_a_pipe_which_stays_one(run: Any, tmp_path: Path, name: str) -> None:
-    pipe, read = tmp_path / "pipe", list[bytes]()
+    pipe = tmp_path / "pipe"
+    read = list[bytes]()
     os.mkfifo(pipe)
     reading = threading.Thread(target=lambda: read.append(pipe.read_bytes()), daemon=True)
     reading.start()
@@ -87,7 +88,8 @@ def device(path: Path, minor: int) -> Path:
 
 @pytest.mark.parametrize("name", ONE_FILE)
 def test_an_export_to_a_device_leaves_the_device(run: Any, tmp_path: Path, name: str) -> None:
-    null, full = device(tmp_path / "null", 3), device(tmp_path / "full", 7)
+    null = device(tmp_path / "null", 3)
+    full = device(tmp_path / "full", 7)
     exported(run, name, null)
     with pytest.raises(SinkError, match=r"full cannot be written: no space left on device"):
         exported(run, name, full)
@@ -122,7 +124,8 @@ PARTS = tuple(f"{name}.part" for name in ("e.jsonl", *MADE_UP))
 def test_a_run_writes_through_no_link_under_a_name_that_it_makes_up(
     tmp_path: Path, name: str, plant: Callable[[Path, Path], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    victim, folder = tmp_path / "victim", tmp_path / "out"
+    victim = tmp_path / "victim"
+    folder = tmp_path / "out"
     folder.mkdir()
     victim.write_bytes(b"of somebody else")
     plant(folder / name, victim)
@@ -187,7 +190,9 @@ def test_exports_reports_and_studies_write_through_no_planted_link(
 def test_what_is_renamed_and_every_folder_that_was_made_is_on_disk(
     run: Any, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls, fsync, replace = list[tuple[str, Path]](), os.fsync, Path.replace
+    calls = list[tuple[str, Path]]()
+    fsync = os.fsync
+    replace = Path.replace
 
     def synced(descriptor: int) -> None:
         calls.append(("sync", Path(f"/proc/self/fd/{descriptor}").readlink()))
@@ -254,7 +259,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_a_kill_leaves_the_old_files_or_the_new_ones(
     run: Any, events: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other, path, states = opir_core.load_run(events), tmp_path / "out", list[dict[str, bytes]]()
+    other = opir_core.load_run(events)
+    path = tmp_path / "out"
+    states = list[dict[str, bytes]]()
     object.__setattr__(other.plan.scene, "name", "another")
     page_of(run), page_of(other)
     for each in (run, other):
@@ -266,7 +273,9 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(
         states.append(contents(place.parent))
     if name == "report":
         path.mkdir()
-    write, number, stages = WRITERS[name], 0, set()
+    write = WRITERS[name]
+    number = 0
+    stages = set()
     while True:
         number += 1
         write(run, path)

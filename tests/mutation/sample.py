@@ -249,10 +249,12 @@ def _judged(done: "Future[Result]", pool: ThreadPoolExecutor) -> Result:
 
 
 def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Result:
-    copy, start = copies.get(), time.monotonic()
+    copy = copies.get()
+    start = time.monotonic()
     place = copy / work.mutant.file
     original = place.read_text(encoding="utf-8")
-    outcome, reported = Outcome("survived", ""), list[str]()
+    outcome = Outcome("survived", "")
+    reported = list[str]()
     try:
         for stage in work.stages:
             _write(place, work.source)
@@ -302,7 +304,8 @@ def _longest(stage: Stage, limits: Limits) -> Limits:
 
 def _outcome(copy: Path, stage: Stage, limits: Limits) -> Outcome:
     """Return what the tests of a stage say of a copy."""
-    output, last = copy / "output.txt", copy / LAST_TEST
+    output = copy / "output.txt"
+    last = copy / LAST_TEST
     last.unlink(missing_ok=True)
     start = time.monotonic()
     with output.open("wb") as stream:

@@ -14,7 +14,8 @@ from scipy.stats import chisquare
 SPEC = importlib.util.spec_from_file_location("mutation_sample", Path(__file__).with_name("sample.py"))
 assert SPEC is not None
 assert SPEC.loader is not None
-sample = sys.modules[SPEC.name] = importlib.util.module_from_spec(SPEC)
+sample = importlib.util.module_from_spec(SPEC)
+sys.modules[SPEC.name] = sample
 SPEC.loader.exec_module(sample)
 
 SOURCES = {"one.py": "a = 1\n", "two.py": "b = c + d\nreturned = not e < f\n"}

@@ -12,8 +12,10 @@ class Authority:
     """An authority of its own, in a folder: `certificate` is what those who trust it need."""
 
     def __init__(self, folder: Path, name: str) -> None:
-        self.certificate, self._key = folder / f"{name}.pem", folder / f"{name}.key"
-        self._folder, self._name = folder, name
+        self.certificate = folder / f"{name}.pem"
+        self._key = folder / f"{name}.key"
+        self._folder = folder
+        self._name = name
         made = ("-keyout", str(self._key), "-out", str(self.certificate), "-subj", f"/CN={name}")
         _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made)
 

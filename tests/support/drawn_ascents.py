@@ -12,7 +12,8 @@ from drawn_flights import ROWS, Flown
 
 from opir_core.geometry import geodetic_to_ecef, local_axes
 
-MU, SPIN = 3.986004418e14, np.array([0.0, 0.0, 7.292115e-5])
+MU = 3.986004418e14
+SPIN = np.array([0.0, 0.0, 7.292115e-5])
 STEP_S = 0.1
 
 
@@ -44,13 +45,17 @@ def plans(kind, count, rng):
         gap = u(14.0, 28.0) if back else u(5.0, 15.0)
         first = np.stack([u(12.5, 16.0), u(15.0, 35.0) if back else u(6.5, 11.0)], axis=1)
         growth = np.stack([u(2.4, 3.4), u(1.1, 1.5) if back else u(3.5, 6.0)], axis=1)
-        gaps, steering = gap[:, None], ("rise", "back" if back else "orbit")
+        gaps = gap[:, None]
+        steering = ("rise", "back" if back else "orbit")
     else:
         stages = 3 if kind == "three" else 2
-        burn, first, growth = u(45.0, 75.0, stages), u(14.0, 26.0, stages), u(1.8, 4.0, stages)
+        burn = u(45.0, 75.0, stages)
+        first = u(14.0, 26.0, stages)
+        growth = u(1.8, 4.0, stages)
         gaps = u(2.0, 12.0, stages - 1) if kind == "three" else u(22.0, 40.0, stages - 1)
         steering = ("rise",) + ("along",) * (stages - 1)
-    burn, gaps = np.round(burn, 1), np.round(gaps, 1)
+    burn = np.round(burn, 1)
+    gaps = np.round(gaps, 1)
     begin = np.concatenate([np.zeros((count, 1)), np.cumsum(burn[:, :-1] + gaps, axis=1)], axis=1)
     launcher = kind in ("orbit", "boostback")
     start = u(45.0, 55.0)
@@ -70,7 +75,8 @@ def plans(kind, count, rng):
 
 
 #: Plans per flight, of which those that fly as meant are taken; and where: heights at the first cut-off, m.
-_PLANS, _FIRST_CUT_M = 12, {"orbit": (45e3, 110e3), "boostback": (45e3, 90e3), "long gap": (15e3, 120e3)}
+_PLANS = 12
+_FIRST_CUT_M = {"orbit": (45e3, 110e3), "boostback": (45e3, 90e3), "long gap": (15e3, 120e3)}
 
 
 def ascents(kind, count, seed):
@@ -98,7 +104,8 @@ def ascents(kind, count, seed):
 
 def _launches(count, rng):
     columns = int(np.ceil(np.sqrt(0.6 * count)))
-    cell, rows = np.arange(count), int(np.ceil(count / columns))
+    cell = np.arange(count)
+    rows = int(np.ceil(count / columns))
     jitter = rng.uniform(-0.2, 0.2, (2, count))
     latitude = -0.75 + 1.5 * ((cell // columns + 0.5 + jitter[0]) / rows)
     longitude = -0.2 + 0.6 * ((cell % columns + 0.5 + jitter[1]) / columns)
@@ -108,7 +115,8 @@ def _launches(count, rng):
 
 def _flown(plan, launch, up, ahead, last_s):
     """Return ECEF positions and velocities (n, ROWS, 3), evenly over the time to the last cut-off."""
-    count, steps = len(launch), int(np.ceil(last_s.max() / STEP_S)) + 1
+    count = len(launch)
+    steps = int(np.ceil(last_s.max() / STEP_S)) + 1
     state = np.concatenate([launch, 1e-3 * up], axis=1)
     states = np.empty((steps + 1, count, 6))
     for step in range(steps + 1):
@@ -122,7 +130,8 @@ def _flown(plan, launch, up, ahead, last_s):
         state = state + STEP_S / 6.0 * (one + 2.0 * two + 2.0 * three + four)
     time_s = last_s[:, None] * np.linspace(0.0, 1.0, ROWS)
     low = np.minimum((time_s / STEP_S).astype(np.int64), steps - 1)
-    s, row = (time_s / STEP_S - low)[..., None], np.arange(count)[:, None]
+    s = (time_s / STEP_S - low)[..., None]
+    row = np.arange(count)[:, None]
     p, q, v, w = (states[low + k, row][..., part] for part in (slice(3), slice(3, 6)) for k in (0, 1))
     place = (1 + 2 * s) * (1 - s) ** 2 * p + s**2 * (3 - 2 * s) * q
     place += STEP_S * (s * (1 - s) ** 2 * v - s**2 * (1 - s) * w)
@@ -132,7 +141,8 @@ def _flown(plan, launch, up, ahead, last_s):
 def _rates(plan, launch, up, ahead, time_s, state, before):
     size, stage = _thrust(plan, time_s)
     unit = _direction(plan, launch, up, ahead, time_s, size, stage, before)
-    place, velocity = state[:, :3], state[:, 3:]
+    place = state[:, :3]
+    velocity = state[:, 3:]
     radius = np.linalg.norm(place, axis=1, keepdims=True)
     air = 2e-6 * np.exp(-np.linalg.norm(place - launch, axis=1, keepdims=True) / 7200.0)
     drag = -air * np.linalg.norm(velocity, axis=1, keepdims=True) * velocity
@@ -144,7 +154,8 @@ def _rates(plan, launch, up, ahead, time_s, state, before):
 
 def _thrust(plan, time_s):
     """Return accelerations (n,) and the number of the stage that burns."""
-    size, which = np.zeros(len(plan.limit)), np.zeros(len(plan.limit), dtype=np.int64)
+    size = np.zeros(len(plan.limit))
+    which = np.zeros(len(plan.limit), dtype=np.int64)
     for k in range(plan.begin_s.shape[1]):
         share = (time_s - plan.begin_s[:, k]) / (plan.end_s[:, k] - plan.begin_s[:, k])
         burns = (share >= 0.0) & (share < 1.0)
@@ -154,7 +165,8 @@ def _thrust(plan, time_s):
             own = np.minimum(own * np.where((time_s > low) & (time_s < high), 1.0 - depth, 1.0), plan.limit)
             left = plan.end_s[:, 0] - time_s
             own = own * np.where(left < plan.tail_s, 0.4 + 0.6 * left / np.maximum(plan.tail_s, 1e-9), 1.0)
-        size, which = np.where(burns, own, size), np.where(burns, k, which)
+        size = np.where(burns, own, size)
+        which = np.where(burns, k, which)
     return size, which
 
 

@@ -45,7 +45,8 @@ SMOOTH = {"SRBM": (0.95, 0.85, 0.09), "IRBM": (1.45, 0.55, 0.068), "ICBM": (1.8,
 
 #: Shares of the burns of stages, of the speed they add, and how much the acceleration grows within one.
 STAGES = {"SRBM": (2, (0.45, 0.55)), "IRBM": (2, (0.4, 0.6)), "ICBM": (3, (0.27, 0.35, 0.38))}
-EVENNESS, GROWTH = 60.0, (2.0, 3.5)
+EVENNESS = 60.0
+GROWTH = (2.0, 3.5)
 
 #: Between stages nothing burns for this long, s.
 GAP_S = (0.5, 1.5)
@@ -73,9 +74,12 @@ class Flown(Columns):
         """Return ECEF positions and velocities (m, 3) on the burn, by cubic Hermite arcs; held at both ends."""
         place = np.clip((time_s - self.start_s[row]) / self.burn_s[row], 0.0, 1.0) * (ROWS - 1)
         low = np.minimum(place.astype(np.int64), ROWS - 2)
-        s, step = (place - low)[:, None], (self.burn_s[row] / (ROWS - 1))[:, None]
-        p, q = self.position_m[row, low], self.position_m[row, low + 1]
-        u, v = self.velocity_m_s[row, low], self.velocity_m_s[row, low + 1]
+        s = (place - low)[:, None]
+        step = (self.burn_s[row] / (ROWS - 1))[:, None]
+        p = self.position_m[row, low]
+        q = self.position_m[row, low + 1]
+        u = self.velocity_m_s[row, low]
+        v = self.velocity_m_s[row, low + 1]
         there = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p + s**2 * (3.0 - 2.0 * s) * q
         there += step * (s * (1.0 - s) ** 2 * u - s**2 * (1.0 - s) * v)
         return there, (1.0 - s) * u + s * v
@@ -159,7 +163,8 @@ def flown(kind, count, seed, course):
 
 def _drawn(kind, count, seed):
     """Return flights from a jittered grid over what both sensors see, hundreds of kilometres apart."""
-    rng, (burn, speed, turn) = np.random.default_rng(3000 + seed), BURNS[kind]
+    rng = np.random.default_rng(3000 + seed)
+    (burn, speed, turn) = BURNS[kind]
     columns = int(np.ceil(np.sqrt(0.6 * count)))
     rows = int(np.ceil(count / columns))
     cell = np.arange(count)
@@ -167,7 +172,8 @@ def _drawn(kind, count, seed):
     latitude = -0.85 + 1.7 * ((cell // columns + 0.5 + jitter[0]) / rows)
     longitude = -0.35 + 0.9 * ((cell % columns + 0.5 + jitter[1]) / columns)
     launch = geodetic_to_ecef(latitude, longitude, 0.0)
-    axes, azimuth = local_axes(launch), rng.uniform(0.0, 2.0 * np.pi, count)[:, None]
+    axes = local_axes(launch)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, count)[:, None]
     heading = np.sin(azimuth) * axes[:, 0] + np.cos(azimuth) * axes[:, 1]
     return Drawn(
         start_s=rng.uniform(3.0, 6.0, count),
@@ -184,7 +190,8 @@ def _drawn(kind, count, seed):
 
 def _smooth(kind, drawn, share, rng):
     """Return courses without stages, whose acceleration grows and whose turn slows."""
-    count, (growth, exponent, _) = len(drawn.start_s), SMOOTH[kind]
+    count = len(drawn.start_s)
+    (growth, exponent, _) = SMOOTH[kind]
     growth = growth * np.exp(0.2 * rng.normal(size=(count, 1)))
     u = _since_lift(drawn, share)
     lean = drawn.turn_rad[:, None] * u ** (exponent * np.exp(0.15 * rng.normal(size=(count, 1))))
@@ -198,17 +205,20 @@ def _since_lift(drawn, share):
 
 def _staged(kind, drawn, share, rng):
     """Return courses of stages with a short gap between them, whose acceleration grows within each."""
-    count, (stages, gains) = len(drawn.start_s), STAGES[kind]
+    count = len(drawn.start_s)
+    (stages, gains) = STAGES[kind]
     burns = rng.dirichlet(EVENNESS * np.ones(stages) / stages, count)
     gains = rng.dirichlet(EVENNESS * np.array(gains), count)
     ends = np.concatenate([np.zeros((count, 1)), np.cumsum(burns, axis=1)], axis=1)
     gap = rng.uniform(*GAP_S, (count, stages)) / drawn.burn_s[:, None]
     growth = rng.uniform(*GROWTH, (count, stages))
-    pace, dark = np.zeros((count, len(share))), np.ones((count, 2, 2))
+    pace = np.zeros((count, len(share)))
+    dark = np.ones((count, 2, 2))
     for stage in range(stages):
         first = ends[:, stage] + (gap[:, stage] if stage else 0.0)
         if stage:
-            dark[:, stage - 1, 0], dark[:, stage - 1, 1] = ends[:, stage], first
+            dark[:, stage - 1, 0] = ends[:, stage]
+            dark[:, stage - 1, 1] = first
         s = np.clip((share - first[:, None]) / (ends[:, stage + 1] - first)[:, None], 0.0, 1.0)
         rate = growth[:, stage, None] - 1.0
         # Acceleration goes like 1 / (1 - m s) with the mass that is left: the speed like its integral.
@@ -241,8 +251,10 @@ def _integrated(drawn, course):
     swept = _summed(level * np.cos(course.swerve_rad) / (RADIUS_M + height), step)
     aside = _summed(level * np.sin(course.swerve_rad), step)
     up, heading, right = (each[:, None] for each in (drawn.up, drawn.heading, drawn.right))
-    sine, cosine = np.sin(swept)[..., None], np.cos(swept)[..., None]
-    outward, onward = cosine * up + sine * heading, cosine * heading - sine * up
+    sine = np.sin(swept)[..., None]
+    cosine = np.cos(swept)[..., None]
+    outward = cosine * up + sine * heading
+    onward = cosine * heading - sine * up
     there = drawn.launch_m[:, None] - RADIUS_M * up
     position = there + (RADIUS_M + height)[..., None] * outward + aside[..., None] * right
     velocity = (speed * np.cos(course.lean_rad))[..., None] * outward
@@ -278,7 +290,9 @@ class Seeing(NamedTuple):
 def seen(truth, seeing, seed, sensors=2):
     """Return flights and rays, by time; whose outliers they are tells -1."""
     rng = np.random.default_rng(1000 + seed)
-    count, parts, owners = len(truth), [], []
+    count = len(truth)
+    parts = []
+    owners = []
     for sensor, slot in enumerate(SLOTS_RAD[:sensors]):
         origin = GEO_M * np.array([np.cos(slot), np.sin(slot), 0.0])
         last = truth.start_s + truth.burn_s * (seeing.dies if sensor else 1.0)
@@ -290,7 +304,9 @@ def seen(truth, seeing, seed, sensors=2):
             line = truth.at(whose, left_s)[0] - origin
             left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
         lit = truth.is_lit(whose, left_s) & (left_s < last[whose])
-        whose, time_s, line = whose[lit], time_s[lit], line[lit]
+        whose = whose[lit]
+        time_s = time_s[lit]
+        line = line[lit]
         bias = seeing.bias_rad * rng.normal(size=(count, 2))
         stray = bias[whose] + seeing.sigma_rad * rng.normal(size=(len(whose), 2))
         wrong = rng.random(len(whose)) < seeing.outliers
@@ -312,7 +328,8 @@ def seen(truth, seeing, seed, sensors=2):
         turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
         parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
         owners.append(np.where(wrong, -1, whose))
-    every, owner = LinesOfSight.concatenate(parts), np.concatenate(owners)
+    every = LinesOfSight.concatenate(parts)
+    owner = np.concatenate(owners)
     order = np.lexsort((owner, every.sensor, every.time_s))
     return owner[order], every.take(order)
 

@@ -22,7 +22,13 @@ from pathlib import Path
 from typing import Any, Self
 from unittest.mock import patch
 
-OPEN, WRITE, SYNC, TRUNCATE, RENAME, REMOVE, READ = "open", "write", "fsync", "truncate", "rename", "unlink", "read"
+OPEN = "open"
+WRITE = "write"
+SYNC = "fsync"
+TRUNCATE = "truncate"
+RENAME = "rename"
+REMOVE = "unlink"
+READ = "read"
 #: What a disk is asked that takes bytes.
 WRITING = (OPEN, WRITE, SYNC, TRUNCATE, RENAME, REMOVE)
 #: Half of the bytes are taken, and no error is raised: the caller writes the rest. If it lasts, what follows is EIO.
@@ -54,8 +60,13 @@ class FailingDisk:
         Only calls of files whose names `of` is true of count.
         """
         with self._lock:
-            self._number, self._error, self._lasts = number, error, lasts
-            self._kinds, self._of, self._seen, self.failed = frozenset(kinds), of, 0, 0
+            self._number = number
+            self._error = error
+            self._lasts = lasts
+            self._kinds = frozenset(kinds)
+            self._of = of
+            self._seen = 0
+            self.failed = 0
 
     def heal(self) -> None:
         """Let every call do what it is asked."""
@@ -175,7 +186,8 @@ class _Vfs(c.Structure):
 
 
 #: Methods of a file: version, then close, read, write, truncate, sync and 13 others.
-_SYNC_METHOD, _METHODS = 5, 19
+_SYNC_METHOD = 5
+_METHODS = 19
 _METHOD_TABLE = c.c_void_p * _METHODS
 _IOERR_FSYNC = 1034
 _FILE_METHOD = c.CFUNCTYPE(c.c_int, c.c_void_p, c.c_int)

@@ -68,7 +68,8 @@ def _hidden(axes: Axes) -> Iterator[Text]:
 
 
 def _text_rules(figure: Figure) -> Iterator[str]:
-    width, height = figure.bbox.width, figure.bbox.height
+    width = figure.bbox.width
+    height = figure.bbox.height
     texts = _texts(figure)
     for text, box in texts:
         if box.x0 < -_SLACK or box.y0 < -_SLACK or box.x1 > width + _SLACK or box.y1 > height + _SLACK:

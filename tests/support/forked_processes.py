@@ -42,7 +42,8 @@ def killed_at_random(module: str, function: str, folder: Path, moments: int, lon
     folk = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
     assert folk.stdin is not None
     assert folk.stdout is not None
-    rng, first = random.Random(moments), 0
+    rng = random.Random(moments)
+    first = 0
     for _ in range(moments):
         folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
         number = int(within(120.0, folk.stdout.readline))

@@ -104,7 +104,8 @@ def serving(
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     service = service_of(parser.parse_args([str(path), *words]), host)
-    begun, servers = threading.Event(), []
+    begun = threading.Event()
+    servers = []
 
     async def run() -> None:
         servers.append(server_of(service, application(service), token))

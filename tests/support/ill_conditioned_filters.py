@@ -21,7 +21,8 @@ from opir_core.flight.forces import Forces
 
 DIGITS = 50
 KEPLER = Forces(zonal=())
-RADIUS_M, GEO_M = 6378137.0, 42164e3
+RADIUS_M = 6378137.0
+GEO_M = 42164e3
 
 
 class Case(NamedTuple):
@@ -57,7 +58,8 @@ def geostationary(*longitudes_deg: float) -> np.ndarray:
 
 def launch(latitude_deg: float, longitude_deg: float, height_m: float = 150e3) -> np.ndarray:
     """Return a state that climbs northward, or towards the pole's other side."""
-    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    latitude = np.radians(latitude_deg)
+    longitude = np.radians(longitude_deg)
     up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     north = np.array([-np.sin(latitude) * np.cos(longitude), -np.sin(latitude) * np.sin(longitude), np.cos(latitude)])
     return np.concatenate([(RADIUS_M + height_m) * up, 2500.0 * up + 5500.0 * north])
@@ -74,7 +76,8 @@ ABOVE = launch(35.0, 55.0)[:3] * (GEO_M / (RADIUS_M + 150e3))
 def cases(each: int = 10) -> Iterator[Case]:
     """Yield ten families of `each` cases."""
     for k in range(each):
-        mid, size = launch(30.0 + k, 40.0), (BOOST, COAST)[k % 2]
+        mid = launch(30.0 + k, 40.0)
+        size = (BOOST, COAST)[k % 2]
         yield Case("half a degree apart", size, CLOSE, mid, 2e-5, 0.1, USUAL, 10.0, 1.0, 25, k)
         yield Case("a nanoradian of noise", size, WIDE, mid, 1e-9, 0.1, USUAL, 10.0, 1.0, 25, k)
         yield Case("prior variance 1e9 m²", size, WIDE, mid, 2e-5, 0.1, DIFFUSE, 10.0, 1.0, 25, k)
@@ -105,17 +108,20 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     sigma = case.prior[: case.size]
     mean = truth + rng.normal(size=truth.shape) * np.minimum(sigma, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[: case.size])
     root = np.diag(1.0 / sigma)[None]
-    reference, found = Reference(root[0]), []
+    reference = Reference(root[0])
+    found = []
     for number in range(1, case.slices + 1):
         step = np.array([case.slice_s])
         truth = motion.propagated(truth, step)
         after = motion.propagated(mean, step)
         back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -step)
         noise = motion.noise_root(step)
-        mean, root = after, square_root.time_update(root, back, noise)
+        mean = after
+        root = square_root.time_update(root, back, noise)
         reference.move(back[0], None if noise is None else noise[0])
         sights = looks(case, motion, truth, rng)
-        before, start_root = mean, root
+        before = mean
+        start_root = root
         mean, root, _ = filter_.mode_updated(motion, mean, root, 0.0, sights)
         # The last point of linearisation is where the filter would have stopped: one more step from it changes nothing.
         mean, root, rows = one_more(motion, before, start_root, mean, sights)

@@ -25,7 +25,8 @@ def intensities_w_sr(look: dict[str, Any]) -> dict[str, float]:
     context = SignatureContext(
         bands=BANDS, ids=("T",), paths=("t",), types=("SLV",), profiles=("SLV",), burn_time_s=np.array([500.0])
     )
-    signatures, target = plume_signatures([config], context), np.zeros(1, dtype=np.int32)
+    signatures = plume_signatures([config], context)
+    target = np.zeros(1, dtype=np.int32)
     place = np.array([100.0]), np.array([look["altitude_km"] * 1e3]), np.radians([look["aspect_deg"]])
     return {band.name: float(signatures.intensity_w_sr(row, target, *place)[0]) for row, band in enumerate(BANDS)}
 

@@ -20,7 +20,8 @@ def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
 
 def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
     """Return, for every file that uses a file, the number of imports between them (1: directly)."""
-    found, front = dict[str, int](), {file}
+    found = dict[str, int]()
+    front = {file}
     while front:
         front = {user for user, used in imports.items() if used & front} - found.keys() - {file}
         found |= dict.fromkeys(front, 1 + max(found.values(), default=0))
@@ -35,7 +36,8 @@ def module_of(file: str) -> str:
 
 
 def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[str]:
-    names, path = set[str](), root / file
+    names = set[str]()
+    path = root / file
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

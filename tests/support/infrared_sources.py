@@ -7,7 +7,8 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SourceContext
 
-SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
+SWIR = Band("SWIR", 2.5, 3.0)
+MWIR = Band("MWIR", 4.0, 5.0)
 HERE = ({"lat_deg": 10.0, "lon_deg": 20.0},)
 NOON_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 

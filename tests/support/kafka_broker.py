@@ -30,7 +30,9 @@ from opir_core.output.spool.transport_sink import Policy, TransportSink
 BOOTSTRAP = os.environ.get("KAFKA_BOOTSTRAP")
 PARTITIONS = 3
 #: Kafka's number of the API that takes messages.
-PRODUCE, METADATA, INIT_PRODUCER_ID = 0, 3, 22
+PRODUCE = 0
+METADATA = 3
+INIT_PRODUCER_ID = 22
 #: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
 CLOSE_S = 8.0 + 6.0
 #: Errors that the protocol's table (https://kafka.apache.org/protocol#protocol_error_codes) calls not retriable, caused

@@ -85,7 +85,8 @@ class Node:
     """A broker that is a controller too."""
 
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:
-        self._log, self._settings = folder / "log.txt", folder / "server.properties"
+        self._log = folder / "log.txt"
+        self._settings = folder / "server.properties"
         folder.mkdir(parents=True)
         lines = {**settings, "log.dirs": str(folder / "data")}
         self._settings.write_text("".join(f"{key}={value}\n" for key, value in lines.items()))

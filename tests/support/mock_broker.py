@@ -31,7 +31,9 @@ _FUNCTIONS = {
     "mock_push_request_errors_array": (None, [c.c_void_p, c.c_int16, c.c_size_t, c.POINTER(c.c_int)]),
     "mock_clear_request_errors": (None, [c.c_void_p, c.c_int16]),
 }
-_PRODUCER, _EVERY_BROKER, _ONE = 0, -1, 1
+_PRODUCER = 0
+_EVERY_BROKER = -1
+_ONE = 1
 
 
 class MockCluster:
@@ -45,7 +47,8 @@ class MockCluster:
         self._library = c.CDLL(found[0])
         for name, (result, arguments) in _FUNCTIONS.items():
             function = getattr(self._library, f"rd_kafka_{name}")
-            function.restype, function.argtypes = result, arguments
+            function.restype = result
+            function.argtypes = arguments
         complaint = c.create_string_buffer(512)
         settings = self._library.rd_kafka_conf_new()
         self._library.rd_kafka_conf_set(settings, b"log_level", b"0", complaint, 512)

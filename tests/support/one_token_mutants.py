@@ -83,7 +83,8 @@ class _Text:
     """A source with the offsets of its nodes and tokens."""
 
     def __init__(self, source: str) -> None:
-        self.source, self._lines = source, list(io.StringIO(source))
+        self.source = source
+        self._lines = list(io.StringIO(source))
         self._starts = list(accumulate((len(line) for line in self._lines), initial=0))
         read = tokenize.generate_tokens(io.StringIO(source).readline)
         spelled = (token for token in read if token.type in (tokenize.OP, tokenize.NAME))
@@ -187,7 +188,8 @@ def _operators(node: ast.AST, text: _Text) -> Iterator[Site]:
 
 
 def _bound(bound: ast.expr, text: _Text) -> Site:
-    start, end = text.start(bound), text.end(bound)
+    start = text.start(bound)
+    end = text.end(bound)
     spelled = text.source[start:end]
     shifted = () if isinstance(bound, ast.Constant | ast.UnaryOp) else (f"({spelled}) + 1", f"({spelled}) - 1")
     return text.site(start, end, ["", *shifted])

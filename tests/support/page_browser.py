@@ -65,7 +65,8 @@ def settled(page: Page) -> None:
 @contextmanager
 def viewing(replay: Replay) -> Iterator[int]:
     """Serve a saved run as `opir view` does; yields the port."""
-    servers, begun = list[Server](), threading.Event()
+    servers = list[Server]()
+    begun = threading.Event()
 
     async def run() -> None:
         servers.append(view_server(replay, None, begun.set))

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-MU, RADIUS_M, SPIN = 3.986004418e14, 6378137.0, np.array([0.0, 0.0, 7.292115e-5])
+MU = 3.986004418e14
+RADIUS_M = 6378137.0
+SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 
 def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
@@ -11,7 +13,9 @@ def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
     ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(azimuth) * np.array(
         [0.0, 1.0, 0.0]
     )
-    place, velocity, step = RADIUS_M * up, 1e-3 * up, 0.05
+    place = RADIUS_M * up
+    velocity = 1e-3 * up
+    step = 0.05
     for now in np.arange(0.0, until_s, step):
         unit = up if now < 6.0 else velocity / np.linalg.norm(velocity)
         if 6.0 <= now < 16.0:

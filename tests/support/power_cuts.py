@@ -89,7 +89,9 @@ class PowerCut:
 
 def record(folder: Path, program: str, scratch: Path, *given: object) -> Recording:
     """Run a program of Python, with arguments, and return what it did to a folder."""
-    shim, log, folder = scratch / "recorded_disk.so", scratch / "calls", folder.resolve()
+    shim = scratch / "recorded_disk.so"
+    log = scratch / "calls"
+    folder = folder.resolve()
     if not shim.exists():
         subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", shim, _SHIM, "-ldl", "-lpthread"], check=True)
     log.unlink(missing_ok=True)
@@ -123,7 +125,8 @@ def power_cuts(recording: Recording, seeds: Iterable[int]) -> Iterator[PowerCut]
     """Yield a power cut for each seed, in the order of their times."""
     calls = recording.calls
     drawn = [(random.Random(seed).randrange(len(calls) + 1), seed) for seed in seeds]
-    disk, done = _Disk(recording), 0
+    disk = _Disk(recording)
+    done = 0
     for count, seed in sorted(drawn):
         for call in calls[done:count]:
             disk.do(call)
@@ -155,7 +158,8 @@ def _calls(log: bytes) -> Iterator[Call]:
         start = at + _HEADER.size
         size = size if kind == WRITE else 0
         ends = start + first, start + first + second, start + first + second + size
-        path, target = log[start : ends[0]].decode(), log[ends[0] : ends[1]].decode()
+        path = log[start : ends[0]].decode()
+        target = log[ends[0] : ends[1]].decode()
         yield Call(kind, path, target, time_ns / 1e9, inode, offset, log[ends[1] : ends[2]])
         at = ends[2]
 
@@ -210,7 +214,8 @@ class _Keeps:
         end = offset + len(content)
         for start in range(offset - offset % SECTOR, end, SECTOR):
             if self():
-                first, last = max(start, offset), min(start + SECTOR, end)
+                first = max(start, offset)
+                last = min(start + SECTOR, end)
                 yield first, content[first - offset : last - offset]
 
 

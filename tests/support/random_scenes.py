@@ -38,7 +38,8 @@ def targets(draw: st.DrawFn) -> list[dict[str, Any]]:
     found = []
     for number in range(draw(st.integers(1, 3))):
         kind = draw(st.sampled_from(sorted(aims)))
-        lat, lon = draw(st.floats(20.0, 40.0)), draw(st.floats(-140.0, -100.0))
+        lat = draw(st.floats(20.0, 40.0))
+        lon = draw(st.floats(-140.0, -100.0))
         aim = {"lat_deg": lat + aims[kind][0], "lon_deg": lon + aims[kind][1]}
         launch = {"lat_deg": lat, "lon_deg": lon, "time_s": draw(st.floats(0.0, 20.0))}
         found.append({"id": f"T{number}", "type": kind, "launch": launch, "aim": aim})

@@ -6,8 +6,10 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
-PERIODS_MS, TRACKERS = (50.0, 100.0, 200.0), ("none", "imm")
-PERIOD, TRACKER = "sensors[*].scan_period_ms", "tracker"
+PERIODS_MS = (50.0, 100.0, 200.0)
+TRACKERS = ("none", "imm")
+PERIOD = "sensors[*].scan_period_ms"
+TRACKER = "tracker"
 
 
 def written_study(folder: Path) -> Path:

@@ -25,10 +25,13 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvaged_at_start
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 
-SPOOL, LINES = "spool", "events.jsonl"
-EVENTS, SESSIONS = 3, 2
+SPOOL = "spool"
+LINES = "events.jsonl"
+EVENTS = 3
+SESSIONS = 2
 #: Batches that are under way when the oldest of them are acknowledged, and how many of them then are.
-_UNDER_WAY, _ACKNOWLEDGED = 6, 4
+_UNDER_WAY = 6
+_ACKNOWLEDGED = 4
 
 
 class Late(Holding):
@@ -62,13 +65,15 @@ def output(folder: Path, kind: str, *, survives: bool, policy: Policy = QUICK) -
         transport = WindowTransport(LineFile(str(folder / LINES), ENCODER, appends=True), ORIGIN)
         batcher = WindowBatcher(ENCODER, ORIGIN)
     else:
-        transport, batcher = Late(folder), EncodedBatcher(ENCODER, SENSORS)
+        transport = Late(folder)
+        batcher = EncodedBatcher(ENCODER, SENSORS)
     return TransportSink("stub", transport, journal, batcher, policy)
 
 
 def fill(folder: Path, kind: str, seconds: float, *, survives: bool) -> None:
     """Fill the spool of an output, in sessions; note each window once it is taken."""
-    rng, first = random.Random(1), 0
+    rng = random.Random(1)
+    first = 0
     for _ in range(SESSIONS):
         sink = output(folder, kind, survives=survives)
         end_s = time.monotonic() + seconds
@@ -103,7 +108,8 @@ class Left:
 
 def left(cut: PowerCut, place: Path, kind: str) -> Left:
     """Return what is left in a folder after a cut; raises what makes a file unusable."""
-    taken, delivered = dict[str, float](), set[str]()
+    taken = dict[str, float]()
+    delivered = set[str]()
     for at_s, text in cut.notes:
         what, *ids = text.decode().split()
         if what == "taken":
@@ -117,7 +123,9 @@ def left(cut: PowerCut, place: Path, kind: str) -> Left:
 
 def spooled_after(place: Path) -> set[str]:
     """Return the ids in a spool, which takes another batch too."""
-    journal, number, found = Journal(str(place / SPOOL), 1 << 20), 0, set[str]()
+    journal = Journal(str(place / SPOOL), 1 << 20)
+    number = 0
+    found = set[str]()
     while (numbered := journal.after(number)) is not None:
         number, batch = numbered
         found.update(ids_in(batch))

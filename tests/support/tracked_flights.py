@@ -15,7 +15,8 @@ from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
-PERIOD_S, SIGMA_RAD = 0.1, 20e-6
+PERIOD_S = 0.1
+SIGMA_RAD = 20e-6
 CHANCES = dict(zip(TARGET_TYPES, (0.80, 0.72, 0.60), strict=True))
 
 
@@ -69,10 +70,13 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", region
     sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
     mine = np.flatnonzero(rays.sensor < len(sensors))
-    owner, rays = owner[mine], rays.take(mine)
+    owner = owner[mine]
+    rays = rays.take(mine)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
     tracker = imm_tracker(ImmConfig(regions_every_s=regions_every_s), context)
-    every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
+    every = detections_of(rays)
+    shared = np.zeros((0, len(truth) + 1))
+    cut = 0
     for tick in range(1, int(until_s) + 1):
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
         part = every.take(slice(cut, end))

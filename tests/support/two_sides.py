@@ -25,8 +25,10 @@ class TwoSides(Tracker):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         names = [each.name for each in self._hypotheses]
         chances = np.zeros((2, len(names)))
-        chances[0, names.index("ICBM")], chances[0, names.index("none of these")] = 0.9, 0.1
-        chances[1, names.index("ground source")], chances[1, names.index("SRBM")] = 0.998, 0.002
+        chances[0, names.index("ICBM")] = 0.9
+        chances[0, names.index("none of these")] = 0.1
+        chances[1, names.index("ground source")] = 0.998
+        chances[1, names.index("SRBM")] = 0.002
         place = np.radians([[34.7, -120.6, 0.0], [-20.0, -80.0, 0.0]])
         weighed = {"hypothesis_probability": chances, "end": [0, 3 if tick_s == SCENE["duration_s"] else 0]}
         return stub_estimates(2, self._hypotheses, tick_s=tick_s, track=np.arange(2), launch=place, **weighed)

@@ -8,7 +8,9 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-PERIOD, CHANCE, TRACKER = "sensors[*].scan_period_ms", "sensors[*].detection_probability.ICBM", "tracker"
+PERIOD = "sensors[*].scan_period_ms"
+CHANCE = "sensors[*].detection_probability.ICBM"
+TRACKER = "tracker"
 #: Levels of what varies, and the design, by the name of the study.
 STUDIES = {
     "one-knob": ({PERIOD: [50.0, 100.0, 10_000.0]}, "factorial"),
@@ -36,7 +38,9 @@ def written(folder: Path, name: str) -> Path:
     if design == "one-at-a-time":
         first = [levels[0] for levels in vary.values()]
         every = [row for row in every if sum(a != b for a, b in zip(row, first, strict=True)) <= 1]
-    rng, rows, runs = np.random.default_rng(4), [], []
+    rng = np.random.default_rng(4)
+    rows = []
+    runs = []
     for number, levels in enumerate(every):
         knobs = dict(zip(vary, levels, strict=True))
         size = (

@@ -59,15 +59,19 @@ class WatchedService:
 
     def __init__(self, nurse: Nursery, broker: Any) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="opir-watched-"))
-        self._nurse, self.broker, self.topic = nurse, broker, broker.topic(PARTITIONS)
+        self._nurse = nurse
+        self.broker = broker
+        self.topic = broker.topic(PARTITIONS)
         self.disk = self.folder / "disk"
         self.disk.mkdir()
-        self.control, self.log = self.folder / "control", self.folder / "log"
+        self.control = self.folder / "control"
+        self.log = self.folder / "log"
         os.mkfifo(self.control)
         (self.folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
         self.life = -1
         self.number: int | None = None
-        self.is_frozen = self.is_faulty = False
+        self.is_frozen = False
+        self.is_faulty = False
         #: By life: the events given at least, those that viewers have seen, and those that may be missing.
         self.given: dict[int, int] = {}
         self.seen: dict[int, set[str]] = defaultdict(set)
@@ -150,7 +154,8 @@ class WatchedService:
         self._observe_given()
         os.kill(self.number, signal.SIGTERM)
         until(lambda: not is_alive(self.number or 0))
-        self.number, self.is_faulty = None, False
+        self.number = None
+        self.is_faulty = False
         reported = self.reported()
         assert "Traceback" not in reported, reported
         dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", reported)]
@@ -162,13 +167,15 @@ class WatchedService:
         self._observe_given()
         os.kill(self.number, signal.SIGKILL)
         until(lambda: not is_alive(self.number or 0))
-        self.number, self.is_faulty = None, False
+        self.number = None
+        self.is_faulty = False
 
     def damage(self, name: str, seed: int, flips: int) -> bool:
         """Flip bits of the spool of a service that was stopped, behind its first page; return whether there is more."""
         import random
 
-        path, rng = self.disk / name, random.Random(seed)
+        path = self.disk / name
+        rng = random.Random(seed)
         content = bytearray(path.read_bytes())
         if len(content) <= 8192 or path.with_name(f"{name}-wal").exists():
             return False

@@ -32,7 +32,8 @@ RESERVE = 0.02
 _KICKS_RAD = (0.002, 1.2)
 
 #: Kicks in a table, and times of cut-off.
-_KICKS, _CUTS = 25, 13
+_KICKS = 25
+_CUTS = 13
 
 _ITERATIONS = 25
 
@@ -40,7 +41,8 @@ _ITERATIONS = 25
 _ROUGH_M = 1e3
 
 #: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how often.
-_EARLIER, _RETREATS = 0.01, 20
+_EARLIER = 0.01
+_RETREATS = 20
 
 #: Guesses from which an aim point that is not reached is tried again, each earlier by `_EARLIER`.
 _RESTARTS = 4
@@ -114,9 +116,11 @@ class Reach:
         far[:, :, 0] = False
         late = np.maximum(far.argmax(axis=2), 1)
         row, kick = np.indices(late.shape)
-        low, high = self.range_rad[row, kick, late - 1], self.range_rad[row, kick, late]
+        low = self.range_rad[row, kick, late - 1]
+        high = self.range_rad[row, kick, late]
         share = (range_rad[:, None] - low) / np.maximum(high - low, 1e-12)
-        early_s, late_s = self.cut_off_s[row, late - 1], self.cut_off_s[row, late]
+        early_s = self.cut_off_s[row, late - 1]
+        late_s = self.cut_off_s[row, late]
         return np.where(far.any(axis=2), early_s + share * (late_s - early_s), np.nan)
 
     def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
@@ -129,19 +133,22 @@ def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> 
     """Return how far shots reach with kicks (n, k), in two-body free flight."""
     count, kicks = kick_rad.shape
     every = np.repeat(np.arange(count), kicks)
-    boosts, azimuth = shots.boosts.take(every), azimuth_rad[every]
+    boosts = shots.boosts.take(every)
+    azimuth = azimuth_rad[every]
     share = np.linspace(0.0, 1.0, _CUTS)
     cut_off_s = shots.earliest_s[:, None] + (shots.latest_s - shots.earliest_s)[:, None] * share
     turn = Turn(boosts, azimuth, kick_rad.ravel())
     state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[every, 0]))
     range_rad = np.empty((count * kicks, _CUTS))
-    last, earlier_s = len(boosts.stages.burn_time_s) - 1, cut_off_s[every, 0]
+    last = len(boosts.stages.burn_time_s) - 1
+    earlier_s = cut_off_s[every, 0]
     for cut in range(_CUTS):
         cut_s = cut_off_s[every, cut]
         if cut:
             state = turn.flown(state, [Leg(LegKind.PART, last, earlier_s, cut_s)])
         end = turn.flown(state, [Leg(LegKind.TAIL_OFF, last, cut_s, cut_s + boosts.tail_off_s)])
-        range_rad[:, cut], earlier_s = _range_rad(shots.take(every), azimuth, end), cut_s
+        range_rad[:, cut] = _range_rad(shots.take(every), azimuth, end)
+        earlier_s = cut_s
     table = range_rad.reshape(count, kicks, _CUTS)
     # A larger kick than one into the ground is one into the ground, whatever a trial that has passed through it does.
     table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
@@ -158,7 +165,8 @@ def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> 
 
     nan where they descend, or are below the aim point, at burnout.
     """
-    position, velocity = end.position_m.T, end.velocity_m_s.T
+    position = end.position_m.T
+    velocity = end.velocity_m_s.T
     with np.errstate(all="ignore"):
         inverse_radius = 1.0 / length(*components(position))
         height, climb = height_and_climb(end.position_m, end.velocity_m_s, inverse_radius)
@@ -240,7 +248,8 @@ def _aimed(shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray) -> 
         rows = np.flatnonzero(~(miss_m <= TOLERANCE_M))
         if not rows.size:
             break
-        part, earlier_s = shots.take(rows), np.maximum(guess_s - retreat * step_s, shots.earliest_s)[rows]
+        part = shots.take(rows)
+        earlier_s = np.maximum(guess_s - retreat * step_s, shots.earliest_s)[rows]
         trial = corrected(part, azimuth_rad[rows], earlier_s, TOLERANCE_M, _ITERATIONS)
         trial_m = part.landing(*trial).miss_m
         nearer = trial_m < np.nan_to_num(miss_m[rows], nan=np.inf)
@@ -278,7 +287,8 @@ def _allowed(table: Reach, range_rad: FloatArray, shots: StagedShots) -> tuple[R
     fits = needed_s <= limit_s[:, None]
     best = np.where(np.isnan(needed_s), np.inf, needed_s).argmin(axis=1)
     kick = np.arange(fits.shape[1])
-    below, above = ~fits & (kick <= best[:, None]), ~fits & (kick >= best[:, None])
+    below = ~fits & (kick <= best[:, None])
+    above = ~fits & (kick >= best[:, None])
     first = np.where(below.any(axis=1), fits.shape[1] - below[:, ::-1].argmax(axis=1), 0)
     last = np.where(above.any(axis=1), above.argmax(axis=1) - 1, fits.shape[1] - 1)
     return first, last, first <= last
@@ -287,7 +297,8 @@ def _allowed(table: Reach, range_rad: FloatArray, shots: StagedShots) -> tuple[R
 def _finer(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray) -> FloatArray:
     """Return kicks (n, k) between the neighbours of that of least energy, or with loft of all that are allowed."""
     first, last, exists = _allowed(table, range_rad, shots)
-    row, step = np.arange(len(loft)), table.kick_rad[:, 1] / table.kick_rad[:, 0]
+    row = np.arange(len(loft))
+    step = table.kick_rad[:, 1] / table.kick_rad[:, 0]
     wide = exists & (loft != 0.0)
     low = np.where(wide, table.kick_rad[row, np.minimum(first, _KICKS - 1)], shots.kick_rad) / step
     high = np.where(wide, table.kick_rad[row, np.maximum(last, 0)], shots.kick_rad) * step
@@ -304,7 +315,8 @@ def _lofted(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: Float
     wanted = kick_rad + np.abs(loft) * (towards - kick_rad)
     needed_s = table.needed_s(range_rad)
     after = np.clip((table.kick_rad < wanted[:, None]).sum(axis=1), 1, _KICKS - 1)
-    low, high = table.kick_rad[row, after - 1], table.kick_rad[row, after]
+    low = table.kick_rad[row, after - 1]
+    high = table.kick_rad[row, after]
     share = (wanted - low) / (high - low)
     between_s = needed_s[row, after - 1] + share * (needed_s[row, after] - needed_s[row, after - 1])
     return wanted, np.where((loft != 0.0) & np.isfinite(between_s), between_s, cut_off_s)

@@ -72,7 +72,8 @@ def staged_flights(
     """
     count = np.array([len(staging.stages) for staging in stagings])
     free = forces_on(forces, len(stagings))
-    recorder, merged = StepRecorder(), dict[str, FloatArray]()
+    recorder = StepRecorder()
+    merged = dict[str, FloatArray]()
     for stages in np.unique(count).tolist():
         rows = np.flatnonzero(count == stages)
         own = [stagings[row] for row in rows.tolist()]

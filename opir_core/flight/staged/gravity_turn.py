@@ -94,7 +94,8 @@ class Boosts:
         zonal: tuple[str, ...] = ()
         air: ExponentialAtmosphere | str = TEXTBOOK_AIR
         if not isinstance(forces, str):
-            zonal, air = forces.zonal, air if forces.drag is None else forces.drag.atmosphere
+            zonal = forces.zonal
+            air = air if forces.drag is None else forces.drag.atmosphere
         names = ("vertical_rise_s", "pitch_over_s", "tail_off_s", "ballistic_coefficient_kg_m2")
         columns = (np.array([getattr(staging, name) for staging in stagings], dtype=np.float64) for name in names)
         return cls(site, StageColumns.of(stagings), zonal, air, *columns)
@@ -105,12 +106,14 @@ class Boosts:
     def take(self, rows: RowArray) -> "Boosts":
         """Return some of the boosts."""
         columns = (self.vertical_rise_s, self.pitch_over_s, self.tail_off_s, self.ballistic_coefficient_kg_m2)
-        site, stages = self.site.take(rows), self.stages.take(rows)
+        site = self.site.take(rows)
+        stages = self.stages.take(rows)
         return Boosts(site, stages, self.zonal, self.air, *(column[rows] for column in columns))
 
     def legs(self, cut_off_s: FloatArray) -> Iterator[Leg]:
         """Yield the legs of boosts whose last burn is cut off (n,) s after ignition, up to the tail-off of that."""
-        turn_s, zero = self.vertical_rise_s + self.pitch_over_s, np.zeros(len(self))
+        turn_s = self.vertical_rise_s + self.pitch_over_s
+        zero = np.zeros(len(self))
         yield Leg(LegKind.RISE, 0, zero, self.vertical_rise_s)
         yield Leg(LegKind.PITCH_OVER, 0, self.vertical_rise_s, turn_s)
         last = len(self.stages.burn_time_s) - 1
@@ -151,7 +154,10 @@ class RightSide:
     needs_velocity = True
 
     def __init__(self, boosts: Boosts, leg: Leg, heading: FloatArray, kick_rad: FloatArray) -> None:
-        self._boosts, self._leg, self._heading, self._kick_rad = boosts, leg, heading, kick_rad
+        self._boosts = boosts
+        self._leg = leg
+        self._heading = heading
+        self._kick_rad = kick_rad
         self._gravity = Gravity(ZonalField(), boosts.zonal)
         self._half_inverse_beta = 0.5 / boosts.ballistic_coefficient_kg_m2
         self._up = boosts.site.axes[:, 2].T
@@ -181,7 +187,8 @@ class RightSide:
         return acceleration
 
     def _thrust(self, time_s: FloatArray) -> FloatArray:
-        stages, leg = self._boosts.stages, self._leg
+        stages = self._boosts.stages
+        leg = self._leg
         if leg.kind != LegKind.TAIL_OFF:
             return stages.acceleration_m_s2(leg.stage, time_s)
         left = (leg.stop_s - time_s) / np.maximum(leg.stop_s - leg.start_s, 1e-9)
@@ -235,7 +242,9 @@ class Turn:
 
     def _leg(self, state: BoostState, leg: Leg, heading: FloatArray, steps: int) -> BoostState:
         right_side = RightSide(self.boosts, leg, heading, self.kick_rad)
-        position, velocity, error = state.position_m, state.velocity_m_s, state.error_m_s
+        position = state.position_m
+        velocity = state.velocity_m_s
+        error = state.error_m_s
         h = (leg.stop_s - leg.start_s) / steps
         acceleration = right_side.at(leg.start_s, position, velocity)
         for number in range(steps):
@@ -245,7 +254,9 @@ class Turn:
             step = stepped_in_columns(right_side, start, h)
             if self.recorder is not None and self.arcs is not None:
                 self.recorder(self.arcs, time_s, h, start, step, h > 0.0, right_side)
-            position, velocity, acceleration = step.position, step.velocity, step.acceleration
+            position = step.position
+            velocity = step.velocity
+            acceleration = step.acceleration
             error = error + step.velocity_error
         return BoostState(position, velocity, error)
 
@@ -254,13 +265,17 @@ def burnout(
     boosts: Boosts, azimuth_rad: FloatArray, kick_rad: FloatArray, cut_off_s: FloatArray, fineness: FloatArray
 ) -> BoostState:
     """Return the states at burnout of boosts (n,), each integrated with its own `fineness`, a factor of its steps."""
-    position, velocity, error = np.empty((3, len(boosts))), np.empty((3, len(boosts))), np.empty(len(boosts))
+    position = np.empty((3, len(boosts)))
+    velocity = np.empty((3, len(boosts)))
+    error = np.empty(len(boosts))
     for factor in np.unique(fineness).tolist():
         rows = np.flatnonzero(fineness == factor)
         part = boosts.take(rows)
         turn = Turn(part, azimuth_rad[rows], kick_rad[rows], int(factor))
         end = turn.flown(BoostState.at_rest(part), part.legs(cut_off_s[rows]))
-        position[:, rows], velocity[:, rows], error[rows] = end.position_m, end.velocity_m_s, end.error_m_s
+        position[:, rows] = end.position_m
+        velocity[:, rows] = end.velocity_m_s
+        error[rows] = end.error_m_s
     return BoostState(position, velocity, error)
 
 

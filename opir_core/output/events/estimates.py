@@ -231,7 +231,8 @@ def _state_texts(
     finite = _is_finite(state)
     places = rounded(np.where(finite[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
     rows, columns = np.tril_indices(covariance.shape[1])
-    lower, times = covariance[:, rows, columns], time_texts(time_s, epoch_us)
+    lower = covariance[:, rows, columns]
+    times = time_texts(time_s, epoch_us)
     sigmas_or_none = [each if valid else None for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)]
     terms = [each if valid else None for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)]
     values = zip(finite.tolist(), times, places, terms, sigmas_or_none, strict=True)

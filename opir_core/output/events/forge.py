@@ -72,7 +72,8 @@ def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
     return [text if here else b"" for text, here in zip(texts, exists.tolist(), strict=True)]
 
 
-_ID, _TIME = b'{"detection_id":"', b'","timestamp":"'
+_ID = b'{"detection_id":"'
+_TIME = b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
 _REPORT = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode()
@@ -99,9 +100,12 @@ class ForgeEncoder(Encoder):
     schema_version = SCHEMA_VERSION
 
     def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
-        self._sensors, self._types = context.sensors, len(context.reported_types)
+        self._sensors = context.sensors
+        self._types = len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
-        self._epoch_us, self._has_tracks, self._hypotheses = context.epoch_us, has_tracks, context.hypotheses
+        self._epoch_us = context.epoch_us
+        self._has_tracks = has_tracks
+        self._hypotheses = context.hypotheses
         sensors = context.sensors
         self._sensor_texts = [text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)]
         self._band_texts = [text for sensor in sensors for text in _band_texts(sensor)]
@@ -181,7 +185,8 @@ def _points(window: Window, epoch_us: int) -> Column:
     from opir_core.output.events.estimates import impact_texts, launch_texts  # of runs with tracks
 
     estimates = window.estimates.take(used)
-    launches, impacts = launch_texts(estimates, epoch_us), impact_texts(estimates, epoch_us)
+    launches = launch_texts(estimates, epoch_us)
+    impacts = impact_texts(estimates, epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
     points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
     return Looked([*unknown, *points], of_detection)

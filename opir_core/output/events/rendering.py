@@ -41,7 +41,8 @@ class Looked:
     __slots__ = ("row", "texts")
 
     def __init__(self, texts: Sequence[bytes], row: NDArray[Any] | None = None) -> None:
-        self.texts, self.row = texts, row
+        self.texts = texts
+        self.row = row
 
     def plain(self) -> tuple[Any, ...]:
         """Return the kind and the values, for a compiled renderer."""
@@ -61,7 +62,8 @@ class Decimal:
     __slots__ = ("decimals", "values")
 
     def __init__(self, values: FloatArray, decimals: int) -> None:
-        self.values, self.decimals = values, decimals
+        self.values = values
+        self.decimals = decimals
 
     def plain(self) -> tuple[Any, ...]:
         """Return the kind and the values, for a compiled renderer."""

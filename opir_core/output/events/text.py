@@ -14,8 +14,11 @@ END_UNIX_US = 253_402_300_800_000_000
 
 _NS_PER_US = 1_000
 _US_PER_S = 1_000_000
-_TO_SECONDS, _TEXT_LENGTH = 19, 27
-_POINT, _ZULU, _ZERO = ord("."), ord("Z"), np.uint32(ord("0"))
+_TO_SECONDS = 19
+_TEXT_LENGTH = 27
+_POINT = ord(".")
+_ZULU = ord("Z")
+_ZERO = np.uint32(ord("0"))
 _TEN = np.uint32(10)
 
 
@@ -33,7 +36,8 @@ def writable_unix_microseconds(time_s: FloatArray, epoch_us: int) -> tuple[IntAr
 
     The others are the epoch.
     """
-    earliest_s, latest_s = (FIRST_UNIX_US - epoch_us) / _US_PER_S, (END_UNIX_US - epoch_us) / _US_PER_S
+    earliest_s = (FIRST_UNIX_US - epoch_us) / _US_PER_S
+    latest_s = (END_UNIX_US - epoch_us) / _US_PER_S
     writable = (time_s > earliest_s) & (time_s < latest_s)
     unix_us = np.rint(np.where(writable, time_s, 0.0) * _US_PER_S).astype(np.int64) + epoch_us
     return unix_us, writable & (unix_us >= FIRST_UNIX_US) & (unix_us < END_UNIX_US)
@@ -91,7 +95,8 @@ RATIO_DECIMALS = 6
 IRRADIANCE_DIGITS = 6
 
 #: Magnitudes that are rounded to significant digits.
-_LEAST, _MOST = 1e-290, 1e290
+_LEAST = 1e-290
+_MOST = 1e290
 
 # From here on doubles are integers.
 _ALL_WHOLE = 2.0**52
@@ -116,7 +121,8 @@ def significant(values: FloatArray, digits: int) -> FloatArray:
     regular = np.where(in_range, values, 1.0)
     places = digits - 1 - np.floor(np.log10(np.abs(regular)))
     # Powers of ten up to the 22nd are exact doubles: the texts then have no more than these digits.
-    up, down = 10.0 ** np.maximum(places, 0.0), 10.0 ** np.maximum(-places, 0.0)
+    up = 10.0 ** np.maximum(places, 0.0)
+    down = 10.0 ** np.maximum(-places, 0.0)
     nearest = np.rint(regular * up / down) * down / up
     return np.where(in_range, nearest, np.where(size < _LEAST, 0.0, values)) + 0.0
 

@@ -24,7 +24,8 @@ class TracksEncoder(Encoder):
     encodes_tracks = True
 
     def __init__(self, context: EncoderContext) -> None:
-        self._epoch_us, self._hypotheses = context.epoch_us, context.hypotheses
+        self._epoch_us = context.epoch_us
+        self._hypotheses = context.hypotheses
 
     def encode(self, window: Window) -> bytes:
         """Return the window's tracks as lines; a tick outside the years 1 to 9999 raises `SinkError`."""

@@ -158,7 +158,8 @@ class MemoryBacklog:
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
-        whole, rest = self._batches[number], self._batches[number].take(rows)
+        whole = self._batches[number]
+        rest = self._batches[number].take(rows)
         self._batches[number] = rest
         self._bytes -= len(whole.body) - len(rest.body)
         self.waiting -= len(whole) - len(rest)
@@ -183,7 +184,8 @@ class WindowBatcher:
     """
 
     def __init__(self, encoder: Encoder, origin: Origin) -> None:
-        self._encoder, self._origin = encoder, origin
+        self._encoder = encoder
+        self._origin = origin
         self.events = event_counter(encoder)
 
     def batches(self, window: Window) -> Iterator[Batch]:
@@ -202,7 +204,8 @@ class WindowTransport(Transport):
     """A transport that writes batches of columns into a sink; what is written is acknowledged once it is synced."""
 
     def __init__(self, sink: Sink, origin: Origin) -> None:
-        self._sink, self._origin = sink, origin
+        self._sink = sink
+        self._origin = origin
         self._written: deque[Future[None]] = deque()
         self._syncs = SyncThread(self._acknowledge, SINK_SYNC_S)
 

@@ -96,7 +96,8 @@ class Origin:
         """Return the rows of this run's sensors that have the ids of those of an archive."""
         if tuple(archive["reported_types"].tolist()) != self.reported_types:
             raise SinkError(f"its spool holds events with other types; {_REMEDY}")
-        used, ids = archive["sensors"], archive["sensor_ids"].tolist()
+        used = archive["sensors"]
+        ids = archive["sensor_ids"].tolist()
         if all(row < len(self.sensors) and self.sensors[row].id == name for row, name in zip(used, ids, strict=True)):
             return sensor
         row_of = {each.id: row for row, each in enumerate(self.sensors)}

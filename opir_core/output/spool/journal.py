@@ -77,7 +77,8 @@ class Journal:
     def __init__(self, path: str, max_bytes: int, *, survives_power_cut: bool = False) -> None:
         self.path = path
         self._max_bytes = max_bytes
-        self._bytes = self.waiting = 0
+        self._bytes = 0
+        self.waiting = 0
         self._sync: SyncThread | None = None
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
         #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
@@ -135,12 +136,14 @@ class Journal:
     @_raises_ours
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers, all or none."""
-        events, cost = 0, 0
+        events = 0
+        cost = 0
         self._database.execute("BEGIN")
         for number in numbers:
             row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,))
             ((row_events, row_bytes),) = row.fetchall()
-            events, cost = events + row_events, cost + row_bytes
+            events = events + row_events
+            cost = cost + row_bytes
         self._database.execute("COMMIT")
         self.waiting -= events
         self._bytes -= cost
@@ -200,7 +203,8 @@ class Journal:
             execute("PRAGMA wal_checkpoint")
         execute(f"PRAGMA max_page_count = {pages}")
         self.waiting, self._bytes = execute("SELECT total(events), total(bytes) FROM parcel").fetchone()
-        self.waiting, self._bytes = int(self.waiting), int(self._bytes)
+        self.waiting = int(self.waiting)
+        self._bytes = int(self._bytes)
         with suppress(OSError):  # SQLite does not sync the name of a new file
             sync_path(Path(self.path).absolute().parent)
 

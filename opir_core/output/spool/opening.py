@@ -22,7 +22,8 @@ from opir_core.scene.scene import Choice
 
 #: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool: of a destination that
 #: is slow, and of one that says why nothing gets through.
-SPOOLED_STALL_S, TROUBLE_S = 30.0, 3.0
+SPOOLED_STALL_S = 30.0
+TROUBLE_S = 3.0
 
 
 def transport_sink(
@@ -32,9 +33,11 @@ def transport_sink(
     transport: Transport
     batcher: Batcher
     if isinstance(made, Transport):
-        transport, batcher = made, EncodedBatcher(make_encoder(), origin.sensors)
+        transport = made
+        batcher = EncodedBatcher(make_encoder(), origin.sensors)
     else:
-        transport, batcher = WindowTransport(made, origin), WindowBatcher(make_encoder(), origin)
+        transport = WindowTransport(made, origin)
+        batcher = WindowBatcher(make_encoder(), origin)
     try:
         backlog, policy, damage = _backlog(choice.spool)
     except BaseException:

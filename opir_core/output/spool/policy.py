@@ -54,7 +54,8 @@ class Parking:
 
     def take(self) -> None:
         """End the parking: something is acknowledged."""
-        self.reason, self._pause_s = None, 0.0
+        self.reason = None
+        self._pause_s = 0.0
 
     def retry(self) -> bool:
         """End the pause; return whether there is one."""
@@ -65,7 +66,8 @@ class Parking:
         """Return whether to send again now what was refused; at closing that is once, at once."""
         is_due = not self._is_last_trial if is_closing else now_s >= self._retry_at
         if is_due:
-            self._is_last_trial, self.refused_from = is_closing, None
+            self._is_last_trial = is_closing
+            self.refused_from = None
         return is_due
 
     @property

@@ -18,7 +18,8 @@ from opir_core.output.spool.journal import Journal, batch_of, complaint, is_refu
 from opir_core.output.temporary_files import sync_path
 
 #: Appended to the path of a spool that is made from a damaged one, until it is complete, and until it is in place.
-_NEW, _READY = ".salvaging", ".salvaged"
+_NEW = ".salvaging"
+_READY = ".salvaged"
 _ROW = (
     "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel WHERE number = ?"
 )

@@ -21,7 +21,8 @@ _REMOVAL_S = 0.1
 #: Time, s, that a transport has to close.
 _TRANSPORT_S = 2.0
 #: Time, s, after which a transport's `close` has not kept to its own, and after which a `send` is called trouble.
-_LONGER_S, TROUBLED_S = 8.0, 5.0
+_LONGER_S = 8.0
+TROUBLED_S = 5.0
 
 
 class Sender:
@@ -31,8 +32,10 @@ class Sender:
     """
 
     def __init__(self, store: Store, transport: Transport, policy: Policy) -> None:
-        self.store, self.transport = store, transport
-        self.parking, self.closing = Parking(policy), Closing(policy, time.monotonic())
+        self.store = store
+        self.transport = transport
+        self.parking = Parking(policy)
+        self.closing = Closing(policy, time.monotonic())
         self.sent = SentBatches()
         self._progress = 0
         #: Time of the monotonic clock at which the present `send` of the transport began.
@@ -91,7 +94,8 @@ class Sender:
             if overdue := self._overdue(self.closing.policy.stall_s):
                 self.error = self.error or SinkError(f"{self.store.name}: {overdue}")
                 break
-        trouble, self.closing.is_over = self.trouble, True
+        trouble = self.trouble
+        self.closing.is_over = True
         wait_s = min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic()))
         try:
             CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True)
@@ -119,7 +123,8 @@ class Sender:
         """Remove acknowledged batches and send as many as there is room for; return whether sending is over."""
         self._remove_acknowledged()
         if self.transport.acknowledged != self._progress:  # a part of a batch is progress too
-            self._progress, self.closing.acknowledged_at = self.transport.acknowledged, time.monotonic()
+            self._progress = self.transport.acknowledged
+            self.closing.acknowledged_at = time.monotonic()
         self._resume()
         remove_at = time.monotonic() + _REMOVAL_S
         while self._may_send() and (batch := self.store.next()):

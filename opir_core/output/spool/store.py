@@ -29,7 +29,8 @@ class Store:
     """
 
     def __init__(self, name: str, backlog: Backlog, damage: Salvage | None) -> None:
-        self.name, self.backlog = name, backlog
+        self.name = name
+        self.backlog = backlog
         self.room = threading.Condition()
         # Events of an earlier run that were lost with a damaged spool were recovered and dropped.
         lost = 0 if damage is None else damage.state.lost_events
@@ -37,11 +38,13 @@ class Store:
         self.read_to = 0
         #: What of the spool is damaged, why the disk did not take the last bytes, and why it cannot be read.
         self.damage = None if damage is None else f"{name}: the spool {self._place}: {damage}"
-        self._unwritten = self._unread = ""
+        self._unwritten = ""
+        self._unread = ""
 
     def delivery(self, complaint: str | None) -> Delivery:
         """Return the counts; `spooled` are the events that wait."""
-        books, waiting = self.books, self.backlog.waiting
+        books = self.books
+        waiting = self.backlog.waiting
         return Delivery(books.delivered, waiting, books.dropped, books.withheld, books.recovered, complaint)
 
     @property
@@ -94,7 +97,8 @@ class Store:
                         self._unread = f"{self.name}: the spool {self._place} cannot be read: {why}"
                     return None
                 except DamagedError as error:
-                    self.damage, self.read_to = f"{self.name}: {error}", error.number
+                    self.damage = f"{self.name}: {error}"
+                    self.read_to = error.number
                     continue
                 self._unread = ""
                 if numbered is not None:

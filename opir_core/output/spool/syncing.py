@@ -17,8 +17,10 @@ class SyncThread:
 
     def __init__(self, sync: Callable[[], None], within_s: float) -> None:
         self.fault = ""
-        self._sync, self._within_s = sync, within_s
-        self._written, self._stopping = threading.Event(), threading.Event()
+        self._sync = sync
+        self._within_s = within_s
+        self._written = threading.Event()
+        self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._work, name="opir sync", daemon=True)
         self._thread.start()
 

@@ -41,7 +41,8 @@ class TransportSink(Sink):
         policy: Policy,
         damage: Salvage | None = None,
     ) -> None:
-        self._batcher, self._policy = batcher, policy
+        self._batcher = batcher
+        self._policy = policy
         self._store = Store(name, backlog, damage)
         self._sender = Sender(self._store, transport, policy)
 
@@ -119,9 +120,11 @@ class TransportSink(Sink):
 
     def _put(self, batch: Batch) -> None:
         """Put a batch into the backlog; if that is full, wait or drop as the policy says. The lock is held."""
-        store, when_full = self._store, self._policy.when_full
+        store = self._store
+        when_full = self._policy.when_full
         self._sender.raise_error()
-        give_up_at, waited = time.monotonic() + self._policy.wait_s, False
+        give_up_at = time.monotonic() + self._policy.wait_s
+        waited = False
         while not store.put(batch):
             if when_full == DROP_OLDEST and store.drop_oldest():
                 continue

@@ -20,7 +20,8 @@ from opir_core.flight import kepler_impact, launch_site
 from opir_coverage.launches import GridBoosts, LaunchPlaces
 
 #: Steps of differences: of burnout speed, as a share of it, and of the flight path angle, rad.
-_SPEED_SHARE, _ANGLE_RAD = 1e-4, 1e-4
+_SPEED_SHARE = 1e-4
+_ANGLE_RAD = 1e-4
 #: Scales of the unknowns: metres north and east, seconds, azimuth in rad, burnout speed in m/s, angle in rad.
 _SCALES = np.array([1e3, 1e3, 1.0, 1e-2, 10.0, 1e-2])
 #: Root-mean-square distance, m, from a point of the Earth to one that may be anywhere on it: √((π² - 4) / 2) radii.
@@ -45,7 +46,8 @@ class LaunchSlopes:
     def of(cls, places: LaunchPlaces) -> "LaunchSlopes":
         """Return the derivatives of launches from places."""
         speed_m_s = _SPEED_SHARE * places.profile.burnout_speed_m_s
-        faster, steeper = places.path(0.0, speed_m_s=speed_m_s), places.path(0.0, angle_rad=_ANGLE_RAD)
+        faster = places.path(0.0, speed_m_s=speed_m_s)
+        steeper = places.path(0.0, angle_rad=_ANGLE_RAD)
         return cls(places, places.path(0.0), faster, steeper)
 
     def at(self, since_s: float) -> FloatArray:
@@ -53,7 +55,8 @@ class LaunchSlopes:
         position, velocity, faster, steeper = self._states(since_s)
         slopes = self._moved(position - self.path.launch_m, position)
         slopes[:, :, 2] = -velocity
-        slopes[:, :, 4], slopes[:, :, 5] = faster[0], steeper[0]
+        slopes[:, :, 4] = faster[0]
+        slopes[:, :, 5] = steeper[0]
         return slopes * _SCALES
 
     def at_burnout(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -80,7 +83,8 @@ class LaunchSlopes:
         `offset` is from the launch, `position` from the Earth's axis; free vectors turn only.
         """
         site = launch_site(self.places.latitude_rad, self.places.longitude_rad, np.zeros(len(self.places)))
-        east, up = site.axes[:, 0], site.axes[:, 2]
+        east = site.axes[:, 0]
+        up = site.axes[:, 2]
         pole = np.broadcast_to(np.array([0.0, 0.0, 1.0]), up.shape)
         from_centre = offset if is_free else offset + site.meridian_radius_m[:, None] * up
         slopes = np.zeros((*offset.shape, 6))
@@ -105,7 +109,8 @@ class LaunchInformation:
 
     def add(self, step: int, rows: IntArray, direction: FloatArray, range_m: FloatArray, weight: FloatArray) -> None:
         """Add a sensor's looks at cells `rows` (n,): unit directions (n, 3), ranges and weights 1/σ² (n,)."""
-        share, unit = weight / np.square(range_m), np.ascontiguousarray(direction.T)
+        share = weight / np.square(range_m)
+        unit = np.ascontiguousarray(direction.T)
         for place, (one, other) in enumerate(_PAIRS):
             self._across[step, place, rows] += share * (float(one == other) - unit[one] * unit[other])
 
@@ -135,7 +140,8 @@ class BiasInformation:
     """Information (n, 3, 3) of one sensor's pointing bias, `own`, and (n, 6, 3) of it and the unknowns, `cross`."""
 
     def __init__(self, cells: int) -> None:
-        self.own, self.cross = np.zeros((cells, 3, 3)), np.zeros((cells, 6, 3))
+        self.own = np.zeros((cells, 3, 3))
+        self.cross = np.zeros((cells, 6, 3))
 
     def add(
         self,
@@ -201,7 +207,8 @@ def _impact_slopes(position: FloatArray, velocity: FloatArray, moved: FloatArray
     """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central differences."""
     slopes = np.zeros(moved.shape)
     for column in (0, 1, 3, 4, 5):
-        one, other = moved[:, :, column], turned[:, :, column]
+        one = moved[:, :, column]
+        other = turned[:, :, column]
         ahead, behind = (_impacts(position + sign * one, velocity + sign * other) for sign in (0.05, -0.05))
         slopes[:, :, column] = (ahead - behind) / 0.1
     return slopes
@@ -212,6 +219,7 @@ def _impacts(position: FloatArray, velocity: FloatArray) -> FloatArray:
     spin = EARTH_ROTATION_RAD_S
     inertial = velocity + spin * np.stack([-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1)
     time_s, point = kepler_impact(position, inertial)
-    cosine, sine = np.cos(spin * time_s), np.sin(spin * time_s)
+    cosine = np.cos(spin * time_s)
+    sine = np.sin(spin * time_s)
     x, y, z = point.T
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)

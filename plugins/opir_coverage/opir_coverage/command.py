@@ -19,13 +19,15 @@ from opir_coverage.summary import as_text, step_note, table_rows
 
 def coverage(arguments: argparse.Namespace) -> int:
     """Compute the coverage of the arguments' scene, write it and print its table."""
-    settings, host = settings_of(arguments), Host.discover()
+    settings = settings_of(arguments)
+    host = Host.discover()
     found = computed_coverage(scene_of(arguments, host), settings)
     if arguments.against:
         other = argparse.Namespace(**{**vars(arguments), "scene": arguments.against})
         found = difference(found, computed_coverage(scene_of(other, host), settings))
     written = write_coverage(found, Path(arguments.out))
-    rows, note = table_rows(found), step_note(found)
+    rows = table_rows(found)
+    note = step_note(found)
     if note:
         sys.stderr.write(f"opir: {note}\n")
     if arguments.json:

@@ -23,8 +23,10 @@ def geometry_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> 
     """Return the layers of visibility of points at rest above the cells, and the instants (T,), s."""
     time_s = day_s(settings.steps, 3600.0 * settings.hours)
     fleet = Fleet.of(plan, time_s)
-    shape, in_view = grid.shape, []
-    stereo, dilution = [], []
+    shape = grid.shape
+    in_view = []
+    stereo = []
+    dilution = []
     for height_km in settings.heights_km:
         points = SeenPoints.above(grid, 1e3 * height_km)
         sight = SightMap.of(fleet, points)
@@ -67,10 +69,12 @@ def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape:
         _on_grid(counts, shape),
         "N Asset Coverage: sensors that see the point",
     )
-    least, most = counts.min(axis=1), counts.max(axis=1)
+    least = counts.min(axis=1)
+    most = counts.max(axis=1)
     mean = counts.mean(axis=1, dtype=np.float32)
     for name, word, values in (("min", "least", least), ("mean", "mean", mean), ("max", "most", most)):
-        title, words = f"Sensors in view, {word}", f"N Asset Coverage, {word} over the time"
+        title = f"Sensors in view, {word}"
+        words = f"N Asset Coverage, {word} over the time"
         yield Layer(f"in_view_{name}", title, "1", ("height",), _on_grid(values, shape), words)
     found: dict[str, list[FloatArray]] = {}
     for assets in settings.assets:
@@ -110,8 +114,10 @@ _MERITS = {
 def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
     """Return the figures of merit (cells,) of a point's coverage (T, cells)."""
     interval_s = step_s * len(covered)
-    access, gap = merits.runs(covered, step_s), merits.runs(~covered, step_s)
-    wait, age = merits.response_times_s(covered, step_s), merits.ages_of_data_s(covered, step_s)
+    access = merits.runs(covered, step_s)
+    gap = merits.runs(~covered, step_s)
+    wait = merits.response_times_s(covered, step_s)
+    age = merits.ages_of_data_s(covered, step_s)
     known = np.isfinite(age)
     sampled = np.maximum(known.sum(axis=0), 1)
     none = ~known.any(axis=0)

@@ -34,7 +34,8 @@ class PlaceGrid:
     def places_rad(self) -> tuple[FloatArray, FloatArray]:
         """Return the latitudes and longitudes (cells,) of all cells, row by row, rad."""
         rows, columns = self.shape
-        latitude, longitude = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
+        latitude = np.radians(self.latitude_deg)
+        longitude = np.radians(self.longitude_deg)
         return np.repeat(latitude, columns), np.tile(longitude, rows)
 
     def weights(self) -> FloatArray:

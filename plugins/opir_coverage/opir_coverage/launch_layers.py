@@ -20,7 +20,8 @@ from opir_coverage.visibility import Fleet
 from opir_coverage.watch import Watch
 
 #: Times at which reports are counted, from the least latency on, and the power that makes them closest at first.
-_REPORT_STEPS, _REPORT_POWER = 100, 1.5
+_REPORT_STEPS = 100
+_REPORT_POWER = 1.5
 
 
 def launch_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> list[Layer]:
@@ -56,8 +57,10 @@ def _of_salvo(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> d
 
 def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
     """Return P_d (heights, cells) of one look of each sensor, and the least intensities (bands, heights, cells)."""
-    sensors, bands = salvo.plan.sensors, distinct_bands(salvo.plan.sensors)
-    cells, heights = len(salvo.places), settings.heights_km
+    sensors = salvo.plan.sensors
+    bands = distinct_bands(salvo.plan.sensors)
+    cells = len(salvo.places)
+    heights = settings.heights_km
     missed = np.full((len(heights), cells), np.nan)
     least = np.full((len(bands), len(heights), cells), np.nan)
     since_s = np.array([salvo.height_time_s(1e3 * each) for each in heights])
@@ -77,11 +80,14 @@ def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
 
 def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
     """Return the times of the first report and of a track, and the bounds at burnout, (cells,)."""
-    sensors, cells, burn_s = salvo.plan.sensors, len(salvo.places), salvo.burn_s
+    sensors = salvo.plan.sensors
+    cells = len(salvo.places)
+    burn_s = salvo.burn_s
     node_s = np.linspace(0.0, burn_s, settings.samples + 1)
     fleet = Fleet.of(salvo.plan, salvo.ignition_s + node_s)
     latency_s = [sum(stage.mean_s for stage in each.reporting) for each in sensors]
-    first_s, last_s = min(latency_s), burn_s + max(latency_s)
+    first_s = min(latency_s)
+    last_s = burn_s + max(latency_s)
     time_s = first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
     reports = Reports(time_s, settings.track_reports, cells)
     information = LaunchInformation(slopes.moved)
@@ -111,7 +117,8 @@ def _add_information(
     information: LaunchInformation, slopes: BurnSlopes, sensor: Sensor, burn_s: float, looks: Sequence[GridLooks]
 ) -> None:
     """Add what a sensor's looks at equal steps of the burn, its ends included, say of launches."""
-    last, sigma_rad = len(looks) - 1, sensor.line_of_sight_bias_sigma_rad
+    last = len(looks) - 1
+    sigma_rad = sensor.line_of_sight_bias_sigma_rad
     per_step = burn_s / last / (sensor.scan.period_ns * 1e-9)
     bias = BiasInformation(len(slopes.moved[0])) if sigma_rad > 0.0 else None
     for step, each in enumerate(looks):

@@ -100,7 +100,8 @@ class GridBoosts:
         Looks come in runs of equal times: states of all latitudes at these are fewer than those of all launches.
         """
         starts = np.flatnonzero(np.diff(time_s, prepend=np.nan) != 0.0)
-        latitudes, rows = len(self.path.ignition_s), self.row[target]
+        latitudes = len(self.path.ignition_s)
+        rows = self.row[target]
         if latitudes * len(starts) >= len(rows):
             return self.path.state(rows, time_s), np.arange(len(rows))
         run = np.repeat(np.arange(len(starts)) * latitudes, np.diff(starts, append=len(rows)))
@@ -110,7 +111,8 @@ class GridBoosts:
     def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray, rows: RowArray | None = None) -> FloatArray:
         """Return vectors, those of some `rows` if given, turned to the longitudes of launches (m,)."""
         x, y, z = (column if rows is None else column[rows] for column in vector_m.T)
-        cosine, sine = self.cosine[target], self.sine[target]
+        cosine = self.cosine[target]
+        sine = self.sine[target]
         turned = np.empty((len(target), 3))
         np.subtract(cosine * x, sine * y, out=turned[:, 0])
         np.add(sine * x, cosine * y, out=turned[:, 1])

@@ -51,7 +51,9 @@ class Salvo:
     """Launches of one class from every cell at one instant, and the scene's models for them."""
 
     def __init__(self, plan: Plan, places: LaunchPlaces, ignition_s: float) -> None:
-        self.plan, self.places, self.ignition_s = plan, places, ignition_s
+        self.plan = plan
+        self.places = places
+        self.ignition_s = ignition_s
         self.path = places.path(ignition_s)
         self.detection: DetectionProbability
         self.targets: Targets
@@ -105,7 +107,8 @@ class Salvo:
 
     def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
         """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with signals."""
-        sensor, model = exposures.sensor, self.detection
+        sensor = exposures.sensor
+        model = self.detection
         own = np.array([each.line_of_sight_sigma_rad for each in self.plan.sensors])[sensor]
         if not len(sensor):
             return np.empty(0), own, None
@@ -123,7 +126,8 @@ class Salvo:
         sensor = self.plan.sensors[number]
         if sensor.radiometer is None:
             return {}
-        least, thresholds = {}, band_thresholds(sensor)
+        least = {}
+        thresholds = band_thresholds(sensor)
         for place, band in enumerate(sensor.bands):
             passed = self.detection.transmittance(exposures, band)
             if passed is None:
@@ -147,7 +151,8 @@ def _batches(counts: Sequence[int]) -> Iterator[list[int]]:
 
 def _exposures(number: int, rows: IntArray, points: SeenPoints, sensor_m: FloatArray, now_s: float) -> Exposures:
     """Return the looks of a sensor at some of the points, at one time."""
-    place, up = points.position_m[rows], points.up[rows]
+    place = points.position_m[rows]
+    up = points.up[rows]
     x, y, z = (sensor_m - place).T
     range_m = np.sqrt(x * x + y * y + z * z)
     return Exposures(

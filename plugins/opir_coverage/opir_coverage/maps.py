@@ -30,7 +30,8 @@ def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -
         colours = "viridis"
         if "minus" in found.attributes:
             high = max(abs(low), abs(high))
-            low, colours = -high, "PuOr_r"
+            low = -high
+            colours = "PuOr_r"
         mesh = axes.pcolormesh(*corners, values, cmap=colours, vmin=low, vmax=max(high, low + 1e-9), rasterized=True)
         _draw_ground(axes)
         unit = "" if layer.unit == "1" else f", {layer.unit}"
@@ -46,7 +47,8 @@ def layer_axes(found: CoverageMap, name: str, *, ax: Any = None, **place: int) -
 
 def _beyond(known: FloatArray, low: float, high: float) -> str:
     """Return which ends of a colour bar have values beyond them, as matplotlib names it."""
-    below, above = bool(np.any(known < low)), bool(np.any(known > high))
+    below = bool(np.any(known < low))
+    above = bool(np.any(known > high))
     return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
 
 

@@ -30,8 +30,11 @@ class Runs:
 def runs(is_in: BoolArray, step_s: float) -> Runs:
     """Return the runs of steps (T, n) in which a condition holds, in steps of `step_s`."""
     steps, count = is_in.shape
-    now, number = np.zeros(count), np.zeros(count, dtype=np.int64)
-    least, most, square = np.full(count, np.inf), np.zeros(count), np.zeros(count)
+    now = np.zeros(count)
+    number = np.zeros(count, dtype=np.int64)
+    least = np.full(count, np.inf)
+    most = np.zeros(count)
+    square = np.zeros(count)
     for step in range(steps + 1):
         is_on = is_in[step] if step < steps else np.zeros(count, dtype=np.bool_)
         ended = ~is_on & (now > 0.0)

@@ -19,7 +19,8 @@ from opir_coverage.summary import name_of, words_of
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
 #: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
-_LIMITS, _BULK = (0.01, 0.99), 0.6
+_LIMITS = (0.01, 0.99)
+_BULK = 0.6
 #: Dimensions, the last of a layer, over which its colours are the same, so that maps may be compared.
 _SHARED = ("azimuth", "launch_time", "time")
 
@@ -66,7 +67,8 @@ _HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
 
 
 def _subtitle(found: CoverageMap) -> str:
-    words, count = found.attributes, len(found.attributes["sensors"].split(", "))
+    words = found.attributes
+    count = len(found.attributes["sensors"].split(", "))
     launched = "" if words["launches"] == "none" else f"; launches of {words['launches']}"
     return f"{count} sensors, {words['interval']} from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
 
@@ -94,12 +96,14 @@ def _layer(layer: Layer, found: CoverageMap, *, is_difference: bool) -> dict[str
     top = 254 if is_small else 65_534
     low, high, is_log = _scale(known, is_difference=is_difference)
     if layer.values.dtype.kind in "bui" and high - low <= top:
-        top, is_log = round(high - low), False
+        top = round(high - low)
+        is_log = False
     steps = _steps(values, low, high, top, is_log=is_log)
     kind = np.uint8 if is_small or top <= 254 else np.uint16
     empty = np.iinfo(kind).max
     packed = np.where(np.isfinite(values), np.clip(steps, 0, top), empty).astype(kind)
-    weights, alone = found.grid.weights(), [name for name in layer.dims if name not in _SHARED]
+    weights = found.grid.weights()
+    alone = [name for name in layer.dims if name not in _SHARED]
     parts = values.reshape(*(len(found.coordinates[name]) for name in alone), -1)
     shown = [
         _shown(part, weights, low, high, is_log=is_log, is_difference=is_difference)
@@ -126,7 +130,8 @@ def _scale(known: FloatArray, *, is_difference: bool) -> tuple[float, float, boo
     """Return the ends of a layer's scale and whether it is logarithmic."""
     if not known.size:
         return 0.0, 1.0, False
-    low, high = float(known.min()), float(known.max())
+    low = float(known.min())
+    high = float(known.max())
     if is_difference:
         most = max(abs(low), abs(high)) or 1.0
         return -most, most, False

@@ -16,10 +16,13 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 #: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
 #: look no more often: its M-th detection is at most M such steps late.
-_LONGEST_STEP_S, _SHORTEST_STEP_S = 2.0, 0.2
+_LONGEST_STEP_S = 2.0
+_SHORTEST_STEP_S = 0.2
 #: So many looks are prepared at once. After them launches that have fewer than the reports with less than this chance
 #: are left out, if they are this share of all.
-_BLOCK, _SURE, _WORTH_PRUNING = 8, 1e-6, 0.05
+_BLOCK = 8
+_SURE = 1e-6
+_WORTH_PRUNING = 0.05
 #: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
 _IMPOSSIBLE = 1e-6
 _IMPOSSIBLE_QUANTILE = float(ndtri(_IMPOSSIBLE))
@@ -57,7 +60,9 @@ class ReportChain:
     """
 
     def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
-        self._needed, self._phases, self._step = confirmation[0], phases, 0
+        self._needed = confirmation[0]
+        self._phases = phases
+        self._step = 0
         # After this number of steps without a chance of a detection, past outcomes are all misses.
         self._memory = phases * (confirmation[1] - 1)
         self._last = np.full(rows, -self._memory - 1)
@@ -76,7 +81,8 @@ class ReportChain:
         """Look once more, at one of the phases in turn, with P_d (k,) of the active launches, or of those `at` (k,)."""
         place = np.arange(len(self._active)) if at is None else at
         is_possible = chance > _IMPOSSIBLE
-        rows, own = place[is_possible], chance[is_possible]
+        rows = place[is_possible]
+        own = chance[is_possible]
         if self._memory:
             self._last[rows] = self._step
             whole = np.zeros(len(self._active))
@@ -98,7 +104,8 @@ class ReportChain:
         is_done = is_done[self._active] | (self.total[:, self._active].sum(axis=0) < _SURE)
         if is_done.mean() > _WORTH_PRUNING:
             self.total[:, self._active[is_done]] = 0.0
-            self._active, self._last = self._active[~is_done], self._last[~is_done]
+            self._active = self._active[~is_done]
+            self._last = self._last[~is_done]
             self._states = self._states[..., ~is_done]
 
 
@@ -112,11 +119,13 @@ def _whole(states: Chances) -> Chances:
 
 def _after(old: Chances, chance: Chances, needed: int) -> Chances:
     """Return the states (reports, outcomes, n) after a look with P_d (n,)."""
-    new, mask = np.zeros_like(old), old.shape[1] - 1
+    new = np.zeros_like(old)
+    mask = old.shape[1] - 1
     missed = 1.0 - chance
     for past in range(old.shape[1]):
         new[:, (past << 1) & mask] += old[:, past] * missed
-        hit, now = old[:, past] * chance, ((past << 1) | 1) & mask
+        hit = old[:, past] * chance
+        now = ((past << 1) | 1) & mask
         if past.bit_count() + 1 >= needed:
             new[1:, now] += hit[:-1]
         else:
@@ -149,7 +158,8 @@ class Reports:
         place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
         sensors = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) <= 0) + 1)
-        early, wanted = chain.total.copy(), int(np.searchsorted(place, 0.0, side="right"))
+        early = chain.total.copy()
+        wanted = int(np.searchsorted(place, 0.0, side="right"))
         for number in range(1, steps.steps + 1):
             if (number - 1) % _BLOCK == 0:
                 chain.prune(self._have_all(wanted)[rows])
@@ -190,7 +200,8 @@ class Reports:
         late = reached.argmax(axis=0)
         cells = np.arange(have.shape[1])
         early = np.maximum(late - 1, 0)
-        low, high = have[early, cells], have[late, cells]
+        low = have[early, cells]
+        high = have[late, cells]
         share = np.where(late > 0, (probability - low) / np.maximum(high - low, 1e-12), 0.0)
         time = self.time_s[early] + (self.time_s[late] - self.time_s[early]) * share
         return np.where(reached.any(axis=0), time, np.nan)
@@ -210,8 +221,10 @@ def _possible(nodes: FloatArray, place: FloatArray, active: IntArray) -> tuple[I
     first = int(early[0])
     around = nodes[first : int(early[-1]) + 2, active]
     at = np.flatnonzero(np.fmax.reduce(around, axis=0) > _IMPOSSIBLE_QUANTILE)
-    around, share = around[:, at], (place - early)[:, None]
-    one, other = around[early - first], around[early - first + 1]
+    around = around[:, at]
+    share = (place - early)[:, None]
+    one = around[early - first]
+    other = around[early - first + 1]
     with np.errstate(invalid="ignore"):
         quantile = one + share * (other - one)
     lone = np.isnan(quantile)

@@ -12,7 +12,8 @@ def stereo_angles_rad(direction: FloatArray, is_seen: BoolArray) -> FloatArray:
     `direction` (S, n, 3) are unit vectors from points to sensors, `is_seen` (S, n) which of them count. Lines of sight
     are best at right angles; the angle is that of the lines, at most π/2.
     """
-    best, columns = np.full(is_seen.shape[1], -1.0), _columns(direction)
+    best = np.full(is_seen.shape[1], -1.0)
+    columns = _columns(direction)
     for one in range(len(is_seen)):
         for other in range(one + 1, len(is_seen)):
             rows = _slice_if_consecutive(np.flatnonzero(is_seen[one] & is_seen[other]))
@@ -29,11 +30,13 @@ def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) ->
     measures two angles; `weight` (S, n) is 0 for one that does not see the point. nan where J is singular: one line of
     sight, or parallel ones.
     """
-    share, columns = np.asarray(weight, dtype=np.float64) / np.square(range_m), _columns(direction)
+    share = np.asarray(weight, dtype=np.float64) / np.square(range_m)
+    columns = _columns(direction)
     whole, xx, yy, zz, xy, xz, yz = np.zeros((7, range_m.shape[1]))
     for number, own in enumerate(share):
         x, y, z = (each[number] for each in columns)
-        along, across = own * x, own * y
+        along = own * x
+        across = own * y
         whole += own
         xx -= along * x
         yy -= across * y

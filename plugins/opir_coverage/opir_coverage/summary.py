@@ -36,7 +36,8 @@ def _figures(values: Any, weights: Any) -> dict[str, Any]:
     known = np.isfinite(values)
     if not known.any():
         return {"min": None, "mean": None, "max": None, "percent_of_area": 0.0}
-    share, own = weights[known], values[known]
+    share = weights[known]
+    own = values[known]
     return {
         "min": float(own.min()),
         "mean": float((own * share).sum() / share.sum()),

@@ -40,7 +40,8 @@ def seen(sensor: Sensor, sensor_m: FloatArray, points: SeenPoints) -> BoolArray:
 
 def _least_along_m2(sensor_m: FloatArray, points: SeenPoints) -> float:
     """Return a scalar product of positions below which the Earth is in between, from the sphere inside of it."""
-    inner_m, sensor_radius_m = WGS84.polar_radius_m, math.sqrt(float(sensor_m @ sensor_m))
+    inner_m = WGS84.polar_radius_m
+    sensor_radius_m = math.sqrt(float(sensor_m @ sensor_m))
     if sensor_radius_m <= inner_m:
         return -math.inf
     low_m, high_m = (math.sqrt(each) for each in points.squared_limits_m2)
@@ -71,7 +72,8 @@ def _clear(sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: Int
     low = np.flatnonzero((sine < _CLOSE) & (points.scaled_squared[rows] > 1.0))
     if not len(low):
         return sine
-    place, own = sensor_m / _AXES_M, points.scaled_squared[rows[low]]
+    place = sensor_m / _AXES_M
+    own = points.scaled_squared[rows[low]]
     along = points.scaled[rows[low]] @ place
     fall = own - along
     # The share of the segment, from the point, at which it is closest to the centre.
@@ -115,7 +117,8 @@ class Fleet:
 
     def seen(self, number: int, step: int, points: SeenPoints) -> BoolArray:
         """Return which points (n,) a sensor sees at one of the times, the Sun's exclusion included."""
-        sensor, place = self.sensors[number], self.position_m[number, step]
+        sensor = self.sensors[number]
+        place = self.position_m[number, step]
         result = seen(sensor, place, points)
         if self.is_blinded[number, step]:
             rows = np.flatnonzero(result)

@@ -25,12 +25,14 @@ class Watch:
     """Adds what sensors report about a salvo to `reports`."""
 
     def __init__(self, salvo: Salvo, reports: Reports) -> None:
-        self._salvo, self._reports = salvo, reports
+        self._salvo = salvo
+        self._reports = reports
         self._waiting: dict[tuple[float, int, int, float], _Waiting] = {}
 
     def add(self, number: int, looks: Sequence[GridLooks]) -> None:
         """Add the looks of a sensor at equal steps of the burn, its ends included."""
-        sensor, confirmation = self._salvo.plan.sensors[number], self._salvo.detection.confirmation
+        sensor = self._salvo.plan.sensors[number]
+        confirmation = self._salvo.detection.confirmation
         needed, scans = (1, 1) if confirmation is None else (int(each) for each in confirmation[number])
         latency_s = sum(stage.mean_s for stage in sensor.reporting)
         kind = (sensor.scan.period_ns * 1e-9, needed, scans, latency_s)
@@ -51,7 +53,8 @@ class Watch:
 
     def _work_out(self, kind: tuple[float, int, int, float], alike: _Waiting) -> None:
         period_s, needed, scans, latency_s = kind
-        steps, rows = ScanSteps.of(period_s, self._salvo.burn_s), np.concatenate(alike.rows)
+        steps = ScanSteps.of(period_s, self._salvo.burn_s)
+        rows = np.concatenate(alike.rows)
         chain = ReportChain(len(rows), steps.phases, (needed, scans), self._reports.chance.shape[1])
         nodes = np.concatenate(alike.nodes, axis=1)
         alike.nodes.clear()

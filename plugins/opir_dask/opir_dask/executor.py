@@ -22,7 +22,9 @@ class DaskExecutor:
     """
 
     def __init__(self, address: str, workers: int | None, timeout_s: float) -> None:
-        self._address, self._workers, self._timeout_s = address, workers, timeout_s
+        self._address = address
+        self._workers = workers
+        self._timeout_s = timeout_s
         self._client: Client | None = None
         self._cluster: LocalCluster | None = None
 
@@ -30,7 +32,8 @@ class DaskExecutor:
         """Yield the index and the result of each task once, as they end."""
         if not tasks:
             return
-        client, lost = self._connected(), list[int]()
+        client = self._connected()
+        lost = list[int]()
         waiting = iter(range(len(tasks)))
         number: dict[Any, int] = {}
         running = as_completed()
@@ -58,8 +61,10 @@ class DaskExecutor:
 
     def close(self) -> None:
         """Leave the cluster, or end the workers of this computer; allowed several times."""
-        client, cluster = self._client, self._cluster
-        self._client = self._cluster = None
+        client = self._client
+        cluster = self._cluster
+        self._client = None
+        self._cluster = None
         for each in (client, cluster):
             if each is not None:
                 with suppress(OSError, TimeoutError):

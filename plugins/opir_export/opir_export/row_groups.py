@@ -21,7 +21,9 @@ class RowGroups:
     def __init__(
         self, what: str, path: Path, place: Path, schema: Any, *, compression: str | None, group_rows: int
     ) -> None:
-        self._what, self._path, self._group_rows = what, path, group_rows
+        self._what = what
+        self._path = path
+        self._group_rows = group_rows
         self._kept: list[Any] = []
         self._rows = 0
         try:
@@ -43,7 +45,8 @@ class RowGroups:
             self._write(together.slice(start, self._group_rows))
         # A copy: a slice would keep all rows of its table.
         rest = together.slice(whole)
-        self._kept, self._rows = [rest.take(np.arange(rest.num_rows))] if rest.num_rows else [], rest.num_rows
+        self._kept = [rest.take(np.arange(rest.num_rows))] if rest.num_rows else []
+        self._rows = rest.num_rows
 
     def close(self) -> None:
         """Write the rest and end the file, without which no row can be read."""
@@ -51,7 +54,8 @@ class RowGroups:
             if self._rows:
                 self._write(pa.concat_tables(self._kept))
         finally:
-            self._kept, self._rows = [], 0
+            self._kept = []
+            self._rows = 0
             self._end()
 
     def _write(self, group: Any) -> None:

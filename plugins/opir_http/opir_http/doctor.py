@@ -27,7 +27,9 @@ from opir_core.host import PACKAGES, Search, contested
 from opir_core.output import WITHOUT_SPOOL
 from opir_core.scene import Choice
 
-OK, WARN, FAIL = "ok", "warn", "fail"
+OK = "ok"
+WARN = "warn"
+FAIL = "fail"
 
 #: Libraries whose versions decide about results or speed.
 _LIBRARIES = ("numpy", "scipy", "msgspec", "attrs", "cattrs", "pluggy", "pyyaml")
@@ -141,7 +143,8 @@ def _available_memory() -> int | None:
 
 def clock() -> Iterator[Finding]:
     """Yield the time of day and the resolution of the clocks that pace live runs."""
-    now_s, tick_s = time.time(), time.get_clock_info("monotonic").resolution
+    now_s = time.time()
+    tick_s = time.get_clock_info("monotonic").resolution
     shown = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now_s))
     if now_s < _RELEASED_S:
         yield Finding("clock", WARN, f"{shown} is before this release: set the clock, or --epoch-now is wrong")

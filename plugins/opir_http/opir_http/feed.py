@@ -74,7 +74,8 @@ class Client:
     """A viewer of the stream, on the event loop: a bounded queue of frames; a full one loses the oldest, counted."""
 
     def __init__(self, *, brief: bool, address: str = "") -> None:
-        self.brief, self.address = brief, address
+        self.brief = brief
+        self.address = address
         self.dropped = 0
         #: Detections up to this number were sent at the start; frames on their way with these are left out.
         self.seen = 0
@@ -132,7 +133,9 @@ class Feed:
         self.history = History(history)
         self.activity = Activity([sensor.id for sensor in sensors])
         self.tracks = TrackDocuments(epoch_us, most_tracks, hypotheses)
-        self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
+        self.sensors = sensors
+        self.epoch_us = epoch_us
+        self.reported_types = reported_types
         self._status = status
         self._encoder = ForgeEncoder(
             EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render)
@@ -210,13 +213,15 @@ class Feed:
                 frames = self._frames(live) if live is not None else []
                 self.error = None if live is not None else self.error
             except BaseException as error:  # the thread must not end unnoticed
-                self.error, frames = described_error(error), []
+                self.error = described_error(error)
+                frames = []
             if frames and self._clients and self._loop is not None and not self._loop.is_closed():
                 self._loop.call_soon_threadsafe(self._fan_out, frames)
 
     def _frames(self, live: LiveWindow) -> list[tuple[int, bytes, bytes]]:
         """Return the frames of a window, each with its number, 0 for none, in full and in brief."""
-        window, frames = live.window, list[tuple[int, bytes, bytes]]()
+        window = live.window
+        frames = list[tuple[int, bytes, bytes]]()
         if len(window.detections):
             frames.append(self._detections(window, live.cycle))
         if len(window.tracks):

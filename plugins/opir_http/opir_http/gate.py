@@ -60,7 +60,8 @@ class Rates:
 
     def wait_s(self, client: str, per_s: float) -> float:
         """Take a token and return 0, or the time to wait for one, s. A bucket holds the tokens of 2 s, at least one."""
-        now, most = time.monotonic(), max(1.0, 2.0 * per_s)
+        now = time.monotonic()
+        most = max(1.0, 2.0 * per_s)
         tokens, since = self._buckets.pop(client, (most, now))
         tokens = min(most, tokens + (now - since) * per_s)
         wait = 0.0 if tokens >= 1.0 else (1.0 - tokens) / per_s
@@ -80,7 +81,8 @@ class Gate:
         self._log = log or RequestLog()
         self._settings = settings
         self._token = token.encode() if token else None
-        self._rates, self._wrong_tokens = Rates(), Rates()
+        self._rates = Rates()
+        self._wrong_tokens = Rates()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Reject a request or pass it to the application."""
@@ -109,7 +111,8 @@ class Gate:
 
     async def _admitted(self, scope: Scope, receive: Receive) -> bytes:
         """Return the body of an accepted request; raises `ProblemError`."""
-        headers, client = dict(scope["headers"]), (scope.get("client") or ("",))[0]
+        headers = dict(scope["headers"])
+        client = (scope.get("client") or ("",))[0]
         if b"content-length" in headers and b"transfer-encoding" in headers:
             words = "a body has Content-Length or Transfer-Encoding, not both (RFC 9112, section 6.3)"
             raise ProblemError(400, words, headers={"Connection": "close"})
@@ -137,7 +140,8 @@ class Gate:
         """Reject writes of pages of other sites without a token: a browser sends them without asking (Fetch, 3.1)."""
         if self._token is not None:
             return
-        site, origin = headers.get(b"sec-fetch-site", b"none"), headers.get(b"origin")
+        site = headers.get(b"sec-fetch-site", b"none")
+        origin = headers.get(b"origin")
         is_own = origin is None or origin.partition(b"://")[2] == headers.get(b"host", b"")
         if not is_own or site not in (b"none", b"same-origin"):
             raise ProblemError(403, "without a token the service takes no writes from pages of other sites")
@@ -194,7 +198,8 @@ def _is_json(headers: Mapping[bytes, bytes]) -> bool:
     sections 3.1 and 3.5).
     """
     kind, _, rest = headers.get(b"content-type", b"").decode("latin-1").lower().partition(";")
-    kind, rest = kind.strip(), rest.strip().replace('"', "")
+    kind = kind.strip()
+    rest = rest.strip().replace('"', "")
     if kind == "application/x-www-form-urlencoded":
         return not rest and not any(name in headers for name in _OF_BROWSERS)
     return kind == "application/json" and rest in ("", "charset=utf-8")

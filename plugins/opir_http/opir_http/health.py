@@ -63,7 +63,8 @@ class Backlogs:
 
     def _grows(self, sink: SinkStatus) -> bool:
         """Return whether a backlog has grown at the last looks, without shrinking between them."""
-        waiting, now_s = sink.spooled + sink.queued_windows, time.monotonic()
+        waiting = sink.spooled + sink.queued_windows
+        now_s = time.monotonic()
         before, looked_s, rises = self._waiting.get(sink.path, (waiting, now_s, 0))
         if now_s - looked_s >= LOOK_S:
             rises = 0 if waiting == 0 or waiting < before else rises + (waiting > before)

@@ -44,8 +44,10 @@ class History:
         with self._lock:
             self.total += len(lines)
             place = np.arange(self.total - len(kept), self.total) % self._size
-            self._time_us[place], self._sensor[place] = time_us[rows], detections.sensor[rows]
-            self._type[place], self._track[place] = detections.reported_type[rows], detections.track[rows]
+            self._time_us[place] = time_us[rows]
+            self._sensor[place] = detections.sensor[rows]
+            self._type[place] = detections.reported_type[rows]
+            self._track[place] = detections.track[rows]
             self._confidence[place] = detections.confidence[rows]
             for at, line in zip(place.tolist(), kept, strict=True):
                 self._lines[at] = line

@@ -28,7 +28,8 @@ def log_as_json() -> None:
     handler = logging.StreamHandler(stream)
     handler.setFormatter(_JsonFormatter())
     logging.getLogger().addHandler(handler)
-    sys.stdout, sys.stderr = _JsonText(stream, "info", sys.stdout), _JsonText(stream, "error", stream)
+    sys.stdout = _JsonText(stream, "info", sys.stdout)
+    sys.stderr = _JsonText(stream, "error", stream)
 
 
 class _JsonFormatter(logging.Formatter):
@@ -43,7 +44,9 @@ class _JsonText(io.TextIOBase):
     """A stream that takes text and writes each whole line of it as a JSON line; lines that are JSON lines pass."""
 
     def __init__(self, stream: TextIO, level: str, replaced: TextIO) -> None:
-        self._stream, self._level, self._replaced = stream, level, replaced
+        self._stream = stream
+        self._level = level
+        self._replaced = replaced
         self._begun = local()
 
     def write(self, text: str) -> int:

@@ -26,8 +26,11 @@ class RequestLog:
     def __init__(
         self, write: Callable[[str], Any] = lambda line: None, token: str | None = None, *, is_json: bool = False
     ) -> None:
-        self._write, self._token, self._is_json = write, token, is_json
-        self._refused, self._due_s = 0, float("-inf")
+        self._write = write
+        self._token = token
+        self._is_json = is_json
+        self._refused = 0
+        self._due_s = float("-inf")
 
     def watched(self, scope: MutableMapping[str, Any], send: Send) -> Send:
         """Return a `send` that logs the status of the answer."""
@@ -40,7 +43,8 @@ class RequestLog:
         return sending
 
     def _answered(self, scope: MutableMapping[str, Any], status: int, answer: dict[bytes, bytes]) -> None:
-        client, path = (scope.get("client") or ("-",))[0], scope["path"][:200]
+        client = (scope.get("client") or ("-",))[0]
+        path = scope["path"][:200]
         request = f"{scope['method']} {json.dumps(path)}"
         fields = {"client": client, "method": scope["method"], "path": path, "status": status}
         if status < 400 and scope["method"] in _WRITES:
@@ -55,7 +59,8 @@ class RequestLog:
             if now_s >= self._due_s:
                 text = f"refused: {client}: {request} {status} ({self._refused} since the last line)"
                 self._tell("warning", text, {**fields, "refused": self._refused})
-                self._refused, self._due_s = 0, now_s + REFUSED_EVERY_S
+                self._refused = 0
+                self._due_s = now_s + REFUSED_EVERY_S
 
     def _tell(self, level: str, text: str, fields: Mapping[str, Any]) -> None:
         self._write(json_line(level, "opir_http.requests", text, fields) if self._is_json else f"opir: {text}\n")

@@ -13,7 +13,8 @@ CONTENT_TYPE = "text/plain; version=0.0.4"
 
 def metrics_text(service: Service) -> str:
     """Return all metrics."""
-    status, feed = service.run.status(), service.feed
+    status = service.run.status()
+    feed = service.feed
     health = service.health(status)
     sensors = [({"sensor_id": sensor.id}, sensor.detections) for sensor in status.sensors]
     parts = [
@@ -115,7 +116,8 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
 
 def _late(status: LiveStatus) -> str:
     name = "opir_cycle_late_seconds"
-    lines, total = [_head(name, "histogram", "Lateness of cycles")], 0
+    lines = [_head(name, "histogram", "Lateness of cycles")]
+    total = 0
     for edge, count in zip([*map(repr, LATE_EDGES_S), "+Inf"], status.late_counts, strict=True):
         total += count
         lines.append(f'{name}_bucket{{le="{edge}"}} {total}\n')

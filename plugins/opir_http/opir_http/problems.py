@@ -43,7 +43,9 @@ class ProblemError(Exception):
         errors: tuple[tuple[str, str], ...] = (),
         headers: Mapping[str, str] | None = None,
     ) -> None:
-        self.status, self.detail, self.errors = status, detail, errors
+        self.status = status
+        self.detail = detail
+        self.errors = errors
         self.headers = dict(headers or {})
         super().__init__(detail)
 

@@ -112,7 +112,8 @@ def refuse_names(block: Mapping[str, Any]) -> None:
 
 def refuse_other_names(before: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
     """Raise `ProblemError` if a configuration names other files or variables, or changes an output with a secret."""
-    ours, theirs = dict(_named(before)), dict(_named(wanted))
+    ours = dict(_named(before))
+    theirs = dict(_named(wanted))
     reason = "needs a restart: only the scene names files and variables with secrets"
     errors = [(path, reason) for path in sorted({*ours, *theirs}) if ours.get(path) != theirs.get(path)]
     outputs = wanted.get("outputs")

@@ -27,9 +27,11 @@ class Replay:
     """A saved run; times are Unix microseconds."""
 
     def __init__(self, run: Run) -> None:
-        self.run, self.scene = run, run.plan.scene
+        self.run = run
+        self.scene = run.plan.scene
         order = np.argsort(run.detections.time_ns, kind="stable")
-        self._detections, self._truth = run.detections.take(order), run.truth.take(order)
+        self._detections = run.detections.take(order)
+        self._truth = run.truth.take(order)
         self._time_us = unix_microseconds(self._detections.time_ns, self.scene.epoch_us)
         self._tracks = run.tracks.take(np.argsort(run.tracks.tick_s, kind="stable"))
         self._tick_us = self.scene.epoch_us + np.rint(self._tracks.tick_s * _US).astype(np.int64)
@@ -130,7 +132,8 @@ class Replay:
             None if not count else (int(times[count - 1]) - self.since_us) / _US
             for times, count in zip(self._by_sensor, counts, strict=True)
         ]
-        time_s, health = (time_us - self.since_us) / _US, [row["health"] for row in self.run.summary["sensors"]]
+        time_s = (time_us - self.since_us) / _US
+        health = [row["health"] for row in self.run.summary["sensors"]]
         return sensor_documents(self.run.sensors, time_s, counts, last_s, self.since_us, health)
 
 

@@ -103,7 +103,8 @@ def _health_routes(service: Service) -> list[Any]:
     async def live(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
         # Never waits: it answers while the engine, a sink or its counts are stuck.
-        state, reasons = service.run.state, service.run.progress().stuck
+        state = service.run.state
+        reasons = service.run.progress().stuck
         return _json({"state": state, "reasons": reasons}, 503 if state == "failed" or reasons else 200)
 
     @get("/health/ready")
@@ -111,9 +112,11 @@ def _health_routes(service: Service) -> list[Any]:
         query(request.scope["query_string"], ())
         try:
             found = await asyncio.wait_for(readiness.get(), _STATUS_S)
-            is_ready, reasons = found.ready, list(found.reasons)
+            is_ready = found.ready
+            reasons = list(found.reasons)
         except TimeoutError:
-            is_ready, reasons = False, [f"the status is not available within {_STATUS_S:g} s"]
+            is_ready = False
+            reasons = [f"the status is not available within {_STATUS_S:g} s"]
         return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503, headers=_lateness(service))
 
     @get("/metrics")
@@ -144,7 +147,8 @@ class Cached(Generic[Made]):
 
     def forget(self) -> None:
         """Make a new result for the next request; the one in progress is for earlier requests."""
-        self._made = self._making = None
+        self._made = None
+        self._making = None
 
     def _keep(self, making: "asyncio.Task[Made]") -> None:
         if making is self._making:
@@ -309,7 +313,8 @@ def _filter(given: Mapping[str, str], service: Service) -> Filter:
             for row, sensor in enumerate(service.feed.sensors)
             if given.get("sensor_id", sensor.id) == sensor.id and given.get("sensor_type", sensor.type) == sensor.type
         )
-    kind, types = given.get("target_type"), service.feed.reported_types
+    kind = given.get("target_type")
+    types = service.feed.reported_types
     if kind is not None and kind not in types:
         raise ProblemError(400, f"target_type must be one of {', '.join(types)}")
     return Filter(

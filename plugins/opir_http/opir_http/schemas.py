@@ -306,7 +306,8 @@ def _sink() -> Schema:
 
 
 def _schema_of_field(attribute: Any) -> Schema:
-    info, kind = info_of(attribute), attribute.type
+    info = info_of(attribute)
+    kind = attribute.type
     words = f"{info.help}{f', {info.unit}' if info.unit else ''}"
     if hasattr(kind, "__attrs_attrs__"):
         return schema_of_class(kind) | {"description": words}

@@ -27,7 +27,8 @@ _BACKLOG = 512
 
 #: Time, s, that clients have at the end to receive the last frames, and after which uvicorn cancels requests, which
 #: prints tracebacks.
-_CUT_S, _CANCEL_S = 0.8, 2
+_CUT_S = 0.8
+_CANCEL_S = 2
 
 
 class Connection(H11Protocol):
@@ -40,7 +41,8 @@ class Connection(H11Protocol):
     _deadline_s = HEADERS_S
     _is_reserved = False
     #: Bytes that wait for the client, and since when none of them has been taken.
-    _unread, _unread_since_s = 0, 0.0
+    _unread = 0
+    _unread_since_s = 0.0
     _check: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
@@ -51,7 +53,9 @@ class Connection(H11Protocol):
             if sum(getattr(other, "_is_reserved", False) for other in self.connections) >= RESERVED_CONNECTIONS:
                 transport.close()
                 return
-            self._is_reserved, self._deadline_s, self.app = True, RESERVED_S, health_only(self.app)
+            self._is_reserved = True
+            self._deadline_s = RESERVED_S
+            self.app = health_only(self.app)
         self._look()
 
     def _of_client(self) -> int:
@@ -125,7 +129,8 @@ class Server(uvicorn.Server):
                 backlog=_BACKLOG,
             )
         )
-        self._on_stop, self._on_start = on_stop, on_start
+        self._on_stop = on_stop
+        self._on_start = on_start
         #: Time of the first stop signal, monotonic clock, s.
         self.asked_at_s: float | None = None
 

@@ -28,11 +28,14 @@ class Service:
     """A run, its feed and its settings; methods that change the run are called off the event loop."""
 
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
-        self.run, self.settings = run, settings
+        self.run = run
+        self.settings = settings
         bounds = settings.history, settings.maximum_tracks
         _, render = chosen_renderer(run.plan.host)
         plan = run.plan
-        sensors, epoch_us, names = plan.sensors, run.scene.epoch_us, plan.hypothesis_names
+        sensors = plan.sensors
+        epoch_us = run.scene.epoch_us
+        names = plan.hypothesis_names
         self.feed = Feed(sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names)
         self.answers = Answers()
         self._writing = threading.Lock()
@@ -42,7 +45,8 @@ class Service:
 
     def status(self) -> dict[str, Any]:
         """Return state and counts of the simulation, its sensors and its sinks."""
-        live, plan = self.run.status(), self.run.plan
+        live = self.run.status()
+        plan = self.run.plan
         return {
             "scene": plan.scene.name,
             "state": live.state,
@@ -125,7 +129,8 @@ class Service:
 
     def health(self, live: LiveStatus | None = None) -> Health:
         """Return the health of the service: the same for every route, the metrics and the log."""
-        live, progress = live or self.run.status(), self.run.progress()
+        live = live or self.run.status()
+        progress = self.run.progress()
         state = "the run is starting" if live.state == "starting" else f"the run has {live.state}"
         reasons = [] if live.state in ("running", "ended") else [state]
         reasons += progress.delays

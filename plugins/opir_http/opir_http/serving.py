@@ -65,7 +65,8 @@ def serve(arguments: argparse.Namespace) -> int:
         service = service_of(arguments)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = RunWatchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
-    service.watchdog, stopping = watchdog.thread, threading.Event()
+    service.watchdog = watchdog.thread
+    stopping = threading.Event()
     with bound_socket(arguments) as listening:
         # Building it takes a second or two, which viewers would miss if the run had already started.
         app = application(service)

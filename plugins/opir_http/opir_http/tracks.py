@@ -38,7 +38,9 @@ class TrackDocuments:
     """
 
     def __init__(self, epoch_us: int, most: int = 1_000, hypotheses: Sequence[str] = ()) -> None:
-        self._epoch_us, self.most, self._hypotheses = epoch_us, most, hypotheses
+        self._epoch_us = epoch_us
+        self.most = most
+        self._hypotheses = hypotheses
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
         #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
         self._trails: dict[int, array[float]] = {}

@@ -56,7 +56,8 @@ def view_application(replay: Replay) -> Litestar:
     @get("/replay")
     async def part(request: AnyRequest) -> Response[bytes]:
         given = query(request.scope["query_string"], ("since", "until", "step_s"))
-        since_us, until_us = instant_us(given, "since"), instant_us(given, "until")
+        since_us = instant_us(given, "since")
+        until_us = instant_us(given, "until")
         if since_us is None or until_us is None or not 0 <= until_us - since_us <= LONGEST_S * 1e6:
             raise ProblemError(400, f"since and until must be given, at most {LONGEST_S:g} s apart")
         step_s = number_within(given, "step_s", 1.0, *_STEPS_S)

@@ -173,9 +173,11 @@ def _tls_words(error: ssl.SSLError, servers: str) -> str:
             " security.certificate_file and security.key_file"
         )
     if isinstance(error, ssl.SSLCertVerificationError):
-        reason, remedy = error.verify_message.rstrip("."), _CERTIFICATE_REMEDIES.get(error.verify_code)
+        reason = error.verify_message.rstrip(".")
+        remedy = _CERTIFICATE_REMEDIES.get(error.verify_code)
     else:
-        reason, remedy = error.reason or "TLS fails", None
+        reason = error.reason or "TLS fails"
+        remedy = None
     return f"no encrypted connection to {servers}: {reason}; {remedy or 'see security.ca_file'}"
 
 

@@ -48,7 +48,10 @@ class Shipment:
 
     def put(self, batch: Any, rows: Rows) -> int:
         """Append rows to aiokafka's batch and return the number that fit."""
-        keys, key_of, messages, headers = self._keys, self._key_of, self._messages, self._headers
+        keys = self._keys
+        key_of = self._key_of
+        messages = self._messages
+        headers = self._headers
         append = batch.append
         for place, row in enumerate(rows):
             if append(timestamp=None, key=keys[key_of[row]], value=messages[row], headers=headers) is None:

@@ -16,7 +16,10 @@ _NOT_A_VARIABLE = (
 )
 _HIGHEST_PORT = 65_535
 
-PLAIN_TEXT, TLS, SASL, SASL_TLS = "PLAINTEXT", "SSL", "SASL_PLAINTEXT", "SASL_SSL"
+PLAIN_TEXT = "PLAINTEXT"
+TLS = "SSL"
+SASL = "SASL_PLAINTEXT"
+SASL_TLS = "SASL_SSL"
 
 
 @frozen(kw_only=True)
@@ -56,7 +59,8 @@ class SecurityConfig:
         variables = (self.key_password_variable, self.password_variable)
         if any(name is not None and not _VARIABLE.fullmatch(name) for name in variables):
             return [_NOT_A_VARIABLE]
-        has_login, is_sasl = self.username is not None or self.password_variable is not None, "SASL" in self.protocol
+        has_login = self.username is not None or self.password_variable is not None
+        is_sasl = "SASL" in self.protocol
         complaints = []
         if is_sasl and (self.username is None or self.password_variable is None):
             complaints.append(f"{self.protocol} needs username and password_variable")

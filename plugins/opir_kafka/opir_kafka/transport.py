@@ -23,7 +23,8 @@ from opir_kafka.settings import KafkaConfig
 _log = logging.getLogger(__name__)
 
 #: Time, s, without an acknowledgement before the first look for the reason, and the longest between two looks.
-_PATIENCE_S, _LONGEST_PATIENCE_S = 1.0, 8.0
+_PATIENCE_S = 1.0
+_LONGEST_PATIENCE_S = 8.0
 
 
 class KafkaTransport(Transport):
@@ -126,12 +127,14 @@ class KafkaTransport(Transport):
         self.trouble = trouble
 
     def _reopen(self) -> None:
-        self._fatal, self._most_messages = None, sys.maxsize
+        self._fatal = None
+        self._most_messages = sys.maxsize
         self._is_to_retry.set()
 
     def _fail(self, error: SinkError) -> None:
         self._is_to_retry.clear()
-        self._fatal, self.trouble = error, str(error)
+        self._fatal = error
+        self.trouble = str(error)
         for shipment in self._shipments:
             shipment.future.set_exception(error)
         self._shipments.clear()
@@ -189,7 +192,8 @@ class KafkaTransport(Transport):
                 self._most_messages = min(self._most_messages, count // 2)
                 raise SmallerBatchesError from None
             self._pauses_s = self._pauses()
-            self.trouble, self.attempts = None, 0
+            self.trouble = None
+            self.attempts = 0
             for shipment, rows in sent:
                 self.acknowledged += len(rows)
                 if shipment.acknowledge(rows):

@@ -6,7 +6,10 @@ from opir_paper.printed import Printed, figure_text
 from opir_paper.simulated import Simulated
 
 #: Of a check: the printed figure follows from the formulas; it does not; it is taken over as a default.
-HOLDS, CORRECTED, TAKEN_OVER, NOT_REPRODUCED = "holds", "corrected", "taken over", "NOT REPRODUCED"
+HOLDS = "holds"
+CORRECTED = "corrected"
+TAKEN_OVER = "taken over"
+NOT_REPRODUCED = "NOT REPRODUCED"
 
 #: Scan period, ms, and P_d of an ICBM by sensor, as printed in sections 3.1 to 3.4, 4.1 and 4.2.
 STATED = {"DSP": ("200", "0.60"), "SBIRS-GEO": ("100", "0.80"), "NEXTGEN-GEO": ("50", "0.95")}

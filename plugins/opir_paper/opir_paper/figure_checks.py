@@ -25,7 +25,8 @@ def checks(seed: int = 1) -> Sequence[Check]:
     >>> sorted({check.verdict for check in checks()})
     ['corrected', 'holds', 'taken over']
     """
-    scans, counts = first_scans(seed), boost_counts(seed)
+    scans = first_scans(seed)
+    counts = boost_counts(seed)
     sensors = dict(zip(SENSORS, opir.compile_plan(opir.scene_from_mapping(scene(seed))).sensors, strict=True))
     return [
         *intensities(sensors),
@@ -84,18 +85,22 @@ def _confidences(counts: BoostCounts) -> Iterator[Check]:
 def _latencies(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
     for place, what in enumerate(("mean", "95th percentile")):
         for name in SENSORS:
-            period_s, chance = float(STATED[name][0]) * 1e-3, float(STATED[name][1])
+            period_s = float(STATED[name][0]) * 1e-3
+            chance = float(STATED[name][1])
             latency_s = scans[name] * period_s
             if place == 0:
-                value, seen = float(latency_mean(period_s, chance)), Simulated.mean(latency_s)
+                value = float(latency_mean(period_s, chance))
+                seen = Simulated.mean(latency_s)
             else:
-                value, seen = float(latency_quantile(0.95, period_s, chance)), _quantile(scans[name], period_s)
+                value = float(latency_quantile(0.95, period_s, chance))
+                seen = _quantile(scans[name], period_s)
             yield checked("5.1", f"{name}: {what} latency", rounded(_LATENCIES[name][place]), value, "s", seen)
 
 
 def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
     """Return the 95th percentile of latencies and, from the binomial law of ranks, its interval."""
-    ordered, count = np.sort(scans) * period_s, len(scans)
+    ordered = np.sort(scans) * period_s
+    count = len(scans)
     half = 3.2905 * (0.95 * 0.05 * count) ** 0.5
     low, middle, high = (min(int(np.ceil(0.95 * count + shift)), count) - 1 for shift in (-half, 0.0, half))
     return Simulated(*(float(ordered[rank]) for rank in (middle, low, high)))

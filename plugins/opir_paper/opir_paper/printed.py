@@ -27,7 +27,8 @@ def rounded(text: str) -> Printed:
     >>> rounded("0.33").covers(1.0 / 3.0), rounded("0.30").covers(0.2)
     (True, False)
     """
-    value, exponent = Decimal(text), Decimal(text).as_tuple().exponent
+    value = Decimal(text)
+    exponent = Decimal(text).as_tuple().exponent
     half = Decimal(5).scaleb(int(exponent) - 1)
     return Printed(text, float(value - half), float(value + half))
 

@@ -14,10 +14,12 @@ from opir_core.arrays import FloatArray, IntArray
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 
 #: Launches whose first detection is timed, and boosts whose looks are counted.
-_LAUNCHES, _BOOSTS = 4000, 20
+_LAUNCHES = 4000
+_BOOSTS = 20
 
 #: The paper's boost, s, and the time in which a launch is first detected but for one in 10¹².
-_BOOST_S, _FIRST_S = 300.0, 6.1
+_BOOST_S = 300.0
+_FIRST_S = 6.1
 
 #: Two-sided 99.9 % of a normal distribution.
 _Z = 3.2905
@@ -41,7 +43,8 @@ class Simulated:
     @classmethod
     def share(cls, hits: int, trials: int) -> "Simulated":
         """Return a share by the Wilson score interval, which holds near 0 and 1 too."""
-        share, z2 = hits / trials, _Z * _Z / trials
+        share = hits / trials
+        z2 = _Z * _Z / trials
         middle = (share + 0.5 * z2) / (1.0 + z2)
         half = _Z * math.sqrt(share * (1.0 - share) / trials + 0.25 * z2 / trials) / (1.0 + z2)
         return cls(share, max(0.0, middle - half), min(1.0, middle + half))
@@ -94,7 +97,8 @@ def boost_counts(seed: int) -> BoostCounts:
     plan = opir.compile_plan(opir.scene_from_mapping(scene(seed, _BOOSTS)))
     looks = {name: int(plan.pairs.looks[plan.pairs.sensor == number][0]) for number, name in enumerate(SENSORS)}
     run = opir.run_of_plan(plan)
-    detected, confidence = {}, {}
+    detected = {}
+    confidence = {}
     for number, name in enumerate(SENSORS):
         mine = np.flatnonzero(run.detections.sensor == number)
         detected[name] = Simulated.share(len(mine), _BOOSTS * looks[name])

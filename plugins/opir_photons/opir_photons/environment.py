@@ -44,7 +44,8 @@ REFERENCE_BURN_S = 170.0
 
 
 #: Samples of height during a burn, and refinement steps of an altitude crossing between two of them.
-_SAMPLES, _STEPS = 48, 3
+_SAMPLES = 48
+_STEPS = 3
 
 
 @frozen(eq=False, repr=False)
@@ -69,15 +70,19 @@ class Ascents(Columns):
         crossed = below & (self.height_m[:, 1:, None] >= levels_m[:, None, :])
         row, level = np.nonzero(crossed.any(axis=1))
         step = crossed.argmax(axis=1)[row, level]
-        low_s, high_s = self.time_s[row, step], self.time_s[row, step + 1]
-        low_m, high_m = self.height_m[row, step], self.height_m[row, step + 1]
+        low_s = self.time_s[row, step]
+        high_s = self.time_s[row, step + 1]
+        low_m = self.height_m[row, step]
+        high_m = self.height_m[row, step + 1]
         wanted_m = levels_m[row, level]
         for _ in range(_STEPS):
             middle_s = low_s + (high_s - low_s) * (wanted_m - low_m) / (high_m - low_m)
             middle_m = heights_m(self.targets.position_ecef_m(self.target[row], middle_s))
             is_low = middle_m < wanted_m
-            low_s, low_m = np.where(is_low, middle_s, low_s), np.where(is_low, middle_m, low_m)
-            high_s, high_m = np.where(is_low, high_s, middle_s), np.where(is_low, high_m, middle_m)
+            low_s = np.where(is_low, middle_s, low_s)
+            low_m = np.where(is_low, middle_m, low_m)
+            high_s = np.where(is_low, high_s, middle_s)
+            high_m = np.where(is_low, high_m, middle_m)
         times_s = np.full(levels_m.shape, np.nan)
         times_s[row, level] = low_s + (high_s - low_s) * (wanted_m - low_m) / np.maximum(high_m - low_m, 1e-300)
         return times_s
@@ -164,7 +169,8 @@ class RadiometricEnvironment:
 
     def _since_ignition_s(self, exposures: Exposures) -> FloatArray:
         """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of a cold body."""
-        targets, target = self.targets, exposures.target
+        targets = self.targets
+        target = exposures.target
         since_s = exposures.emission_time_s - targets.ignition_s[target]
         dark = np.flatnonzero(targets.is_dark(target, exposures.emission_time_s))
         if len(dark):
@@ -176,7 +182,8 @@ class RadiometricEnvironment:
         self, bands: Sequence[int], target: IndexArray, since_s: FloatArray, height_m: FloatArray, aspect: FloatArray
     ) -> FloatArray:
         """Return what signatures radiate (bands, n)."""
-        place, group = self.place[target], self.group[target]
+        place = self.place[target]
+        group = self.group[target]
         if len(self.signatures) == 1:
             return self.signatures[0].intensities_w_sr(bands, place, since_s, height_m, aspect)
         intensity = np.empty((len(bands), len(target)))
@@ -188,7 +195,8 @@ class RadiometricEnvironment:
 
     def reflecting_area_m2(self, target: IndexArray, since_s: FloatArray) -> FloatArray:
         """Return albedo times cross-section (n,) of targets at times since ignition (n,)."""
-        area, group = np.zeros(len(target)), self.group[target]
+        area = np.zeros(len(target))
+        group = self.group[target]
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
             area[rows] = signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
@@ -206,7 +214,8 @@ class RadiometricEnvironment:
         if self.targets.burns_s.shape[1] > 1:
             times_s.append(self.targets.burns_s.reshape(len(self.group), -1))
         for signatures, rows in zip(self.signatures, everyone, strict=True):
-            levels_m, since_s = signatures.altitude_breakpoints_m, signatures.time_breakpoints_s
+            levels_m = signatures.altitude_breakpoints_m
+            since_s = signatures.time_breakpoints_s
             if levels_m is not None:
                 times_s.append(self._of_all(rows, heights.take(rows).times_s(levels_m[self.place[rows]])))
             if since_s is not None:
@@ -231,8 +240,10 @@ class RadiometricEnvironment:
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
         """Return the angles (n,) between the direction of flight and the direction to the sensor, rad."""
-        target, time_s = exposures.target, exposures.emission_time_s
-        start_s, stop_s = self.targets.ignition_s[target], self.targets.end_s[target]
+        target = exposures.target
+        time_s = exposures.emission_time_s
+        start_s = self.targets.ignition_s[target]
+        stop_s = self.targets.end_s[target]
         later = self.targets.position_ecef_m(target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s))
         way = later - self.targets.position_ecef_m(target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s))
         along = way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
@@ -243,7 +254,9 @@ class RadiometricEnvironment:
 
 def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
     """Return the radiometric environment of a scene; raises `ModelError` if a model does not cover a band."""
-    scene, host, targets = of.scene, of.host, of.targets
+    scene = of.scene
+    host = of.host
+    targets = of.targets
     bands = distinct_bands(of.sensors)
     atmosphere = scene_atmosphere(scene, host, bands)
     backdrop = BackgroundContext(
@@ -278,7 +291,8 @@ def _signatures(
     scene: Scene, host: Host, bands: tuple[Band, ...], targets: Targets, sources: Sequence[Sources]
 ) -> tuple[tuple[Signatures, ...], IndexArray, IndexArray]:
     """Return all signatures, and of each target the number and the row of its own."""
-    group, place = np.full(len(targets.ids), -1, dtype=np.int32), targets.place.copy()
+    group = np.full(len(targets.ids), -1, dtype=np.int32)
+    place = targets.place.copy()
     made: list[Signatures] = []
     for source in sources:
         numbers = [number for number, known in enumerate(targets.trajectories) if known is source.trajectories]
@@ -301,7 +315,8 @@ def _signatures(
             plumes=tuple(classes[targets.class_names[row]].plume(profiles[row]) for row in rows),
             burns_s=targets.burns_s[rows] - targets.ignition_s[rows][:, None, None],
         )
-        group[rows], place[rows] = len(made), np.arange(len(rows))
+        group[rows] = len(made)
+        place[rows] = np.arange(len(rows))
         component = host.component(SignatureModel, name, chosen[0].path)
         built = component.build([choice.config for choice in chosen], context)
         made.append(Signatures.adopt(built, partial(owner_text, host, chosen[0])))
@@ -333,6 +348,7 @@ def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray
         burn_time_s=np.array([REFERENCE_BURN_S]),
     )
     plume = Signatures.adopt(component.build([component.config()], context))
-    one, place = np.zeros(1, dtype=np.int32), (REFERENCE_TIME_S, REFERENCE_ALTITUDE_M, 0.5 * np.pi)
+    one = np.zeros(1, dtype=np.int32)
+    place = (REFERENCE_TIME_S, REFERENCE_ALTITUDE_M, 0.5 * np.pi)
     columns = [np.array([value]) for value in place]
     return np.array([plume.intensity_w_sr(band, one, *columns)[0] for band in range(len(bands))])

@@ -50,14 +50,16 @@ class ReflectedSunlight:
 
         Bodies are diffuse spheres in the sunlight that the Earth and its air leave.
         """
-        target_m, time_s = exposures.target_ecef_m, exposures.emission_time_s
+        target_m = exposures.target_ecef_m
+        time_s = exposures.emission_time_s
         sun_m = sun_ecef_m(time_s, self.epoch_us)
         lit = sunlit_fraction(target_m, sun_m)
         intensity = np.zeros((len(bands), len(exposures)))
         rows = np.flatnonzero((area_m2 > 0.0) & (lit > 0.0))
         if not len(rows):
             return intensity
-        target_m, to_sun = target_m[rows], sun_m[rows] - target_m[rows]
+        to_sun = sun_m[rows] - target_m[rows]
+        target_m = target_m[rows]
         distance_m = length(*components(to_sun))
         phase = angle_between_rad(to_sun, exposures.sensor_ecef_m[rows] - target_m)
         area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
@@ -71,7 +73,8 @@ class ReflectedSunlight:
 def shadow_times_s(targets: Targets, epoch_us: int) -> FloatArray:
     """Return the scene times (targets, k) at which bodies enter or leave penumbra or umbra after burnout; or nan."""
     flying = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
-    start_s, stop_s = targets.burnout_s[flying], targets.end_s[flying]
+    start_s = targets.burnout_s[flying]
+    stop_s = targets.end_s[flying]
 
     def margin(edge: int, row: IntArray, time_s: FloatArray) -> FloatArray:
         # Rounding must not lead out of the flight.

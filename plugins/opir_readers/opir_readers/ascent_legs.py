@@ -11,14 +11,17 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EAR
 from opir_core.flight import propagate_kepler
 
 #: Steps of integration and of the states of a leg, s; states of a free fall.
-_STEP_S, _COAST_STEP_S = 1.0, 5.0
+_STEP_S = 1.0
+_COAST_STEP_S = 5.0
 _ONE_STEP_S = np.array([0.0, _STEP_S])
 
 #: Least number of states of a fall.
 _LEAST = 8
 
 #: Air of a falling booster: density at the ground, scale height, m/(C_d A). The last is notional.
-_DENSITY_KG_M3, _SCALE_M, _BALLISTIC_KG_M2 = 1.225, 7500.0, 2000.0
+_DENSITY_KG_M3 = 1.225
+_SCALE_M = 7500.0
+_BALLISTIC_KG_M2 = 2000.0
 
 OMEGA = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
@@ -49,7 +52,8 @@ def powered(
 ) -> AscentLeg:
     """Return a burn on the great circle from a position in a direction, by its program; speeds are over the Earth."""
     radius = float(np.linalg.norm(position_m))
-    up, along = position_m / radius, heading / np.linalg.norm(heading)
+    up = position_m / radius
+    along = heading / np.linalg.norm(heading)
     along = along - np.dot(along, up) * up
     along /= np.linalg.norm(along)
 
@@ -73,7 +77,8 @@ def coast(before: AscentLeg, duration_s: float) -> AscentLeg:
     """Return a free fall on a two-body arc, in a frame at rest, from the end of a leg."""
     count = max(round(duration_s / _COAST_STEP_S), 8) + 1
     since_s = np.linspace(0.0, duration_s, count)
-    position, velocity = before.position_m[-1], before.velocity_m_s[-1]
+    position = before.position_m[-1]
+    velocity = before.velocity_m_s[-1]
     flown, moved = propagate_kepler(position[None], (velocity + np.cross(OMEGA, position))[None], since_s)
     turned, moving = (_turned(vectors, -EARTH_ROTATION_RAD_S * since_s) for vectors in (flown, moved))
     return AscentLeg(before.time_s[-1] + since_s, turned, moving - np.cross(OMEGA, turned), False)
@@ -90,7 +95,9 @@ def falling(
     before: AscentLeg, is_over: Callable[[FloatArray, FloatArray], bool], longest_s: float = 1200.0
 ) -> AscentLeg:
     """Return a fall through the air from the end of a leg, until the last step before something is over."""
-    rate, state, states = _rate(lambda _, velocity: 0.0 * velocity), _last(before), list[FloatArray]()
+    rate = _rate(lambda _, velocity: 0.0 * velocity)
+    state = _last(before)
+    states = list[FloatArray]()
     while len(states) * _STEP_S < longest_s and not (len(states) > _LEAST and is_over(state[:3], state[3:])):
         states.append(state)
         state = integrated(rate, _ONE_STEP_S, state)[-1]
@@ -101,7 +108,8 @@ def falling(
 def stopping(before: AscentLeg, burn_s: float) -> AscentLeg:
     """Return a burn that brings a target to rest on a straight line, at a constant deceleration."""
     share = np.linspace(0.0, 1.0, max(round(burn_s / _STEP_S), 8) + 1)[:, None]
-    position, velocity = before.position_m[-1], before.velocity_m_s[-1]
+    position = before.position_m[-1]
+    velocity = before.velocity_m_s[-1]
     way = position + burn_s * (share - 0.5 * share * share) * velocity
     return AscentLeg(before.time_s[-1] + burn_s * share[:, 0], way, (1.0 - share) * velocity, True)
 
@@ -117,7 +125,8 @@ def integrated(rate: Callable[[float, FloatArray], FloatArray], time_s: FloatArr
     """Return states (n, k) at times (n,) by the classical Runge-Kutta method."""
     states = [state]
     for now, later in zip(time_s[:-1].tolist(), time_s[1:].tolist(), strict=True):
-        step, middle = later - now, 0.5 * (now + later)
+        step = later - now
+        middle = 0.5 * (now + later)
         first = rate(now, state)
         second = rate(middle, state + 0.5 * step * first)
         third = rate(middle, state + 0.5 * step * second)
@@ -136,7 +145,8 @@ def _rate(thrust: Thrust) -> Callable[[float, FloatArray], FloatArray]:
     """Return what changes position and velocity (6,): gravity, rotation, air and a thrust."""
 
     def rate(_: float, state: FloatArray) -> FloatArray:
-        position, velocity = state[:3], state[3:]
+        position = state[:3]
+        velocity = state[3:]
         radius, speed = (math.sqrt(float(each @ each)) for each in (position, velocity))
         air = _DENSITY_KG_M3 * math.exp(-max(height_of(position), 0.0) / _SCALE_M)
         turning = np.array([position[0], position[1], 0.0]) * EARTH_ROTATION_RAD_S**2
@@ -150,6 +160,7 @@ def _rate(thrust: Thrust) -> Callable[[float, FloatArray], FloatArray]:
 
 def _turned(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Return vectors (n, 3) turned about the Earth's axis."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    cosine = np.cos(angle_rad)
+    sine = np.sin(angle_rad)
     x, y, z = vectors.T
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)

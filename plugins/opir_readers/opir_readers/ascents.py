@@ -27,14 +27,22 @@ from opir_readers.table_targets import EPHEMERIS_TOLERANCE_M, TableTargets
 #: Thrust over weight at lift-off, of which 1.2 to 1.4 is usual (G. P. Sutton and O. Biblarz, Rocket Propulsion
 #: Elements, 8th edition, chapter 4); growth of the acceleration of the first burn with throttling, and of the second.
 #: Notional.
-LIFT_OFF, FIRST_GROWTH, SECOND_GROWTH = 1.3, 3.0, 4.0
+LIFT_OFF = 1.3
+FIRST_GROWTH = 3.0
+SECOND_GROWTH = 4.0
 
 #: Vertical flight, s; flight path angle at the end of the first burn, rad, and the exponent of its program. Notional.
-_VERTICAL_S, _FIRST_ANGLE_RAD, _FIRST_EXPONENT = 12.0, float(np.radians(32.0)), 0.75
+_VERTICAL_S = 12.0
+_FIRST_ANGLE_RAD = float(np.radians(32.0))
+_FIRST_EXPONENT = 0.75
 
 #: The booster's burns, s: back to the launch site, against re-entry, and to land; where re-entry is braked, m, and how
 #: much of the speed that takes. Notional.
-_BACK_S, _ENTRY_S, _LANDING_S, _ENTRY_M, _ENTRY_SHARE = 45.0, 20.0, 25.0, 60e3, 0.4
+_BACK_S = 45.0
+_ENTRY_S = 20.0
+_LANDING_S = 25.0
+_ENTRY_M = 60e3
+_ENTRY_SHARE = 0.4
 
 #: The largest thrust acceleration, m/s²: with gravity it stays below the 100 m/s² for which visibility is exact.
 MOST_M_S2 = 90.0
@@ -43,7 +51,8 @@ MOST_M_S2 = 90.0
 _RESTS_S = 60.0
 
 _GRAVITY_M_S2 = 9.81
-_ITERATIONS, _MISS = 40, 1e-6
+_ITERATIONS = 40
+_MISS = 1e-6
 
 
 @define(eq=False)
@@ -68,7 +77,8 @@ class AscentTargets(TableTargets):
 
 def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> Trajectories:
     """Return the trajectories of all targets of the model; raises `SceneError` where no orbit is reached."""
-    tables, problems = list[StateTable](), list[Problem]()
+    tables = list[StateTable]()
+    problems = list[Problem]()
     for config, path in zip(configs, context.paths, strict=True):
         try:
             tables.append(_table(config, legs_of(config)))
@@ -124,10 +134,12 @@ def _first_burn(start_m: FloatArray, azimuth_rad: float, burn_s: float) -> Ascen
 
 def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentLeg:
     """Return the burn from the end of a coast into a circular orbit at an altitude above the equatorial radius."""
-    position, velocity = before.position_m[-1], before.velocity_m_s[-1]
+    position = before.position_m[-1]
+    velocity = before.velocity_m_s[-1]
     speed = float(np.linalg.norm(velocity))
     angle = float(np.arcsin(velocity @ position / (speed * np.linalg.norm(position))))
-    growth, wanted_m = 1.0 - 1.0 / SECOND_GROWTH, EARTH_EQUATORIAL_RADIUS_M + altitude_m
+    growth = 1.0 - 1.0 / SECOND_GROWTH
+    wanted_m = EARTH_EQUATORIAL_RADIUS_M + altitude_m
 
     def flown(settings: FloatArray) -> AscentLeg:
         first_m_s2, exponent = settings.tolist()
@@ -153,7 +165,8 @@ def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentL
 
 def _booster(before: AscentLeg, start_m: FloatArray, *, flies_back: bool) -> list[AscentLeg]:
     """Return the way of a booster from the end of its dark gap to the ground: to the launch site, or down the range."""
-    velocity, up = before.velocity_m_s[-1], before.position_m[-1] / np.linalg.norm(before.position_m[-1])
+    velocity = before.velocity_m_s[-1]
+    up = before.position_m[-1] / np.linalg.norm(before.position_m[-1])
     ahead = velocity - (velocity @ up) * up
     ahead /= np.linalg.norm(ahead)
 
@@ -166,7 +179,8 @@ def _booster(before: AscentLeg, start_m: FloatArray, *, flies_back: bool) -> lis
         slowed = thrusting(fallen, _ENTRY_S, lambda _, way: -brake * way / np.linalg.norm(way))
         # A constant deceleration stops within half of the speed times the time.
         last = falling(slowed, lambda place, way: height_of(place) < 0.5 * _LANDING_S * _sinking_m_s(place, way))
-        place, way = last.position_m[-1], last.velocity_m_s[-1]
+        place = last.position_m[-1]
+        way = last.velocity_m_s[-1]
         landing = stopping(last, 2.0 * height_of(place) / _sinking_m_s(place, way))
         return [*turned, fallen, slowed, last, landing, resting(landing, _RESTS_S)]
 

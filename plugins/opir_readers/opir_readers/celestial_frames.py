@@ -82,7 +82,8 @@ def nutation_rad(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad."""
     t = np.asarray(t, dtype=np.float64)
     arguments = [(start + (rate + bend * t) * t) * _DEGREE for start, rate, bend in _ARGUMENTS]
-    longitude, shift = np.zeros_like(t), np.zeros_like(t)
+    longitude = np.zeros_like(t)
+    shift = np.zeros_like(t)
     for multiples, sine, sine_rate, cosine, cosine_rate in _NUTATION:
         angle = sum(multiple * argument for multiple, argument in zip(multiples, arguments, strict=True))
         longitude = longitude + (sine + sine_rate * t) * np.sin(angle)
@@ -96,6 +97,10 @@ def _turned(vectors: FloatArray, turns: Any) -> FloatArray:
     columns = list(vectors.T)
     for axis, angle in turns:
         first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-        a, b, cosine, sine = columns[first], columns[second], np.cos(angle), np.sin(angle)
-        columns[first], columns[second] = cosine * a + sine * b, cosine * b - sine * a
+        a = columns[first]
+        b = columns[second]
+        cosine = np.cos(angle)
+        sine = np.sin(angle)
+        columns[first] = cosine * a + sine * b
+        columns[second] = cosine * b - sine * a
     return np.stack(columns, axis=1)

@@ -14,7 +14,8 @@ def columns_of_text(text: str) -> dict[str, str]:
     >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
     {'time_s': 'T', 'height_ft': 'Altitude, ft'}
     """
-    found, at = dict[str, str](), 0
+    found = dict[str, str]()
+    at = 0
     while at < len(text):
         match = _PAIR.match(text, at)
         if match is None:

@@ -41,7 +41,8 @@ VELOCITIES = (
     ("vx_teme", "vy_teme", "vz_teme"),
 )
 CELESTIAL_RATES: Mapping[tuple[str, ...], str] = dict(zip(VELOCITIES[3:], CELESTIAL.values(), strict=True))
-TIME, BURNING = "time", "is_burning"
+TIME = "time"
+BURNING = "is_burning"
 #: The time as a date, in place of seconds, and other names of such columns, in lower case.
 DATE = "timestamp"
 #: Times that count from a date, and that date, s of Unix time.

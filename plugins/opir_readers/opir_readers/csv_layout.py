@@ -19,7 +19,8 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _QUOTED_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,(\d{1,2}|\d{4,})([eE][+-]?\d+)?\s*")
 
 #: Rows in which decimal commas are looked for, and lines in which the names are.
-_LOOKED_AT, _HEAD = 1000, 60
+_LOOKED_AT = 1000
+_HEAD = 60
 
 #: A column of a name like these may hold seconds, or dates.
 _TIMES = ("t", "time")
@@ -73,11 +74,13 @@ def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
     is_numbered = [f"#{place + 1}" in mapped for place in range(len(names))]
     if all(map(_is_value, filter(None, names))):
         if any(is_numbered):
-            line, names = line - 1, [f"#{place + 1}" for place in range(len(names))]
+            line = line - 1
+            names = [f"#{place + 1}" for place in range(len(names))]
         else:
             line, names = _names_in_comment(text, line, len(names), delimiter)
     elif len(rows) > 1 and _is_below_names(rows[1][1]):
-        line, names = rows[1][0], _with_units(names, rows[1][1])
+        line = rows[1][0]
+        names = _with_units(names, rows[1][1])
     comma = _QUOTED_DECIMAL_COMMA if delimiter == "," else _DECIMAL_COMMA
     has_comma = any(comma.fullmatch(cell) for _, row in rows for cell in row)
     named = [f"#{place + 1}" if is_numbered[place] else _bare(name) for place, name in enumerate(names)]
@@ -118,7 +121,8 @@ def _delimiter(lines: Sequence[str]) -> str:
 
     Two blanks or more do where names and dates with single blanks agree in their number of columns only so.
     """
-    head, below = lines[0] if lines else "", next((line for line in lines[1:] if not _is_rule(line)), "")
+    head = lines[0] if lines else ""
+    below = next((line for line in lines[1:] if not _is_rule(line)), "")
     mark = next((mark for mark in "\t;,|" if mark in head), "")
     if mark or not below or len(head.split()) == len(below.split()):
         return mark

@@ -63,7 +63,8 @@ def csv_table(
     time that occurs twice in a row marks a point where the motion is not smooth, as a change of stages. JSON is read as
     the table of its records. Raises `BadFileError`.
     """
-    mapped, text = columns or {}, table_of_json(text) or text
+    mapped = columns or {}
+    text = table_of_json(text) or text
     layout = with_dates_named(layout_of(text, mapped.values()), text, mapped.values())
     known = columns_of(layout.names, layout.line, mapped)
     values, has_dates = _with_times(_values(text, layout, known), known, layout, text)
@@ -132,7 +133,8 @@ def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteCo
     if group == PLACES[3]:
         site = Site.of(config, "distances downrange count from the launch point", with_azimuth=True)
         return site.of_downrange(values["downrange"], height)
-    latitude, longitude = values["lat"], values["lon"]
+    latitude = values["lat"]
+    longitude = values["lon"]
     require_angles(latitude, longitude, line_of)
     return geodetic_to_ecef(latitude, longitude, height)
 
@@ -159,7 +161,8 @@ def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> Flo
 
 def over_the_ground(inertial_m_s: FloatArray, position_m: FloatArray) -> FloatArray:
     """Return velocities over the rotating Earth (n, 3) of inertial ones along the axes of ECEF."""
-    x, y = position_m[:, 0], position_m[:, 1]
+    x = position_m[:, 0]
+    y = position_m[:, 1]
     return inertial_m_s - EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros_like(x)], axis=1)
 
 
@@ -259,7 +262,8 @@ def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
     try:
         value = decimal(cell, layout)
     except ValueError as error:
-        value, why = math.nan, f": it {error}" if "separators" in str(error) else ""
+        value = math.nan
+        why = f": it {error}" if "separators" in str(error) else ""
     if not math.isfinite(value):
         raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}")
     if column.quantity == BURNING and value not in (0.0, 1.0):

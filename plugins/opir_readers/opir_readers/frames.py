@@ -28,7 +28,10 @@ FRAME_NAMES = ("ITRF", "TDR", "GRC", "GTOD", "TIRS", "TEME", "TOD", "MOD", "CIRS
 #: Names of realisations, with a year or a number: ITRF-2014, DTRF2014, ICRF3.
 _REALISATION = re.compile(r"(ITRF|DTRF|ICRF|GCRF)[- ]?\d+")
 
-_J2000_UNIX_S, _CENTURY_S, _TT_LESS_UTC_S, _ARCSECOND = 946_728_000.0, 36525.0 * 86400.0, 69.184, np.pi / 648_000.0
+_J2000_UNIX_S = 946_728_000.0
+_CENTURY_S = 36525.0 * 86400.0
+_TT_LESS_UTC_S = 69.184
+_ARCSECOND = np.pi / 648_000.0
 
 
 def frame_of(name: str) -> str:
@@ -96,6 +99,7 @@ def _origin_rad(centuries: FloatArray) -> FloatArray:
 
 
 def _about_z(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    cosine = np.cos(angle_rad)
+    sine = np.sin(angle_rad)
     x, y, z = vectors.T
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)

@@ -152,7 +152,8 @@ _ELEMENTS = (
 
 def fleet_filter(arguments: argparse.Namespace) -> FleetFilter:
     """Return the filter of the arguments; raises `SceneError` for what is no range."""
-    problems, values = list[Problem](), dict[str, Any]()
+    problems = list[Problem]()
+    values = dict[str, Any]()
     for flag, make in (
         ("inclination", lambda text: range_of(text, float)),
         ("numbers", lambda text: tuple(range_of(part, int) for part in text.split(","))),
@@ -176,7 +177,8 @@ def fleet_filter(arguments: argparse.Namespace) -> FleetFilter:
 
 def _motion(table: StateTable) -> tuple[FloatArray, FloatArray]:
     """Return speeds, m/s, and accelerations, m/s², from the differences of positions."""
-    speeds, accelerations = [np.zeros(1)], [np.zeros(0)]
+    speeds = [np.zeros(1)]
+    accelerations = [np.zeros(0)]
     for rows in runs(table):
         step_s = np.diff(table.time_s[rows])
         chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
@@ -194,18 +196,21 @@ def _place_text(position_m: FloatArray) -> str:
     where = ecef_to_geodetic(position_m[None])
     latitude, longitude = (float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad))
     ecef = ", ".join(f"{value:.1f}" for value in position_m.tolist())
-    north, east = "N" if latitude >= 0.0 else "S", "E" if longitude >= 0.0 else "W"
+    north = "N" if latitude >= 0.0 else "S"
+    east = "E" if longitude >= 0.0 else "W"
     place = f"{abs(latitude):.5f}° {north} {abs(longitude):.5f}° {east}, {float(where.height_m[0]):.1f} m above WGS 84"
     return f"{place}; ECEF {ecef} m"
 
 
 def _write(table: StateTable, path: Path) -> None:
     """Write the states in ECEF, as seconds from the first; raises `SinkError`."""
-    names, columns = ["time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m"], [table.time_s - table.time_s[0], table.position_m]
+    names = ["time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m"]
+    columns = [table.time_s - table.time_s[0], table.position_m]
     if table.velocity_m_s is not None:
         names += ["vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s"]
         columns.append(table.velocity_m_s)
-    time_s, burns = table.time_s[:, None], table.burns_s
+    time_s = table.time_s[:, None]
+    burns = table.burns_s
     is_burning = ((time_s >= burns[:, 0]) & (time_s < burns[:, 1])).any(axis=1).astype(int).tolist()
     numbers = np.column_stack(columns).tolist()
     rows = (",".join(map(repr, [*row, burning])) for row, burning in zip(numbers, is_burning, strict=True))

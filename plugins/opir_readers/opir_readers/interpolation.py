@@ -41,12 +41,14 @@ class Interpolant:
         """Return positions and velocities (k, 3) of tables (k,) at times (k,) within them."""
         row = np.empty(len(table), dtype=np.intp)
         for number in np.flatnonzero(np.bincount(table)).tolist():
-            begin, end = self.first[number], self.first[number + 1]
+            begin = self.first[number]
+            end = self.first[number + 1]
             mine = table == number
             found = np.searchsorted(self.start_s[begin:end], time_s[mine], side="right") - 1
             row[mine] = begin + np.maximum(found, 0)
         x = ((time_s - self.start_s[row]) / self.length_s[row])[:, None]
-        position, slope = self.coefficients[-1].take(row, axis=0), np.zeros((len(row), 3))
+        position = self.coefficients[-1].take(row, axis=0)
+        slope = np.zeros((len(row), 3))
         for nodes, coefficients in zip(self.nodes[-2::-1], self.coefficients[-2::-1], strict=True):
             offset = x - nodes.take(row)[:, None]
             slope = slope * offset + position
@@ -74,7 +76,8 @@ def largest_doubt_m(table: StateTable) -> float | None:
         for parity in (0, 1):
             is_kept = np.arange(len(rows)) % 2 == parity
             is_kept[[0, -1]] = True
-            kept, left_out = rows[is_kept], rows[~is_kept]
+            kept = rows[is_kept]
+            left_out = rows[~is_kept]
             if len(kept) >= 2 and left_out.size:
                 coarse = interpolant([_thinned(table, kept)])
                 guess, _ = coarse.state(np.zeros(len(left_out), np.intp), table.time_s[left_out])
@@ -134,7 +137,8 @@ def _newton(
 
 def _divided_differences(nodes: FloatArray, values: FloatArray, slopes: FloatArray | None) -> FloatArray:
     """Return Newton's coefficients (k, m, 3); where nodes come in pairs, a pair's first difference is the slope."""
-    coefficients, column = [values[0]], values
+    coefficients = [values[0]]
+    column = values
     for order in range(1, len(nodes)):
         gap = (nodes[order:] - nodes[:-order])[..., None]
         difference = column[1:] - column[:-1]

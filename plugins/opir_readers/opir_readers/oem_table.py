@@ -92,7 +92,8 @@ def _frame_text(segment: Segment) -> str:
 
 def segments_of_text(text: str) -> list[Segment]:
     """Return the segments of a message in the keyword form; raises `BadFileError`."""
-    segments, block = list[Segment](), ""
+    segments = list[Segment]()
+    block = ""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split()
         if not words or words[0] == "COMMENT":
@@ -177,7 +178,8 @@ def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np
         rows[:, 1:] *= 1e3
     require_places(rows[:, 1:4], segment.lines.__getitem__)
     require_velocities(rows[:, 4:7], segment.lines.__getitem__)
-    text, system = segment.meta.get("REF_FRAME_EPOCH"), segment.meta["TIME_SYSTEM"].upper()
+    text = segment.meta.get("REF_FRAME_EPOCH")
+    system = segment.meta["TIME_SYSTEM"].upper()
     frame_s = unix_s(text, segment.line, system) - epoch_us * 1e-6 if text else None
     frame = frame_of(segment.meta["REF_FRAME"])
     return time_s, *to_ecef(frame, rows[:, 1:4], rows[:, 4:7], epoch_us, time_s, frame_s)
@@ -190,6 +192,7 @@ def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tu
         (segments[0], "USEABLE_START_TIME", time_s[0]),
         (segments[-1], "USEABLE_STOP_TIME", time_s[-1]),
     ):
-        text, system = segment.meta.get(key), segment.meta["TIME_SYSTEM"].upper()
+        text = segment.meta.get(key)
+        system = segment.meta["TIME_SYSTEM"].upper()
         ends.append(float(other) if text is None else unix_s(text, segment.line, system) - epoch_us * 1e-6)
     return max(ends[0], float(time_s[0])), min(ends[1], float(time_s[-1]))

@@ -23,7 +23,8 @@ def oem_xml_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
 
 def _segment(node: XmlNode) -> Segment:
     segment = Segment(node.line)
-    meta, data = node.child("metadata"), node.child("data")
+    meta = node.child("metadata")
+    data = node.child("data")
     if meta is None or data is None:
         raise BadFileError(f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}")
     for each in meta.children:

@@ -5,10 +5,12 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
 
-_COLUMNS, _ROWS = 60, 12
+_COLUMNS = 60
+_ROWS = 12
 
 #: The least extent of a map, deg, and the most states that are drawn.
-_LEAST_DEG, _MOST = 0.02, 20_000
+_LEAST_DEG = 0.02
+_MOST = 20_000
 
 
 def map_lines(position_m: FloatArray) -> list[str]:
@@ -19,7 +21,8 @@ def map_lines(position_m: FloatArray) -> list[str]:
     stride = -(-len(position_m) // _MOST)
     rows = np.append(np.arange(0, len(position_m), stride), len(position_m) - 1)
     where = ecef_to_geodetic(position_m[rows])
-    latitude, longitude = np.degrees(where.latitude_rad), np.degrees(np.unwrap(where.longitude_rad))
+    latitude = np.degrees(where.latitude_rad)
+    longitude = np.degrees(np.unwrap(where.longitude_rad))
     south, north = _extent(latitude, _LEAST_DEG)
     level = max(np.cos(np.radians(0.5 * (south + north))), 0.05)
     # A character is twice as high as wide: 60 by 12 of them are 60 by 24.
@@ -32,7 +35,8 @@ def map_lines(position_m: FloatArray) -> list[str]:
     line = np.clip(np.round((north - latitude) / (north - south) * (_ROWS - 1)), 0, _ROWS - 1).astype(int)
     for x, y in zip(column.tolist(), line.tolist(), strict=True):
         marks[y][x] = "."
-    marks[line[-1]][column[-1]], marks[line[0]][column[0]] = "x", "o"
+    marks[line[-1]][column[-1]] = "x"
+    marks[line[0]][column[0]] = "o"
     names = f"{_name(west, 'E', 'W')} to {_name(east, 'E', 'W')}, {_name(south, 'N', 'S')} to {_name(north, 'N', 'S')}"
     frame = f"+{'-' * _COLUMNS}+"
     return [frame, *(f"|{''.join(row)}|" for row in marks), frame, f"{names}; o first, x last state"]

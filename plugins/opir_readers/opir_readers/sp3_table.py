@@ -82,10 +82,13 @@ def _table(own: Satellite, epoch_us: int, frame: str) -> StateTable:
 def _satellites(text: str) -> dict[str, Satellite]:
     """Return the satellites by id."""
     found: dict[str, Satellite] = {}
-    system, now, at = _system(text), math.nan, 0
+    system = _system(text)
+    now = math.nan
+    at = 0
     for number, line in _data_lines(text):
         if line[0] == "*":
-            now, at = _epoch_s(line, number, system, now), number
+            now = _epoch_s(line, number, system, now)
+            at = number
             continue
         if math.isnan(now):
             raise BadFileError(f"line {number}: comes before the first epoch (*)")

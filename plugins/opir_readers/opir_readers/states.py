@@ -8,10 +8,12 @@ from opir_core.arrays import FloatArray
 from opir_core.plugin import BadFileError
 
 #: Positions nearer to the Earth's centre, or farther from it, m, are most likely in other units.
-LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
+LEAST_RADIUS_M = 6.2e6
+MOST_RADIUS_M = 1e9
 
 #: Nothing is faster than light, m/s, and no two states are nearer in time than this, s.
-_FASTEST_M_S, _LEAST_STEP_S = 3e8, 1e-7
+_FASTEST_M_S = 3e8
+_LEAST_STEP_S = 1e-7
 
 #: The most burns of a flight, as many as plumes have stages.
 MOST_BURNS = 8

@@ -83,7 +83,9 @@ def _states(values: FloatArray, coordinates: str, unit_m: float) -> tuple[FloatA
     """Return positions and velocities (n, 3), m and m/s."""
     if coordinates == "cartesian":
         return values[:, 1:4] * unit_m, values[:, 4:7] * unit_m if values.shape[1] >= 7 else None
-    latitude, longitude, third = np.radians(values[:, 1]), np.radians(values[:, 2]), values[:, 3] * unit_m
+    latitude = np.radians(values[:, 1])
+    longitude = np.radians(values[:, 2])
+    third = values[:, 3] * unit_m
     if coordinates == "geodetic":
         return geodetic_to_ecef(latitude, longitude, third), None
     level = third * np.cos(latitude)
@@ -92,7 +94,10 @@ def _states(values: FloatArray, coordinates: str, unit_m: float) -> tuple[FloatA
 
 def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
     """Return the keywords, the kind of states, and lines and numbers of the states."""
-    keywords, kind, lines, rows = dict[str, str](), "", list[int](), list[list[float]]()
+    keywords = dict[str, str]()
+    kind = ""
+    lines = list[int]()
+    rows = list[list[float]]()
     for number, words in _lines_of_ephemeris(text):
         if words[0].lower() in _KINDS:
             kind = words[0].lower()
@@ -153,7 +158,8 @@ def _moment_s(keywords: Mapping[str, str], keyword: str) -> float:
 
 def _utc_s(epoch_s: float, elapsed_s: FloatArray) -> FloatArray:
     """Return seconds of UTC since 1970 (n,) of seconds after an epoch, which count leap seconds."""
-    first_s, last_s = epoch_s + min(float(elapsed_s.min()), 0.0), epoch_s + max(float(elapsed_s.max()), 0.0)
+    first_s = epoch_s + min(float(elapsed_s.min()), 0.0)
+    last_s = epoch_s + max(float(elapsed_s.max()), 0.0)
     if tai_less_utc_s(first_s) == tai_less_utc_s(last_s):
         return epoch_s + elapsed_s
     tai_s = epoch_s + tai_less_utc_s(epoch_s)

@@ -24,18 +24,21 @@ _FASTEST_M_S = 11_200.0
 
 #: What never moves faster than this over the ground, m/s, and comes below this height, m, was not launched; a
 #: geosynchronous satellite stands as still.
-_SLOWEST_M_S, _STILL_ABOVE_M = 5.0, 3e7
+_SLOWEST_M_S = 5.0
+_STILL_ABOVE_M = 3e7
 
 #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
 #: this, m, are the rounding of positions.
-_MOST_ACCELERATION_M_S2, _LEAST_BEND_M = 250.0, 20.0
+_MOST_ACCELERATION_M_S2 = 250.0
+_LEAST_BEND_M = 20.0
 
 #: Parts of an interval over which accelerations are averaged.
 _PARTS = 4
 
 #: A step that goes farther around the Earth than this, rad, cannot be interpolated: at these, the polynomials of states
 #: with velocities are some 60 m off a low orbit, those of positions alone some 500 m, and ten times more at 1.3 times.
-_WIDEST_STEP_RAD, _WIDEST_WITHOUT_VELOCITIES_RAD = 1.0, 0.5
+_WIDEST_STEP_RAD = 1.0
+_WIDEST_WITHOUT_VELOCITIES_RAD = 0.5
 
 #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
 _LEAST_HEIGHT_M = -1000.0
@@ -94,7 +97,8 @@ def _coarse_steps(table: StateTable) -> list[str]:
     row = int(swept_rad.argmax())
     if swept_rad[row] <= widest_rad:
         return []
-    step_s, swept_deg = float(table.time_s[row + 1] - table.time_s[row]), float(np.degrees(swept_rad[row]))
+    step_s = float(table.time_s[row + 1] - table.time_s[row])
+    swept_deg = float(np.degrees(swept_rad[row]))
     words = (
         f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before it, in a step of"
         f" {step_s:g} s; that cannot be interpolated: take states at most {np.degrees(widest_rad):.0f}° apart"
@@ -104,7 +108,8 @@ def _coarse_steps(table: StateTable) -> list[str]:
 
 def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
     """Yield that a table has no time in common with its scene, if so."""
-    first, last = float(table.time_s[0]), float(table.time_s[-1])
+    first = float(table.time_s[0])
+    last = float(table.time_s[-1])
     if first < times.duration_s and last > 0.0:
         return
     begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
@@ -125,10 +130,12 @@ def scale_text(time: float, times: SceneTimes) -> str:
     """Return the scale that a time may be of, for a message."""
     for scale, unix_s in _SCALES:
         after_s = unix_s(time) - times.epoch_us * 1e-6
-        earliest_s, latest_s = -_DAY_S, max(_DAY_S, times.duration_s)
+        earliest_s = -_DAY_S
+        latest_s = max(_DAY_S, times.duration_s)
         if scale == "seconds of the day":
             after_s = time - times.epoch_us * 1e-6 % _DAY_S
-            earliest_s, latest_s = -1.0, times.duration_s
+            earliest_s = -1.0
+            latest_s = times.duration_s
         if earliest_s < after_s < latest_s:
             way = f"subtract {time:.12g} from them" + (
                 f", or set start_s: {after_s - time:.12g}" if "days" not in scale and "milli" not in scale else ""
@@ -191,7 +198,8 @@ def _fastest(table: StateTable) -> tuple[int, float]:
 def _hardest(table: StateTable) -> tuple[int, float]:
     """Return the row after which the path as it is flown turns hardest, and its mean acceleration over a quarter of the
     interval, m/s²; bends of a few metres, of rounded positions, do not count."""
-    start_s, length_s = table.time_s[:-1], np.diff(table.time_s)
+    start_s = table.time_s[:-1]
+    length_s = np.diff(table.time_s)
     rows = np.flatnonzero(length_s > 0.0)
     # Times at whole states belong to the interval that follows them: these stay within their own.
     share = np.linspace(0.02, 0.98, _PARTS + 1)

@@ -67,7 +67,10 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
 
     Raises `SceneError` with a problem for each target whose file cannot be taken.
     """
-    problems, warnings, tables, hashes = list[Problem](), list[Problem](), list[StateTable](), list[str]()
+    problems = list[Problem]()
+    warnings = list[Problem]()
+    tables = list[StateTable]()
+    hashes = list[str]()
     times = SceneTimes(context.epoch_us, context.duration_s)
     for config, path in zip(configs, context.paths, strict=True):
         place = f"{path}.file"
@@ -121,7 +124,8 @@ def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
     ignition, burnout = (
         own if asked is None else asked for own, asked in zip(ends, (config.ignition_s, config.burnout_s), strict=True)
     )
-    first, last = float(table.time_s[0]), float(table.time_s[-1])
+    first = float(table.time_s[0])
+    last = float(table.time_s[-1])
     if not max(first, 0.0) <= ignition < burnout <= last:
         raise BadFileError(
             f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from {first:.12g} to"
@@ -130,7 +134,8 @@ def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
     burns_s = table.burns_s[(table.burns_s[:, 0] < burnout) & (table.burns_s[:, 1] > ignition)]
     if not len(burns_s):
         raise BadFileError(f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file")
-    burns_s[0, 0], burns_s[-1, 1] = ignition, burnout
+    burns_s[0, 0] = ignition
+    burns_s[-1, 1] = burnout
     return evolve(table, burns_s=burns_s)
 
 
@@ -149,7 +154,8 @@ def _place(position_m: FloatArray) -> dict[str, float]:
 
 def _points(table: StateTable) -> Mapping[str, Any]:
     """Return launch and impact of a table: its first and last states, where these are near the ground."""
-    first, last = _place(table.position_m[0]), _place(table.position_m[-1])
+    first = _place(table.position_m[0])
+    last = _place(table.position_m[-1])
     is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
     is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
     launch = {"launch": first} if is_launch else {}

@@ -33,7 +33,8 @@ _LEAST_M_S = 0.2
 _UNEXPLAINED = 0.2
 
 #: One state is reported if its velocity is off by this multiple of what rates change by around it, and by this, m/s.
-_OUTLIER, _LEAST_OUTLIER_M_S = 3.0, 100.0
+_OUTLIER = 3.0
+_LEAST_OUTLIER_M_S = 100.0
 
 #: States nearer to one another than this, s, are thinned out: rounding of positions hides rates between them.
 _LEAST_STEP_S = 1.0
@@ -95,7 +96,8 @@ def _rates_of_run(table: StateTable, rows: RowArray) -> tuple[RowArray, FloatArr
         return rows[:0], np.empty((0, 3)), np.empty(0)
     step = np.diff(table.time_s[rows])[:, None]
     chord = np.diff(table.position_m[rows], axis=0) / step
-    before, after = step[:-1], step[1:]
+    before = step[:-1]
+    after = step[1:]
     rates = (chord[:-1] * after + chord[1:] * before) / (before + after)
     return rows[1:-1], rates, _length(np.diff(chord, axis=0))
 
@@ -129,12 +131,15 @@ _IN_UNITS = {"km_s": "km/s", "ft_s": "ft/s", "km_h": "km/h", "kn": "knots"}
 def _mended(table: StateTable, rows: RowArray, rates: FloatArray) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield the usual slips, the plainest first: cause, remedy, and the velocities without it."""
     assert table.velocity_m_s is not None
-    given, place_m, time_s = table.velocity_m_s[rows], table.position_m[rows], table.time_s[rows]
+    given = table.velocity_m_s[rows]
+    place_m = table.position_m[rows]
+    time_s = table.time_s[rows]
     where = ecef_to_geodetic(place_m)
     local = east_north_up_axes(where.latitude_rad, where.longitude_rad)
     turning = EARTH_ROTATION_RAD_S * np.stack([-place_m[:, 1], place_m[:, 0], 0.0 * place_m[:, 0]], axis=1)
     angle = EARTH_ROTATION_RAD_S * (time_s - time_s[0])
-    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    cosine = np.cos(angle)[:, None]
+    sine = np.sin(angle)[:, None]
     for unit, factor in _UNITS.items():
         v = factor * given
         still = np.concatenate(

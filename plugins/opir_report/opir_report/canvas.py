@@ -52,7 +52,8 @@ STYLE: Any = {
 }
 
 #: Width of a figure over the text column of a page, inches, and of a file for a paper: two columns of a journal.
-WIDTH_IN, PRINT_WIDTH_IN = 8.6, 7.2
+WIDTH_IN = 8.6
+PRINT_WIDTH_IN = 7.2
 
 _PLACES = re.compile(r"(-?\d+\.\d{2})\d+")
 _GEOMETRY = re.compile(r' (?:d|x|y|width|height)="[^"]*"')
@@ -88,9 +89,13 @@ def without_data(axes: Axes, words: str) -> Axes:
 
 
 #: Widths of a letter and of the gaps of an entry in a legend, inches; height of a row, points.
-_LETTER_IN, _GAPS_IN, _ROW_PT = 0.062, 0.24, 12.5
+_LETTER_IN = 0.062
+_GAPS_IN = 0.24
+_ROW_PT = 12.5
 #: Lengths of a line with dashes and of a mark alone in a legend, in units of its font size, and of that size in inches.
-_LINE_LENGTH, _MARK_LENGTH, _FONT_IN = 3.2, 1.2, 8.0 / 72.0
+_LINE_LENGTH = 3.2
+_MARK_LENGTH = 1.2
+_FONT_IN = 8.0 / 72.0
 
 
 def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
@@ -110,7 +115,8 @@ def legend_beside(axes: Axes, hues: Sequence[Hue], title: str = "", *, whole: bo
 
 def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole: bool = False) -> None:
     """Draw a legend of lines above the axes, off the data, or above the whole figure; a title of the axes moves up."""
-    figure, part = axes.figure, axes.get_subplotspec()
+    figure = axes.figure
+    part = axes.get_subplotspec()
     panels = 1 if whole or part is None else part.get_geometry()[1]
     width_in = figure.bbox.width / figure.dpi / panels - 0.9
     has_lines = any(line.get_linestyle() != "None" for line in lines)

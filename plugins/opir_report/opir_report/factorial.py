@@ -45,7 +45,8 @@ class FactorialRuns:
         axis = self.paths.index(path)
         others = [place for place in range(len(self.paths)) if place != axis]
         values = np.take(self.values, self.levels[axis].index(level), axis=axis)
-        paths, levels = tuple(self.paths[place] for place in others), tuple(self.levels[place] for place in others)
+        paths = tuple(self.paths[place] for place in others)
+        levels = tuple(self.levels[place] for place in others)
         return evolve(self, paths=paths, levels=levels, values=values)
 
     def averaged(self, kept: Sequence[str]) -> FloatArray:

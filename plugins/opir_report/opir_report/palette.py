@@ -11,8 +11,13 @@ from typing import Any
 
 from attrs import frozen
 
-INK, MUTED, PAPER, GRID = "#1a1c20", "#5c6069", "#fffffe", "#dfe1e6"
-LAND, SEA, COAST = "#ebe7dd", "#f4f7fb", "#b3ad9f"
+INK = "#1a1c20"
+MUTED = "#5c6069"
+PAPER = "#fffffe"
+GRID = "#dfe1e6"
+LAND = "#ebe7dd"
+SEA = "#f4f7fb"
+COAST = "#b3ad9f"
 
 #: Series, most distinct first: blue, vermilion, bluish green, reddish purple, orange, sky blue.
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -67,5 +72,6 @@ class Hues:
 
 def series_hue(number: int, label: str) -> Hue:
     """Return the hue of a series by its number; after the last colour they begin anew, with other dashes."""
-    place, turn = number % len(SERIES), number // len(SERIES)
+    place = number % len(SERIES)
+    turn = number // len(SERIES)
     return Hue(SERIES[place], DASHES[(place + 2 * turn) % len(DASHES)], label)

@@ -126,7 +126,8 @@ def _ellipse(tracks: Tracks, row: int, containment: float) -> tuple[float, list[
     if not np.isfinite(major):
         return None
     angle = -np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_POINTS)
-    along, across = major * np.cos(angle), minor * np.sin(angle)
+    along = major * np.cos(angle)
+    across = minor * np.sin(angle)
     everywhere = np.ones(len(angle))
     latitude, longitude = (value * everywhere for value in one.impact[0, :2].tolist())
     edge = geodesic_direct(latitude, longitude, bearing + np.arctan2(across, along), np.hypot(along, across))

@@ -21,7 +21,8 @@ from opir_report.plots.timeline import detection_counts, timeline
 from opir_report.run_facts import RunFacts
 
 #: Heights of the maps, inches.
-MAP_IN, WORLD_IN = 4.6, 4.5
+MAP_IN = 4.6
+WORLD_IN = 4.5
 
 
 class RunPlots:

@@ -14,7 +14,9 @@ from opir_core.output import FILES_KEY, file_digest, finish_interrupted
 from opir_report.figure_data import FigureData
 from opir_report.words import level_value, level_words, setting_words
 
-DEFINITION, RESULTS, RUNS = "study.json", "results.parquet", "runs.parquet"
+DEFINITION = "study.json"
+RESULTS = "results.parquet"
+RUNS = "runs.parquet"
 #: The setting by which studies side by side differ.
 STUDY = "study"
 #: The version of the definition that is read.
@@ -101,7 +103,8 @@ class SavedStudy:
 
     def is_met(self, requirement: Mapping[str, Any]) -> BoolArray:
         """Return whether the mean of each design meets a requirement; nan does not."""
-        mean, limit = self.rows(requirement["figure"])["mean"], requirement["limit"]
+        mean = self.rows(requirement["figure"])["mean"]
+        limit = requirement["limit"]
         return np.asarray(mean >= limit if requirement["is_least"] else mean <= limit)
 
     def labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:

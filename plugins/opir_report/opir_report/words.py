@@ -45,7 +45,8 @@ _ABBREVIATIONS = {
 _SETTINGS = {"sensors.count": "number of sensors", "sensors.keep": "sensors", "sensors.without": "sensors left out"}
 _INDEX = re.compile(r"\[([^]]*)\]")
 #: From here on a unit of a thousand or a million is shown, of figures in m and km².
-_KILO, _MEGA = 1e4, 1e6
+_KILO = 1e4
+_MEGA = 1e6
 
 
 @frozen
@@ -86,10 +87,12 @@ def setting_words(path: str) -> tuple[str, str]:
         return _SETTINGS[path], ""
     *before, last = path.split(".")
     item = _INDEX.search(last)
-    name, unit = _INDEX.sub("", last), ""
+    name = _INDEX.sub("", last)
+    unit = ""
     for end, written in _UNITS.items():
         if name.endswith(end) and name != end[1:]:
-            name, unit = name.removesuffix(end), written
+            name = name.removesuffix(end)
+            unit = written
             break
     if name.isupper() and before:  # a target class, as in detection_probability.ICBM
         return f"{setting_words('.'.join(before))[0]} of {name}", unit

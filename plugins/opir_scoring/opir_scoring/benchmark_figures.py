@@ -53,7 +53,8 @@ def scored_set(
 def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
     """Return the figures of scenes together."""
     states = {name: np.concatenate([each.states[name] for each in scores]) for name in scores[0].states}
-    covered, scored = len(states["position_m"]), sum(each.scored for each in scores)
+    covered = len(states["position_m"])
+    scored = sum(each.scored for each in scores)
     value = states["nees"][~np.isnan(states["nees"])]
     held, low, high = proportion(int(np.count_nonzero(value <= chi2.ppf(0.95, 6))), len(value))
     return {

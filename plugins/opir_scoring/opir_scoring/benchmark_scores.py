@@ -92,7 +92,8 @@ def _truth(scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_
     filled = {}
     columns = {"truth": STATE, "bounds": ("position_m", "free_position_m", "energy_m", "log_det")}
     for name, wanted in columns.items():
-        table, values = tables[name], np.full((scene["launches"], ticks, len(wanted)), np.nan)
+        table = tables[name]
+        values = np.full((scene["launches"], ticks, len(wanted)), np.nan)
         rows = np.flatnonzero(table["scene"] == scene["scene"])
         launch = np.array([int(each[1:]) - 1 for each in table["launch"][rows]], dtype=np.int64)
         tick = np.round(table["time_s"][rows] / step_s).astype(np.int64) - 1

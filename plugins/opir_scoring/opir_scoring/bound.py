@@ -65,17 +65,20 @@ def state_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
         return bounds
     looks = _Looks.of(detected)
     information = np.diag(1.0 / np.square([*PRIOR_SIGMA, *[1.0] * looks.biases]))
-    now, row = float(looks.time_s[0]), 0
+    now = float(looks.time_s[0])
+    row = 0
     for number, tick in enumerate(tick_s.tolist()):
         if tick < looks.time_s[0]:
             continue
         for end in _steps(now, tick, _STEP_S):
-            near, last = looks.near(row), int(np.searchsorted(looks.time_s, end, side="right"))
+            near = looks.near(row)
+            last = int(np.searchsorted(looks.time_s, end, side="right"))
             back = _widened(_transitions(near, np.array([now - end]))[0], looks.biases)
             rows_ = looks.slope[row:last] @ _transitions(near, looks.time_s[row:last] - end)[:, :3]
             rows_ = np.concatenate([rows_, looks.bias_slope[row:last]], axis=2).reshape(-1, len(information))
             information = back.T @ information @ back + rows_.T @ rows_
-            now, row = end, last
+            now = end
+            row = last
         bounds[number] = np.linalg.inv(0.5 * (information + information.T))[:6, :6]
     return bounds
 
@@ -89,14 +92,17 @@ def free_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
     bounds = np.full((len(tick_s), 6, 6), np.nan)
     if not len(detected.look_s):
         return bounds
-    looks, motion = _Looks.of(detected), Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
+    looks = _Looks.of(detected)
+    motion = Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
     root: FloatArray = np.diag(1.0 / np.array([*FREE_PRIOR_SIGMA, *[1.0] * looks.biases]))[None]
-    now, row = float(looks.time_s[0]), 0
+    now = float(looks.time_s[0])
+    row = 0
     for number, tick in enumerate(tick_s.tolist()):
         if tick < looks.time_s[0]:
             continue
         for end in _steps(now, tick, _SLICE_S):
-            step, last = np.array([end - now]), int(np.searchsorted(looks.time_s, end, side="right"))
+            step = np.array([end - now])
+            last = int(np.searchsorted(looks.time_s, end, side="right"))
             back = _widened(motion.transition(looks.near(row)[None], -step)[0], looks.biases)
             noise = motion.noise_root(step)
             wide = None if noise is None else np.pad(noise, ((0, 0), (0, looks.biases), (0, 0)))
@@ -104,7 +110,8 @@ def free_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
             rows_ = (looks.slope[row:last, :, None, :] * weight).reshape(last - row, 2, BOOST)
             rows = np.concatenate([rows_, looks.bias_slope[row:last]], axis=2).reshape(-1, root.shape[1])
             root = triangular(np.concatenate([time_update(root, back[None], wide)[0], rows])[None])
-            now, row = end, last
+            now = end
+            row = last
         bounds[number] = covariance(root)[0, :6, :6]
     return bounds
 
@@ -168,7 +175,8 @@ def _transitions(position_m: FloatArray, span_s: FloatArray) -> FloatArray:
     radius = np.linalg.norm(position_m)
     unit = position_m / radius
     gradient = EARTH_MU_M3_S2 / radius**3 * (3.0 * np.outer(unit, unit) - np.eye(3))
-    span, bent = span_s[:, None, None], 0.5 * span_s[:, None, None] ** 2 * gradient
+    span = span_s[:, None, None]
+    bent = 0.5 * span_s[:, None, None] ** 2 * gradient
     grown = np.zeros((len(span_s), 6, 6))
     grown[:, :3, :3] = grown[:, 3:, 3:] = np.eye(3) + bent
     grown[:, :3, 3:] = span * (np.eye(3) + bent / 3.0)

@@ -132,7 +132,8 @@ def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tu
         return np.nan, np.nan, np.nan
     value = float(np.sqrt(square.mean()))
     group = np.arange(len(square)) if cluster is None else np.unique(cluster[known], return_inverse=True)[1]
-    total, count = np.bincount(group, square), np.bincount(group)
+    total = np.bincount(group, square)
+    count = np.bincount(group)
     others = total.sum() - total
     if len(total) < 2 or not others.min() > 0.0:
         return value, np.nan, np.nan
@@ -172,10 +173,12 @@ def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innov
     row = int(np.searchsorted(owners.track, tracks.track[0]))
     rows = np.flatnonzero(evidence.track == owners.track[row])
     before = np.searchsorted(tracks.tick_s, evidence.time_s[rows], side="right") - 1
-    rows, before = rows[before >= 0], before[before >= 0]
+    rows = rows[before >= 0]
+    before = before[before >= 0]
     before, first = np.unique(before, return_index=True)
     near = evidence.time_s[rows[first]] - tracks.tick_s[before] <= REACH_S
-    rows, tracks = rows[first][near], tracks.take(before[near])
+    rows = rows[first][near]
+    tracks = tracks.take(before[near])
     target = int(owners.target[row])
     return Innovations(
         target=np.full(len(rows), target, dtype=np.int64),
@@ -188,7 +191,8 @@ def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innov
 
 def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatArray:
     """Return the NIS (n,) of detections; the state is extrapolated linearly to the time of emission."""
-    origin, after_s = evidence.sensor_ecef_m[rows], evidence.time_s[rows] - tracks.tick_s
+    origin = evidence.sensor_ecef_m[rows]
+    after_s = evidence.time_s[rows] - tracks.tick_s
     expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
     if evidence.plan.scene.light_time:
         after_s = after_s - np.sqrt(np.sum((expected - origin) ** 2, axis=1)) / SPEED_OF_LIGHT_M_S
@@ -236,7 +240,8 @@ def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
     values = values[np.isfinite(values)]
     if not len(values):
         return {"value": np.nan, "interval_95": [np.nan, np.nan]}
-    centre, count = float(values.mean()), len(values)
+    centre = float(values.mean())
+    count = len(values)
     half = float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else np.nan
     return {"value": centre, "interval_95": [max(centre - half, 0.0), min(centre + half, most)]}
 

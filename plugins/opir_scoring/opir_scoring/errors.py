@@ -77,11 +77,13 @@ def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Owner
     everyone = np.full(len(tracks), target, dtype=np.int32)
     true = true_states_ecef(evidence.plan, everyone, tracks.tick_s)
     known = np.isfinite(true).all(axis=1) & np.isfinite(tracks.state).all(axis=1)
-    tracks, true = tracks.take(known), true[known]
+    tracks = tracks.take(known)
+    true = true[known]
     owner = np.searchsorted(owners.track, tracks.track)
     error = tracks.state - true
     looks = np.flatnonzero(evidence.target == target)
-    plan, time_s = evidence.plan, evidence.time_s[looks]
+    plan = evidence.plan
+    time_s = evidence.time_s[looks]
     sensor = np.empty((len(looks), 3))
     for number in np.unique(evidence.sensor[looks]).tolist():
         rows = np.flatnonzero(evidence.sensor[looks] == number)
@@ -189,7 +191,8 @@ def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
     The true point is placed at the geodesic's bearing and length: in the tangent plane an error of 8000 km would be one
     of 6000 km.
     """
-    latitude, longitude = point[:, 0], point[:, 1]
+    latitude = point[:, 0]
+    longitude = point[:, 1]
     here = geodetic_to_ecef(latitude, longitude, np.zeros(len(point)))
     there = geodetic_to_ecef(place[:, 0], place[:, 1], np.zeros(len(place)))
     axes = east_north_up_axes(latitude, longitude)

@@ -56,7 +56,8 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
     """Return the evidence of a run in memory with the plan of its scene."""
     order = np.argsort(run.detections.time_ns, kind="stable") if run.detections.is_delayed else slice(None)
     detections = run.detections.take(order)
-    owner, sigma_rad = final_tracks(run.tracks, detections.track), detections.line_of_sight_sigma_rad
+    owner = final_tracks(run.tracks, detections.track)
+    sigma_rad = detections.line_of_sight_sigma_rad
     return RunEvidence(
         plan=plan,
         tracks=run.tracks,
@@ -85,7 +86,8 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight or the
     plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is the plan of a run.
     """
-    start, end = plan.targets.ignition_s[target], plan.targets.end_s[target]
+    start = plan.targets.ignition_s[target]
+    end = plan.targets.end_s[target]
     inside = (time_s >= start) & (time_s <= end)
     clipped = np.clip(time_s, start, end)
     step = np.minimum(_VELOCITY_STEP_S, 0.5 * (end - start))
@@ -151,7 +153,8 @@ def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
     equals.
     """
     owner = np.searchsorted(owners.track, evidence.tracks.track)
-    target, tick_s = owners.target[owner], evidence.tracks.tick_s
+    target = owners.target[owner]
+    tick_s = evidence.tracks.tick_s
     order = np.lexsort((owner, -owners.held[owner], tick_s, target))
     order = order[target[order] >= 0]
     first = np.ones(len(order), dtype=np.bool_)

@@ -45,8 +45,10 @@ def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: floa
         raise ValueError(f"alpha must be in (0, 2], got {alpha!r}")
     power, pairs = _assigned(estimate, truth, cutoff, order)
     near = power < cutoff**order
-    localisation, cut = float(power[near].sum()), int(np.count_nonzero(~near))
-    spare_estimates, spare_truths = len(estimate) - len(power), len(truth) - len(power)
+    localisation = float(power[near].sum())
+    cut = int(np.count_nonzero(~near))
+    spare_estimates = len(estimate) - len(power)
+    spare_truths = len(truth) - len(power)
     missed = cutoff**order * (cut / 2.0 + spare_truths / alpha)
     false = cutoff**order * (cut / 2.0 + spare_estimates / alpha)
     total = float((localisation + missed + false) ** (1.0 / order))

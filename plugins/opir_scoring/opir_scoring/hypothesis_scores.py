@@ -24,7 +24,9 @@ AGES_S = (0.0, 5.0, 10.0, 20.0, 40.0)
 AGES = (*(f"{age_s:g} s" for age_s in AGES_S), "last estimate")
 
 #: The hypotheses of what is no launch, by name: of false alarms, bolides and all other sources.
-_NOISE, _BOLIDE, _GROUND = "noise", "bolide", "ground source"
+_NOISE = "noise"
+_BOLIDE = "bolide"
+_GROUND = "ground source"
 
 
 @frozen(eq=False, repr=False)
@@ -69,15 +71,18 @@ def true_hypotheses(evidence: RunEvidence, owners: Ownership, unknown: Collectio
 
 def hypothesis_scores(evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()) -> HypothesisScores:
     """Return the scores of all tracks of a run by age; no rows where the tracker weighs no hypotheses."""
-    tracks, groups = evidence.tracks, [hypothesis.group for hypothesis in evidence.plan.hypotheses]
+    tracks = evidence.tracks
+    groups = [hypothesis.group for hypothesis in evidence.plan.hypotheses]
     if tracks.hypothesis_probability.shape[1] != len(groups):
         return HypothesisScores.empty()
     rows, age = _rows_by_age(evidence, owners)
     probability = tracks.hypothesis_probability[rows]
     owner = np.searchsorted(owners.track, tracks.track[rows])
     truth = true_hypotheses(evidence, owners, unknown)[owner]
-    best, none = probability.argmax(axis=1), len(groups) - 1
-    known, is_launch = probability[:, :none], np.isin(groups, LAUNCH_GROUPS)
+    best = probability.argmax(axis=1)
+    none = len(groups) - 1
+    known = probability[:, :none]
+    is_launch = np.isin(groups, LAUNCH_GROUPS)
     return HypothesisScores(
         age=age,
         truth=truth,
@@ -99,9 +104,11 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     tracks = evidence.tracks
     order = np.lexsort((tracks.tick_s, tracks.track))
     order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
-    track, tick_s = tracks.track[order], tracks.tick_s[order]
+    track = tracks.track[order]
+    tick_s = tracks.tick_s[order]
     first, last = (np.searchsorted(track, np.unique(track), side=side) for side in ("left", "right"))
-    rows, ages = list[IntArray](), list[IntArray]()
+    rows = list[IntArray]()
+    ages = list[IntArray]()
     since_s = tick_s - np.repeat(tick_s[first], last - first) if len(order) else tick_s
     for number, age_s in enumerate(AGES_S):
         young = np.add.reduceat(since_s <= age_s, first) if len(order) else first

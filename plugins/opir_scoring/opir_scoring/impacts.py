@@ -85,10 +85,13 @@ def impact_scores(evidence: RunEvidence, owners: Ownership) -> ImpactScores:
 def phase_scores(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, ImpactScores]:
     """Return phases (n,), numbers into `PHASES`, that targets' tracks reach, and the scores of their estimates then."""
     rows = _rows(evidence, owners)
-    target, tick_s = _targets_of(evidence, owners, rows), evidence.tracks.tick_s[rows]
-    ignition_s, burnout_s = evidence.plan.targets.ignition_s, evidence.plan.targets.burnout_s
+    target = _targets_of(evidence, owners, rows)
+    tick_s = evidence.tracks.tick_s[rows]
+    ignition_s = evidence.plan.targets.ignition_s
+    burnout_s = evidence.plan.targets.burnout_s
     oldest_s = max(OLDEST_S, evidence.plan.make_tracker().cadence_s or 0.0)
-    phases, chosen = list[int](), list[int]()
+    phases = list[int]()
+    chosen = list[int]()
     for each in np.unique(target).tolist():
         own = np.flatnonzero(target == each)
         for number, (part, after_s) in enumerate(INSTANTS):
@@ -111,7 +114,8 @@ def phase_figures(phase: IntArray, scores: ImpactScores) -> list[dict[str, Any]]
 
 
 def _figures(scores: ImpactScores) -> dict[str, Any]:
-    landing, orbiting = scores.take(scores.has_impact), scores.take(~scores.has_impact)
+    landing = scores.take(scores.has_impact)
+    orbiting = scores.take(~scores.has_impact)
     return {
         "targets": len(landing),
         "predicted": share(*proportion(int(np.count_nonzero(landing.is_predicted)), len(landing))),
@@ -169,7 +173,8 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     impact = _impacts(evidence, target)
     error = ground_error(tracks.impact, impact)
     contained, area_km2 = _ellipses(tracks, error)
-    contained_given, area_given_km2 = contained.copy(), area_km2.copy()
+    contained_given = contained.copy()
+    area_given_km2 = area_km2.copy()
     brier, samples = np.full((2, len(rows)), np.nan)
     is_over = tracks.tick_s >= evidence.plan.targets.burnout_s[target]
     for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
@@ -178,7 +183,8 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
         contained_given[row], area_given_km2[row] = _regions(regions_given(regions, is_over[row]), impact[row])
         brier[row] = _condition_brier(regions, is_over[row])
         samples[row] = np.min([each.effective_samples for each in regions])
-    contained[np.isnan(impact[:, 0])] = contained_given[np.isnan(impact[:, 0])] = np.nan
+    contained[np.isnan(impact[:, 0])] = np.nan
+    contained_given[np.isnan(impact[:, 0])] = contained[np.isnan(impact[:, 0])]
     return ImpactScores(
         target=target,
         tick_s=tracks.tick_s,
@@ -225,7 +231,8 @@ def _condition_brier(regions: Sequence[ImpactRegion], is_over: bool) -> float:
     stated = {region.condition: region.probability for region in regions if region.condition != _COMES_DOWN}
     if not stated:
         return np.nan
-    over, again = stated.get(_BURN_OVER, 0.0), stated.get(_RELIGHTS, 0.0)
+    over = stated.get(_BURN_OVER, 0.0)
+    again = stated.get(_RELIGHTS, 0.0)
     return float((over - is_over) ** 2 + (again - (not is_over)) ** 2)
 
 
@@ -261,5 +268,6 @@ def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[Float
     for place, containment in enumerate(TRACK_CONTAINMENTS):
         for region in regions:
             if abs(region.containment - containment) <= _SAME:
-                contained[place], area_km2[place] = region.contains(*impact[:2].tolist()), region.area_km2
+                contained[place] = region.contains(*impact[:2].tolist())
+                area_km2[place] = region.area_km2
     return contained, area_km2

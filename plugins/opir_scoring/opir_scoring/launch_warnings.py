@@ -55,17 +55,20 @@ class WarningTimes:
 
 def warning_times(evidence: RunEvidence, owners: Ownership, requirement: WarningRequirement) -> WarningTimes:
     """Return the warning times of a run's launches, from their tracks in force."""
-    targets, launches = evidence.plan.targets, len(evidence.plan.scene.targets)
+    targets = evidence.plan.targets
+    launches = len(evidence.plan.scene.targets)
     impacts = [each.get("impact") or {} for each in targets.truth()[:launches]]
     impact_s = np.array([each.get("time_s", np.nan) for each in impacts], dtype=np.float64)
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
     available_s = np.fmax(tracks.available_s, tracks.tick_s)
     # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same order.
-    scores, place = impact_scores(evidence, owners), _place(requirement.containment)
+    scores = impact_scores(evidence, owners)
+    place = _place(requirement.containment)
     scored = np.isin(target, scores.target)
     area_km2, contained = np.full((2, len(tracks)), np.nan)
-    area_km2[scored], contained[scored] = scores.area_km2[:, place], scores.contained[:, place]
+    area_km2[scored] = scores.area_km2[:, place]
+    contained[scored] = scores.contained[:, place]
     stays = _stays(_meets(tracks, area_km2, requirement), target)
     ignition_s = targets.ignition_s[:launches]
     every = np.isfinite(available_s), np.isfinite(area_km2), stays

@@ -21,7 +21,8 @@ from opir_scoring.scorecards import ScoredRun, ScoreSettings
 MOST_BINS = 7
 
 #: Keys are run, target and time, ms, in the bits of an integer: more targets and times than a scene can have.
-_TARGETS, _TIMES = 1 << 22, 1 << 34
+_TARGETS = 1 << 22
+_TIMES = 1 << 34
 
 
 @frozen
@@ -83,7 +84,8 @@ def paired_figures(runs: Mapping[str, Sequence[ScoredRun]], settings: ScoreSetti
     several_runs = len(next(iter(runs.values()))) > 1
     states = {each.name: {name: _states(own, each.name) for name, own in compared.items()} for each in STATE_MEASURES}
     tables = _state_tables(states, common, several_runs)
-    best, differences = tables[DECIDING.name]["best"], tables[DECIDING.name]["differences"]
+    best = tables[DECIDING.name]["best"]
+    differences = tables[DECIDING.name]["differences"]
     return {
         "compared": list(compared),
         "without_estimates": [name for name in runs if name not in compared],

@@ -33,13 +33,15 @@ def comparison_text(paired: Mapping[str, Any], cards: Mapping[str, Scorecard]) -
 
 def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]]) -> str:
     """Return in sentences which tracker is the best by the energy score of position, and how certain that is."""
-    best, others = paired["best"], [name for name in paired["compared"] if name != paired["best"]]
+    best = paired["best"]
+    others = [name for name in paired["compared"] if name != paired["best"]]
     lines = [f"{name} never estimates a state while the truth is known." for name in paired["without_estimates"]]
     if best is None:
         return "\n".join(["No verdict: there is no tick that all trackers estimate.", *lines])
     if not others:
         return "\n".join([f"{best}: nothing to compare it with.", *lines])
-    certain, count = paired["certain"], paired["common_ticks"]
+    certain = paired["certain"]
+    count = paired["common_ticks"]
     open_ = [name for name in others if name not in certain]
     errors = paired["states"][DECIDING.name]["errors"]
     scores = ", ".join(f"{name} {_short(errors[name])} m" for name in (best, *others))
@@ -60,7 +62,8 @@ def _elsewhere(paired: Mapping[str, Any]) -> list[str]:
     """Return at which times the best tracker is certain to be worse than another."""
     found: dict[str, list[str]] = {}
     for part in paired["by_time"]:
-        own, (start_s, end_s) = part[DECIDING.name], part["since_ignition_s"]
+        own = part[DECIDING.name]
+        (start_s, end_s) = part["since_ignition_s"]
         if own["best"] != paired["best"] and own["differences"][paired["best"]]["interval_95"][0] > 0.0:
             found.setdefault(own["best"], []).append(f"{start_s:g}-{end_s:g} s")
     return [f"{name} is better at {', '.join(times)}." for name, times in found.items()]
@@ -89,7 +92,8 @@ def _by_time(paired: Mapping[str, Any], names: Sequence[str]) -> str:
     head = ("E position, m, at s (n)", *names)
     rows = []
     for part in paired["by_time"]:
-        own, (start_s, end_s) = part[DECIDING.name], part["since_ignition_s"]
+        own = part[DECIDING.name]
+        (start_s, end_s) = part["since_ignition_s"]
         rows.append((f"{start_s:g}-{end_s:g} ({own['count']})", *(_cell(own, name, 1.0) for name in names)))
     return table(head, rows)
 

@@ -23,10 +23,12 @@ RELIABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 1.0)
 
 #: Step and half range of the integral over ln t: the integrand falls as exp(-|ln t| / 2), to 1e-8 at the ends, and the
 #: trapezoid rule errs by exp(-π² / step).
-_STEP, _REACH = 0.5, 37.0
+_STEP = 0.5
+_REACH = 37.0
 
 #: Points of a distribution with reported radii, and how many differences of each with others are averaged.
-_POINTS, _DIFFERENCES = 512, 16
+_POINTS = 512
+_DIFFERENCES = 16
 
 #: Rows that are sampled at once, 20 MB.
 _BLOCK = 256

@@ -33,7 +33,8 @@ class Recognition:
 
 def recognition(evidence: RunEvidence, owners: Ownership, threshold: float) -> Recognition:
     """Return how the tracks of a run were recognised."""
-    tracks, plan = evidence.tracks, evidence.plan
+    tracks = evidence.tracks
+    plan = evidence.plan
     launches = len(plan.scene.targets)
     owner = np.searchsorted(owners.track, tracks.track)
     weighs = not len(tracks) or bool(np.isfinite(tracks.probability_launch).any())
@@ -46,7 +47,8 @@ def recognition(evidence: RunEvidence, owners: Ownership, threshold: float) -> R
         rows = np.flatnonzero(passed & (owners.target[owner] >= 0))
         np.minimum.at(first_s, owners.target[owner[rows]], available_s[rows])
         after.append(first_s - plan.targets.ignition_s[:launches] if weighs else np.full(launches, np.nan))
-    hours, ids = plan.end_ns / 3.6e12, plan.targets.ids[:launches]
+    hours = plan.end_ns / 3.6e12
+    ids = plan.targets.ids[:launches]
     return Recognition(hours, float(false) if weighs else np.nan, ids, *after)
 
 

@@ -10,7 +10,8 @@ from opir_core.plugin import ImpactRegion
 from opir_scoring.proper_scores import weighted_energy
 
 #: Points of each region outside the next smaller one, and the lines across it on which they lie.
-_POINTS, _LINES = 64, 128
+_POINTS = 64
+_LINES = 128
 
 
 def region_energy_m(regions: Sequence[ImpactRegion], impact: FloatArray) -> float:
@@ -38,11 +39,13 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
     nested = sorted(regions, key=lambda region: region.containment)
     rings = [[ring for polygon in region.polygons for ring in polygon] for region in nested]
     edges = [0.0, *(region.containment for region in nested[:-1]), 1.0]
-    places, weights = list[FloatArray](), list[FloatArray]()
+    places = list[FloatArray]()
+    weights = list[FloatArray]()
     for number, (own, share) in enumerate(zip(rings, np.diff(edges).tolist(), strict=True)):
         # Rings of the smaller region inside count as holes: a point is in one of both, not in both.
         holes = rings[number - 1] if number else []
-        chart, weight = nested[number].chart(), nested[0].probability * share
+        chart = nested[number].chart()
+        weight = nested[0].probability * share
         found = _points_inside([*own, *holes], chart) if own else np.empty((0, 2))
         if own and not len(found) and number:
             # As large as the one inside: what it adds lies there.
@@ -62,14 +65,17 @@ def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> 
     """
     corners = [chart.points(ring) for ring in rings]
     starts, ends = (np.concatenate([corner[cut] for corner in corners]) for cut in (slice(-1), slice(1, None)))
-    low, high = starts[:, 1].min(), starts[:, 1].max()
+    low = starts[:, 1].min()
+    high = starts[:, 1].max()
     height = low + (high - low) * (np.arange(_LINES) + 0.5) / _LINES
     crosses = (starts[:, 1] > height[:, None]) != (ends[:, 1] > height[:, None])
     line, edge = np.nonzero(crosses)
     rise = (height[line] - starts[edge, 1]) / (ends[edge, 1] - starts[edge, 1])
     across = starts[edge, 0] + rise * (ends[edge, 0] - starts[edge, 0])
     order = np.lexsort((across, line))
-    left, right, line = across[order][::2], across[order][1::2], line[order][::2]
+    left = across[order][::2]
+    right = across[order][1::2]
+    line = line[order][::2]
     reached = np.cumsum(right - left)
     if not len(reached) or not reached[-1] > 0.0:
         return np.empty((0, 2))

@@ -35,7 +35,8 @@ goes on, as it was; Brier: of their probabilities; samples: median of the effect
 
 def runs_text(figures: Mapping[str, Any]) -> str:
     """Return the number of runs, their seeds, and whether sensors have a pointing bias."""
-    runs, seeds = figures["runs"], figures["seeds"]
+    runs = figures["runs"]
+    seeds = figures["seeds"]
     seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     bias = "with pointing bias" if figures["sensors_biased"] else "without pointing bias"
     return f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals]"
@@ -115,7 +116,8 @@ def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> lis
     named = [(name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)]
     cells = [(part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)]
     probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
-    inside, areas = (f"in {each}" for each in probabilities), (f"{each} km2" for each in probabilities)
+    inside = (f"in {each}" for each in probabilities)
+    areas = (f"{each} km2" for each in probabilities)
     head = ("phase", "tracker", "n", "predicted, %", "impact km", "energy km", *inside, *areas, "without impact")
     if not cells:
         return []

@@ -204,8 +204,11 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
     state_rows, innovation_rows, point_rows, impact_rows = (
         (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, innovations, points, impacts)
     )
-    states, run, points = states.take(state_rows), run[state_rows], points.take(point_rows)
-    nis, nis_bin = innovations.nis[innovation_rows], _bins(innovations.since_s[innovation_rows], settings)
+    states = states.take(state_rows)
+    run = run[state_rows]
+    points = points.take(point_rows)
+    nis = innovations.nis[innovation_rows]
+    nis_bin = _bins(innovations.since_s[innovation_rows], settings)
     bins = _bins(states.since_s, settings)
     return {
         "by_time": [

@@ -39,7 +39,8 @@ def ticks_s(evidence: RunEvidence) -> FloatArray:
     For tracks at other times, as of an external tracker, these are their times.
     """
     times = np.unique(evidence.tracks.tick_s)
-    cadence_s, end_ns = evidence.plan.make_tracker().cadence_s, evidence.plan.end_ns
+    cadence_s = evidence.plan.make_tracker().cadence_s
+    end_ns = evidence.plan.end_ns
     if cadence_s is None:
         return times
     step_ns = max(1, round(cadence_s * _NS))
@@ -49,10 +50,13 @@ def ticks_s(evidence: RunEvidence) -> FloatArray:
 
 def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
     """Return the coverage of a run's launches."""
-    ticks, owner = ticks_s(evidence), owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+    ticks = ticks_s(evidence)
+    owner = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
     # Files of other trackers may not say when estimates became available: as soon as they are valid.
     available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
-    shares, firsts, counts = [], [], []
+    shares = []
+    firsts = []
+    counts = []
     for target in range(len(evidence.plan.scene.targets)):
         detected_s = evidence.time_s[evidence.target == target]
         if not len(detected_s):
@@ -70,7 +74,8 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
 
     A track of a launch whose truth is no longer known, as after burnout, is left out.
     """
-    targets, tracks = evidence.plan.targets, evidence.tracks
+    targets = evidence.plan.targets
+    tracks = evidence.tracks
     launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
     owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     rows = []

@@ -100,7 +100,8 @@ class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
         local, delay, toward = self._seen(columns)
         x, y, z = local[:, 0]
         flat = x * x + y * y
-        square, level = flat + z * z, np.sqrt(flat)
+        square = flat + z * z
+        level = np.sqrt(flat)
         slope = np.array([[-x * z / (level * square), -y * z / (level * square), level / square], [-y, x, 0.0]])
         slope[1] /= flat
         slope = slope @ self.rotation_matrix

@@ -109,7 +109,8 @@ def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detec
     """
     axes = sensor_axes(sight.sensor_ecef_m)
     x, y, z = axes @ sight.direction_ecef
-    elevation, bearing = np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)
+    elevation = np.arctan2(z, np.hypot(x, y))
+    bearing = np.arctan2(y, x)
     sigma = sight.sigma_rad
     model = SightModel(
         ndim_state=ndim_state,

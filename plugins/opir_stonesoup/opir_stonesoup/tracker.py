@@ -35,12 +35,14 @@ class StoneSoupTracker(Tracker):
         self, tracker: Any, predictor: Any, context: TrackerContext, *, cadence_s: float = 1.0, needed_hits: int = 1
     ) -> None:
         self.cadence_s: float | None = cadence_s
-        self._tracker, self._predictor = tracker, predictor
+        self._tracker = tracker
+        self._predictor = predictor
         if isinstance(getattr(tracker, "_tracks", None), set):
             # A plain set would go through the tracks in another order in each process.
             tracker._tracks = OrderedSet(tracker._tracks)
         self._ids = [sensor.id for sensor in context.sensors]
-        self._epoch_us, self._light_time = context.epoch_us, context.light_time
+        self._epoch_us = context.epoch_us
+        self._light_time = context.light_time
         self._needed_hits = needed_hits
         self._number: dict[Any, int] = {}
         self._next_number = 0

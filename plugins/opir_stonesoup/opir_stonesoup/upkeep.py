@@ -26,7 +26,8 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import intersection_with_ellipsoid
 
 #: Prior standard deviations of specific force, m/s², and of the jerk, m/s³, per axis; notional.
-_FORCE_SIGMA_M_S2, _JERK_SIGMA_M_S3 = 20.0, 0.5
+_FORCE_SIGMA_M_S2 = 20.0
+_JERK_SIGMA_M_S3 = 0.5
 
 
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
@@ -87,8 +88,10 @@ def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray,
     begun = TrackCandidates(place_ecef_m[None], np.zeros(1), _ONE)
     axes = prior_axes(begun)[0]
     sides, speed = prior_sigmas(begun)
-    mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))
-    mean[:3], mean[3:6] = place_ecef_m, FIRST_CLIMB_M_S * axes[2]
+    mean = np.zeros(ndim_state)
+    covariance = np.zeros((ndim_state, ndim_state))
+    mean[:3] = place_ecef_m
+    mean[3:6] = FIRST_CLIMB_M_S * axes[2]
     covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes
     covariance[3:6, 3:6] = (axes.T * speed[0] ** 2) @ axes
     for block, sigma in ((2, _FORCE_SIGMA_M_S2), (3, _JERK_SIGMA_M_S3)):

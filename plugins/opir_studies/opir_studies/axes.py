@@ -65,7 +65,8 @@ class Design:
 
 def designs_of(study: Study) -> tuple[Design, ...]:
     """Return the designs of a study; raises `SceneError` with every axis that is invalid."""
-    axes, problems = list[Axis](), list[Problem]()
+    axes = list[Axis]()
+    problems = list[Problem]()
     for path, values in study.vary.items():
         try:
             axes.append(axis_of(path, values, is_sampled=study.design == LATIN_HYPERCUBE))
@@ -162,7 +163,8 @@ def _bounds(pair: Any, scale: Any) -> tuple[float, float]:
 
 
 def _range(block: Mapping[str, Any], low: float, high: float) -> Sequence[float]:
-    step, count = block.get("step", 0.0), block.get("count")
+    step = block.get("step", 0.0)
+    count = block.get("count")
     if "count" in block:
         if type(count) is not int or not 2 <= count <= MAXIMUM_DESIGNS:
             raise AxisError(f"count {count!r} is not a whole number from 2 to {MAXIMUM_DESIGNS}")
@@ -221,7 +223,9 @@ def _value(text: str) -> Any:
 
 def _split(text: str) -> Iterator[str]:
     """Yield the parts of a text between commas outside quotes and brackets."""
-    depth, quote, start = 0, "", 0
+    depth = 0
+    quote = ""
+    start = 0
     for place, letter in enumerate(text):
         if quote:
             quote = "" if letter == quote else quote

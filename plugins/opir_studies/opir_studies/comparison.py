@@ -52,7 +52,8 @@ class TimedTracker(Tracker):
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
-        modules, start = len(sys.modules), time.process_time()
+        modules = len(sys.modules)
+        start = time.process_time()
         yield
         if len(sys.modules) == modules:
             self.seconds += time.process_time() - start
@@ -140,7 +141,8 @@ def _scored_runs(
     on_run: Callable[[str, int], None],
 ) -> Sequence[_Scored]:
     """Return scored runs in the order of their tasks, made by an executor."""
-    workers, runs = min(workers, len(tasks)), len(tasks) // len(labels)
+    workers = min(workers, len(tasks))
+    runs = len(tasks) // len(labels)
     executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers, dead_after_s)
     found: dict[int, _Scored] = {}
     done = dict.fromkeys(labels, 0)

@@ -98,27 +98,36 @@ def answers_of(run: Run) -> RunAnswers:
     """Return the answers of a run."""
     count = len(run.plan.targets.ids)
     mine = np.flatnonzero(run.truth.target >= 0)
-    detections, target = run.detections.take(mine), run.truth.target[mine]
+    detections = run.detections.take(mine)
+    target = run.truth.target[mine]
     first_s = np.full(count, np.inf)
     np.minimum.at(first_s, target, detections.time_s)
     truths = run.plan.targets.truth()
     places, starts = (np.array([place_of(each.get(name)) for each in truths]) for name in ("impact", "launch"))
-    launch, impact = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    area, contained = np.full(count, np.nan), np.full(count, np.nan)
-    ticks, states, off = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
+    launch = np.full((count, 3), np.nan)
+    impact = np.full((count, 3), np.nan)
+    area = np.full(count, np.nan)
+    contained = np.full(count, np.nan)
+    ticks = np.empty(0, dtype=np.int64)
+    states = np.empty((0, 3))
+    off = np.empty((0, 3))
     if len(run.tracks):
         evidence = evidence_of_run(run, run.plan)
         owners = ownership(evidence)
-        rows, every = last_rows(evidence, owners), rows_in_force(evidence, owners)
+        rows = last_rows(evidence, owners)
+        every = rows_in_force(evidence, owners)
         own = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
-        launch[own], impact[own] = run.tracks.launch[rows], run.tracks.impact[rows]
+        launch[own] = run.tracks.launch[rows]
+        impact[own] = run.tracks.impact[rows]
         scores = impact_scores(evolve(evidence, tracks=run.tracks.take(rows)), owners)
-        area[scores.target], contained[scores.target] = scores.area_km2[:, -1], scores.contained[:, -1]
+        area[scores.target] = scores.area_km2[:, -1]
+        contained[scores.target] = scores.contained[:, -1]
         whose = owners.target[np.searchsorted(owners.track, run.tracks.track[every])]
         ticks = np.rint(run.tracks.tick_s[every] * 1e3).astype(np.int64) * count + whose
         states = run.tracks.state[every, :3]
         off = states - true_states_ecef(run.plan, whose.astype(np.int32), run.tracks.tick_s[every])[:, :3]
-    places, starts = places.reshape(-1, 3), starts.reshape(-1, 3)
+    places = places.reshape(-1, 3)
+    starts = starts.reshape(-1, 3)
     errors = np.linalg.norm(off, axis=1), _distances(launch, starts, np.nan), _distances(impact, places, np.nan)
     from_truth = {name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)}
     answers = (*_probabilities(run, mine), first_s, places[:, :2], ticks, states, launch, impact, area, contained)
@@ -130,7 +139,8 @@ def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
 
     A detection's own P_d says little of a model that is wrong where it detects nothing.
     """
-    plan, model = run.plan, run.plan.detection
+    plan = run.plan
+    model = run.plan.detection
     count = len(plan.targets.ids)
     every = Looks.between(plan.pairs, 0, plan.end_ns)
     first = plan.look_geometry().exposures(every.pair[:1], every.scan[:1])
@@ -139,7 +149,8 @@ def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
         return _look_keys(detected.sensor, run.truth.target[mine], detected.scan, count), run.truth.probability[mine]
     stride = 1 << max(0, math.ceil(math.log2(max(len(every.pair), 1) / LOOKS)))
     kept = np.flatnonzero(every.scan % stride == 0)
-    pair, scan = every.pair[kept], every.scan[kept]
+    pair = every.pair[kept]
+    scan = every.scan[kept]
     if model.probability_tolerance is None:
         probability = model.probability(plan.look_geometry().exposures(pair, scan))
     else:
@@ -156,7 +167,8 @@ def _look_keys(sensor: IndexArray, target: IndexArray, scan: IntArray, targets: 
 def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
     """Return the errors of a run, by the names of `MEASURES`."""
     ours, theirs = _matched(_keys(run.detections), _keys(reference.detections))
-    here, there = run.detections.take(ours), reference.detections.take(theirs)
+    here = run.detections.take(ours)
+    there = reference.detections.take(theirs)
     across = np.linalg.norm(here.line_of_sight_ecef - there.line_of_sight_ecef, axis=1)
     row, other = _matched(run.ticks, reference.ticks)
     apart = np.linalg.norm(run.states[row] - reference.states[other], axis=1)
@@ -205,7 +217,8 @@ def _matched(ours: Any, theirs: Any) -> tuple[IntArray, IntArray]:
 
 def _both(ours: FloatArray, theirs: FloatArray) -> FloatArray:
     """Return differences where both are known, 0 where none is, infinity where one is."""
-    known, wanted = np.isfinite(ours), np.isfinite(theirs)
+    known = np.isfinite(ours)
+    wanted = np.isfinite(theirs)
     apart = np.where(known, ours, 0.0) - np.where(wanted, theirs, 0.0)
     return np.where(known != wanted, np.inf, np.where(known, apart, 0.0))
 
@@ -214,7 +227,8 @@ def _distances(ours: FloatArray, theirs: FloatArray, of_one: float = np.inf) -> 
     """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `of_one` where only one is
     known, 0 where none is.
     """
-    known, wanted = np.isfinite(ours[:, 0]), np.isfinite(theirs[:, 0])
+    known = np.isfinite(ours[:, 0])
+    wanted = np.isfinite(theirs[:, 0])
     pair = known & wanted
     found = np.where(known != wanted, of_one, 0.0)
     if pair.any():

@@ -41,7 +41,8 @@ class LostTasksError(OpirError):
     exit_code = 4
 
     def __init__(self, tasks: Sequence[int], reasons: Mapping[int, str] | None = None) -> None:
-        self.tasks, self.reasons = tuple(tasks), dict(reasons or {})
+        self.tasks = tuple(tasks)
+        self.reasons = dict(reasons or {})
         died = len(self.tasks) - len(self.reasons)
         words = f"the worker of {died} tasks ended {DEATHS_ALONE} times, possibly out of memory"
         super().__init__("\n".join([*([words] if died else []), *self.reasons.values()]))
@@ -98,7 +99,8 @@ class ProcessesExecutor:
     def __init__(self, workers: int, dead_after_s: float = DEAD_AFTER_S) -> None:
         if workers < 1:  # would wait for ever
             raise ValueError(f"{workers} is not a number of workers; give 1 or more")
-        self.workers, self.dead_after_s = workers, dead_after_s
+        self.workers = workers
+        self.dead_after_s = dead_after_s
         self._pool: ProcessPoolExecutor | None = None
         self._context = get_context("spawn")
         #: Tasks that did not return, with the reasons.
@@ -123,7 +125,8 @@ class ProcessesExecutor:
 
     def close(self) -> None:
         """End the workers, also those that are in the middle of a task."""
-        pool, self._pool = self._pool, None
+        pool = self._pool
+        self._pool = None
         if pool is None:
             return
         if sys.version_info >= (3, 14):

@@ -90,7 +90,8 @@ def optimise(
 
 
 def _axes(study: Study) -> list[Axis]:
-    problems, axes = list[Problem](), list[Axis]()
+    problems = list[Problem]()
+    axes = list[Axis]()
     for path, values in study.vary.items():
         try:
             axes.append(axis_of(path, values))
@@ -127,8 +128,12 @@ class _Evaluation:
     ) -> None:
         self.host = Host.discover()
         self.records: dict[Point, Sequence[RunRecord]] = {}
-        self._study, self._axes, self._objective, self._folder = study, axes, objective, folder
-        self._context, self._on_progress = context, on_progress
+        self._study = study
+        self._axes = axes
+        self._objective = objective
+        self._folder = folder
+        self._context = context
+        self._on_progress = on_progress
         remove_unfinished(folder)
 
     def design(self, number: int, point: Point) -> Design:

@@ -18,7 +18,8 @@ from opir_studies.runs import RunRecord
 
 #: The folder of the parts in that of the study.
 PARTS = "parts"
-_SUFFIX, _UNFINISHED = ".parquet", ".parquet.part"
+_SUFFIX = ".parquet"
+_UNFINISHED = ".parquet.part"
 _DIGEST_LENGTH = 64
 _MARK = {b"opir_study_part": b"1"}
 _COLUMNS = ("key", "replicate", "seed", "run_time_s")

@@ -28,7 +28,8 @@ from opir_studies.subsets import parted, with_subset
 from opir_studies.until import Until, until_of
 
 #: The most problems that one message lists, and notes of a study.
-_MOST_PROBLEMS, _MOST_NOTES = 20, 3
+_MOST_PROBLEMS = 20
+_MOST_NOTES = 3
 #: Metrics whose figures change when a burnout is recognised, and how long after it a scene should last, s: the phases
 #: of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time"}
@@ -81,7 +82,9 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
     described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
-    ready, problems, notes = list[PlannedDesign](), list[Problem](), list[str]()
+    ready = list[PlannedDesign]()
+    problems = list[Problem]()
+    notes = list[str]()
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
@@ -92,7 +95,8 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     if problems:
         raise SceneError(_cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}")
     figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
-    names, source = _numbered([choice.name for choice in choices]), f"study {study.study}"
+    names = _numbered([choice.name for choice in choices])
+    source = f"study {study.study}"
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
     shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
@@ -158,8 +162,10 @@ def _scene_name(study: Study) -> str:
 
 def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
     """Return the component that a study names: a name, or a block {name: settings}."""
-    reader, source = ComponentReader(host), "study"
-    name, settings = written, None
+    reader = ComponentReader(host)
+    source = "study"
+    name = written
+    settings = None
     if isinstance(written, Mapping) and len(written) == 1:
         ((name, settings),) = written.items()
     if not isinstance(name, str) or not name:

@@ -25,13 +25,11 @@ from opir_studies.planning import PlannedStudy
 from opir_studies.runs import RunRecord
 from opir_studies.statistics import difference_of, figures_of
 
-RESULTS, RESULTS_CSV, RUNS, DEFINITION, TIMES = (
-    "results.parquet",
-    "results.csv",
-    "runs.parquet",
-    "study.json",
-    "run_times.csv",
-)
+RESULTS = "results.parquet"
+RESULTS_CSV = "results.csv"
+RUNS = "runs.parquet"
+DEFINITION = "study.json"
+TIMES = "run_times.csv"
 _VERSION = 1
 #: How the names of figures begin that are shares of launches; others without a unit are counts, which may exceed 1.
 _SHARES = (
@@ -75,7 +73,8 @@ class StudyResult:
     def shown_rows(self, figure: str) -> list[dict[str, Any]]:
         """Return the rows of a figure with the intervals of means cut at the figure's bounds, as tables show them."""
         low, high = self.definition["bounds"][figure]
-        least, most = -math.inf if low is None else low, math.inf if high is None else high
+        least = -math.inf if low is None else low
+        most = math.inf if high is None else high
         return [
             {**row, "low_95": max(row["low_95"], least), "high_95": min(row["high_95"], most)}
             for row in self.rows(figure)
@@ -87,7 +86,9 @@ class StudyResult:
 
     def __repr__(self) -> str:
         """Return the study with its size, in one line."""
-        name, designs, runs = self.definition["study"], len(self.definition["designs"]), self.runs.num_rows
+        name = self.definition["study"]
+        designs = len(self.definition["designs"])
+        runs = self.runs.num_rows
         return f"<StudyResult {name}: {designs} designs, {runs} runs, {len(self.units)} figures>"
 
 
@@ -119,7 +120,8 @@ def written_result(
 
     `extra` is added to its definition.
     """
-    runs, table = _runs_table(planned, records), _results_table(planned, records)
+    runs = _runs_table(planned, records)
+    table = _results_table(planned, records)
     contents = {RUNS: parquet_bytes(runs), RESULTS: parquet_bytes(table), RESULTS_CSV: _csv_bytes(table)}
     with OutputFiles() as times:  # they differ from one execution to the next, and are listed nowhere
         times.make_folder(folder, parents=True)
@@ -204,7 +206,8 @@ def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | No
 
 
 def _results_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    units, rows = planned.units, list[dict[str, Any]]()
+    units = planned.units
+    rows = list[dict[str, Any]]()
     values = [_values(each, len(units)) for each in records]
     for each, own in zip(planned.designs, values, strict=True):
         seeds = {"runs": len(own), "first_seed": each.scene.seed, "last_seed": each.scene.seed + len(own) - 1}

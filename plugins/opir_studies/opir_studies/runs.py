@@ -58,7 +58,8 @@ class ReplicatePlans:
     def of(self, scene: Scene, seed: int) -> Plan:
         """Return the plan of a design's scene with a seed; raises as `compile_plan`."""
         if self._plan is None or (self._scene is not scene and self._scene != scene):
-            self._scene, self._plan = scene, compile_plan(evolve(scene, seed=seed), worker_host())
+            self._scene = scene
+            self._plan = compile_plan(evolve(scene, seed=seed), worker_host())
             return self._plan
         return reseeded(self._plan, seed)
 
@@ -83,7 +84,8 @@ def installed_version(name: str) -> str:
 
 
 def _record(task: RunTask, replicate: int) -> RunRecord:
-    seed, start = task.scene.seed + replicate, time.perf_counter()
+    seed = task.scene.seed + replicate
+    start = time.perf_counter()
     try:
         run = run_of_plan(PLANS.of(task.scene, seed))
         values = tuple(float(value) for metric in task.metrics for value in _in_order(metric, metric.values(run)))

@@ -84,7 +84,8 @@ class DesignSearch:
             point = self._suggested(trial)
             if repeated >= _REPEATED:
                 self._study.tell(trial, state=_failed())
-                trial, point = None, self._drawn()
+                trial = None
+                point = self._drawn()
             if point in self.found or point in asked:
                 repeated += 1
                 if trial is not None and point in self.found:

@@ -11,7 +11,8 @@ from opir_core.errors import Problem, SceneError, nearest
 
 KEEP, WITHOUT, COUNT = SUBSET_PATHS = ("sensors.keep", "sensors.without", "sensors.count")
 #: The value of `sensors.keep` for all sensors, and of `sensors.without` for none.
-_ALL, _NONE = "all", "none"
+_ALL = "all"
+_NONE = "none"
 
 
 def with_subset(scene: Scene, chosen: Mapping[str, Any]) -> Scene:
@@ -57,7 +58,8 @@ def _refused(path: str, words: str) -> SceneError:
 
 def parted(overrides: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     """Return the overrides of a scene's own paths, and the values by path of those that choose sensors."""
-    own, chosen = list[str](), dict[str, Any]()
+    own = list[str]()
+    chosen = dict[str, Any]()
     for each in overrides:
         path, _, text = each.partition("=")
         if path in SUBSET_PATHS:

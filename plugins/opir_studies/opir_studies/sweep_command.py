@@ -57,7 +57,8 @@ def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[st
 
     Raises `SceneError`, before a run is made, where the package that draws is missing.
     """
-    page, figures = arguments.report, arguments.figures
+    page = arguments.report
+    figures = arguments.figures
     if page is None and figures is None:
         return lambda _folder: ()
     try:
@@ -86,7 +87,8 @@ def study_of(arguments: argparse.Namespace) -> Study:
     study = read_study(path) if is_study(path) else Study(scene=path, study=Path(path).stem)
     changes = {name: getattr(arguments, name) for name in ("runs", "executor", "until", "design", "samples", "seed")}
     changes = {name: value for name, value in changes.items() if value is not None}
-    vary, overrides = dict(study.vary), dict(study.overrides)
+    vary = dict(study.vary)
+    overrides = dict(study.overrides)
     for words in arguments.vary:
         try:
             axis, values = vary_of_text(words)
@@ -101,7 +103,8 @@ def study_of(arguments: argparse.Namespace) -> Study:
     metrics = tuple(_value("--metric", words) for words in arguments.metrics) or study.metrics
     if "executor" in changes:
         changes["executor"] = _value("--executor", changes["executor"])
-    show, requirements = tuple(arguments.show) or study.show, tuple(arguments.requirements) or study.requirements
+    show = tuple(arguments.show) or study.show
+    requirements = tuple(arguments.requirements) or study.requirements
     study = evolve(study, vary=vary, overrides=overrides, metrics=metrics, show=show, requirements=requirements)
     for name, value in changes.items():
         try:
@@ -216,7 +219,8 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
     """Return a table, or several where it would be too wide; each begins with the `fixed` first columns."""
     widths = [max(len(row[column]) for row in (head, *body)) + 2 for column in range(len(head))]
     room = _WIDEST - sum(widths[:fixed])
-    groups, left = [[fixed]], room - widths[fixed]
+    groups = [[fixed]]
+    left = room - widths[fixed]
     for column in range(fixed + 1, len(head)):
         if widths[column] > left:
             groups.append([])
@@ -229,7 +233,8 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
 
 def _verdicts(result: StudyResult) -> Sequence[str]:
     """Return a line for each requirement: the designs whose mean meets it."""
-    designs, lines = result.definition["designs"], []
+    designs = result.definition["designs"]
+    lines = []
     for each in result.definition["requirements"]:
         required = FigureRequirement(**each)
         met = required.is_met(np.array([row["mean"] for row in result.rows(required.figure)])).tolist()
@@ -241,7 +246,8 @@ def _verdicts(result: StudyResult) -> Sequence[str]:
 
 
 def _heading(result: StudyResult) -> str:
-    definition, runs = result.definition, result.runs.num_rows
+    definition = result.definition
+    runs = result.runs.num_rows
     count = len(definition["designs"])
     words = "mean [95 % interval] over runs" if runs > count else "one run of each, so no intervals"
     return f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''}, {grouped(runs)} runs; {words}"

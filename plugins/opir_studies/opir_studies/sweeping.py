@@ -90,7 +90,8 @@ class SweepState:
 
     def run(self) -> Sequence[int]:
         """Run what is missing, round by round; return the number of runs of each design."""
-        planned, counts = self.planned, [0] * len(self.planned.designs)
+        planned = self.planned
+        counts = [0] * len(self.planned.designs)
         active = list(range(len(counts)))
         for number in rounds(planned.study.runs, planned.until):
             for place in active:
@@ -112,7 +113,8 @@ class SweepState:
     def require_no_failure(self) -> None:
         """Raise `StudyError` with the runs that failed."""
         if self.failures:
-            count, rest = len(self.failures), len(self.failures) - _SHOWN
+            count = len(self.failures)
+            rest = len(self.failures) - _SHOWN
             head = f"{count} run{'s' if count > 1 else ''} failed; the others are kept in {self.parts.folder.parent}"
             more = [f"and {rest} more"] if rest > 0 else []
             raise StudyError("\n  ".join([head, *self.failures[:_SHOWN], *more]))

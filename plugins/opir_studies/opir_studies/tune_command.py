@@ -47,7 +47,9 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
         [name, f"{bound:g}", f"{found.checked[name]:.2g}", f"{found.given.errors[name]:.2g}", MEASURES[name]]
         for name, bound in wanted.items()
     ]
-    chosen, given, exact = found.chosen.time_s, found.given.time_s, found.exact.time_s
+    chosen = found.chosen.time_s
+    given = found.given.time_s
+    exact = found.exact.time_s
     sets = " ".join(f"--set {quote(each)}" for each in found.overrides)
     cost = (
         f"{chosen:.2f} s a run, {chosen / given:.2f} of the scene's own settings ({given:.2f} s),"

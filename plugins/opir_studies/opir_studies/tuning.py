@@ -94,7 +94,9 @@ def timed_answers(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
     """
     start = time.process_time()
     plan = compile_plan(evolve(scene, seed=seeds[0]), host)
-    planned_s, found, times = time.process_time() - start, list[RunAnswers](), list[float]()
+    planned_s = time.process_time() - start
+    found = list[RunAnswers]()
+    times = list[float]()
     for number, seed in enumerate(seeds):
         own = evolve(reseeded(plan, seed) if number else plan, kept={})
         start = time.process_time()
@@ -127,7 +129,8 @@ class Tuner:
 
     def own_levels(self) -> list[int | None]:
         """Return the level of each knob that the scene itself has; None where it has none of them."""
-        own, found = scene_mapping(self.scene()), list[int | None]()
+        own = scene_mapping(self.scene())
+        found = list[int | None]()
         for knob in self.knobs:
             same = (n for n, level in enumerate(knob.levels) if scene_mapping(self.scene(level)) == own)
             found.append(next(same, None))
@@ -152,7 +155,8 @@ class Tuner:
         return overrides_at(self.knobs, [0] * len(self.knobs))
 
     def _trial(self, overrides: Overrides, seeds: tuple[int, ...]) -> Trial:
-        scene, exact = self.scene(overrides), self.reference(seeds)
+        scene = self.scene(overrides)
+        exact = self.reference(seeds)
         key = scene_hash(scene), seeds
         if key not in self._trials:
             is_exact = overrides == self._exact()
@@ -177,7 +181,8 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
     check held; it does not where even the reference differs from itself, which it never does.
     """
     _check(wanted)
-    knobs, first = tuner.knobs, tuner.scene().seed
+    knobs = tuner.knobs
+    first = tuner.scene().seed
     seeds = [first + number for number in range(tuner.runs)]
     tuner.simulate(tuner.scene(), seeds[:1], tuner.host)  # what is imported at the first use is not counted
     _check_answered(tuner, wanted, seeds)
@@ -197,13 +202,15 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
         _tighten(levels, alone, within)
         chosen = tuner.trial(levels, seeds)
     tried_alone = tuple(each for trials in alone for each in trials)
-    overrides, exact = overrides_at(knobs, levels), tuner.trial([0] * len(knobs), seeds)
+    overrides = overrides_at(knobs, levels)
+    exact = tuner.trial([0] * len(knobs), seeds)
     return Tuned(overrides, chosen, checked.errors, given, tuner.own_levels(), exact, knobs, tried_alone, meets)
 
 
 def _loosened(tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Sequence[int]) -> list[Trial]:
     """Return the trials of one knob alone that are within bounds and each cheaper than the one before."""
-    knob, levels = tuner.knobs[number], [0] * len(tuner.knobs)
+    knob = tuner.knobs[number]
+    levels = [0] * len(tuner.knobs)
     kept = [tuner.trial(levels, seeds)]
     for level in range(1, len(knob.levels)):
         if not knob.allows(level, wanted):

@@ -91,7 +91,8 @@ class BenchRun:
 
     def lines_of(self, sensors: Iterable[str], targets: Iterable[str]) -> tuple[bytes, ...]:
         """Return the events of some sensors: those of some targets, by ids, and false alarms."""
-        sensor_ids, target_ids = frozenset(sensors), frozenset(targets)
+        sensor_ids = frozenset(sensors)
+        target_ids = frozenset(targets)
         ids = self.plan.targets.ids
         rows = zip(self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True)
         return tuple(
@@ -148,7 +149,8 @@ class LookTable:
     @classmethod
     def of(cls, plan: Plan) -> "LookTable":
         """Return the looks of a plan."""
-        streams, geometry = PairStreams(plan.scene.seed, plan.pair_names()), plan.look_geometry()
+        streams = PairStreams(plan.scene.seed, plan.pair_names())
+        geometry = plan.look_geometry()
         looks = Looks.between(plan.pairs, 0, plan.end_ns)
         row = np.flatnonzero(geometry.visible(looks.pair, looks.scan))
         pair = looks.pair[row]
@@ -163,7 +165,8 @@ class LookTable:
 
 def classifier_inputs(plan: Plan, looks: LookTable) -> ClassifierInputs:
     """Return classifier inputs in which each look detects, with all combinations of bands, counts and SNR."""
-    exposed, rows = looks.exposures, np.arange(len(looks.exposures))
+    exposed = looks.exposures
+    rows = np.arange(len(looks.exposures))
     totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[exposed.sensor]
     counts = rows % totals + 1
     return ClassifierInputs(

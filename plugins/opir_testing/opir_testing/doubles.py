@@ -127,7 +127,8 @@ def stub_regions(
     """
     radii = radius_km * np.sqrt(np.log1p(-np.array(TRACK_CONTAINMENTS)) / np.log1p(-TRACK_CONTAINMENTS[-1]))
     turn = np.linspace(0.0, 2.0 * np.pi, corners + 1)
-    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    latitude = np.radians(latitude_deg)
+    longitude = np.radians(longitude_deg)
     regions = []
     for containment, radius in zip(TRACK_CONTAINMENTS, radii.tolist(), strict=True):
         angle = radius / _EARTH_RADIUS_KM
@@ -146,7 +147,8 @@ def _detections(scan: Any) -> Detections:
     count = len(scan)
     none = np.full(count, -1, dtype=np.int64)
     keys = np.tile(np.array([id_key("stub")], dtype=np.uint64), (count, 1))
-    down, place = _rows([-1.0, 0.0, 0.0], count), _rows([_GEOSTATIONARY_RADIUS_M, 0.0, 0.0], count)
+    down = _rows([-1.0, 0.0, 0.0], count)
+    place = _rows([_GEOSTATIONARY_RADIUS_M, 0.0, 0.0], count)
     return Detections(
         time_ns=scan * _NS_PER_S,
         sensor=np.zeros(count, dtype=np.int32),
@@ -201,7 +203,8 @@ class VerticalTargets(Trajectories):
         """Return positions (m, 3); nan outside ignition to burnout."""
         burning = (time_s >= self.ignition_s[target]) & (time_s <= self.burnout_s[target])
         height_m = np.where(burning, self.speed_m_s * (time_s - self.ignition_s[target]), np.nan)
-        latitude, longitude = np.radians(self.latitude_deg[target]), np.radians(self.longitude_deg[target])
+        latitude = np.radians(self.latitude_deg[target])
+        longitude = np.radians(self.longitude_deg[target])
         return geodetic_to_ecef(latitude, longitude, height_m)
 
     def truth(self) -> Sequence[Mapping[str, Any]]:

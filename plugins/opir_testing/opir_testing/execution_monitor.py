@@ -31,7 +31,8 @@ def python_steps(act: Callable[[], object]) -> int:
 
     def note(frame: FrameType, event: str, _argument: Any) -> Any:
         nonlocal count
-        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        frame.f_trace_opcodes = True
+        frame.f_trace_lines = False
         count += event == "opcode"
         return note
 
@@ -74,7 +75,8 @@ def outside_inputs(act: Callable[[], object]) -> list[str]:
 
 @contextmanager
 def _marked_global_states() -> Iterator[tuple[object, ...]]:
-    state, numpy_state = random.getstate(), _numpy_state()
+    state = random.getstate()
+    numpy_state = _numpy_state()
     random.seed(_MARK)
     np.random.seed(_MARK)  # noqa: NPY002 - the state that is monitored
     try:
@@ -111,7 +113,8 @@ def _monitored() -> Iterator[list[str]]:
 
 def _outside_input(function: Any) -> str:
     """Return the outside input that a C function reads, "" for none."""
-    name, module = getattr(function, "__name__", ""), getattr(function, "__module__", None)
+    name = getattr(function, "__name__", "")
+    module = getattr(function, "__module__", None)
     owner = getattr(function, "__self__", None)
     if module == "time" and name in _CLOCK:
         return f"the clock: time.{name}"

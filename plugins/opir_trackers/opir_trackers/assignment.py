@@ -26,7 +26,8 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
 
     Rows and columns are whole numbers from 0; components are numbered by their lowest rows.
     """
-    rows, columns = ranks(row), ranks(column)
+    rows = ranks(row)
+    columns = ranks(column)
     label = np.arange(int(rows.max(initial=-1)) + 1)
     lowest = np.empty(int(columns.max(initial=-1)) + 1, dtype=np.int64)
     while True:
@@ -90,10 +91,8 @@ def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> Bo
         return chosen
     group, count = components(row[rest], column[rest])
     # Numbered component by component, each and a few together are blocks of one matrix.
-    rows, columns = (
-        ranks(group * (int(row.max()) + 1) + row[rest]),
-        ranks(group * (int(column.max()) + 1) + column[rest]),
-    )
+    rows = ranks(group * (int(row.max()) + 1) + row[rest])
+    columns = ranks(group * (int(column.max()) + 1) + column[rest])
     order = np.argsort(group, kind="stable")
     first = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
     cuts = np.flatnonzero(np.diff(first[group[order]])) + 1
@@ -132,7 +131,8 @@ def swap_probabilities(row: IntArray, column: IntArray, log: FloatArray, sweeps:
     """
     log = 2.0 * log
     for _ in range(sweeps):
-        before, log = log, log - _log_sums(row, log)
+        before = log
+        log = log - _log_sums(row, log)
         log = log - np.maximum(_log_sums(column, log), 0.0)
         # What is improbable now may take over: logarithms settle last.
         if np.max(np.abs(log - before), initial=0.0) < _SETTLED:
@@ -154,7 +154,8 @@ def belief_propagation(row: IntArray, column: IntArray, ratio: FloatArray, sweep
 
     It is exact without loops. With loops of strong evidence it is overconfident in the likeliest hypothesis.
     """
-    line, place = ranks(row), ranks(column)
+    line = ranks(row)
+    place = ranks(column)
     to_row = np.ones(len(ratio))
     for _ in range(sweeps):
         fresh = 1.0 / (1.0 + _others(place, ratio / (1.0 + _others(line, ratio * to_row))))

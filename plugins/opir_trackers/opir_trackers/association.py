@@ -82,12 +82,14 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
 
 def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
     """Return whether a quick test shows that no line has two candidate tracks and no track two lines of a scan."""
-    line, count = pairs.line.tolist(), len(lines.scan)
+    line = pairs.line.tolist()
+    count = len(lines.scan)
     if len(line) > FEW_PAIRS or len(set(line)) < len(line):
         return False
     if count <= FEW_PAIRS and len(set(zip(lines.sensor.tolist(), lines.scan.tolist(), strict=True))) == count:
         return True
-    sensor, scan = lines.sensor.take(pairs.line).tolist(), lines.scan.take(pairs.line).tolist()
+    sensor = lines.sensor.take(pairs.line).tolist()
+    scan = lines.scan.take(pairs.line).tolist()
     return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == len(line)
 
 
@@ -134,7 +136,9 @@ def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -
     mean = group_sums(group, share[:, None] * columns)
     last = np.empty(count, dtype=np.int64)
     last[group] = np.arange(len(group))
-    track, time_s, origin = pairs.track[last], mean[:, 0], mean[:, 1:4]
+    track = pairs.track[last]
+    time_s = mean[:, 0]
+    origin = mean[:, 1:4]
     along = path.positions(track, time_s) - origin
     axes = tangent_axes(along / np.sqrt(dot(along, along))[:, None])
     return evolve(

@@ -69,7 +69,9 @@ class GatedPairs(Columns):
     @classmethod
     def empty(cls) -> "GatedPairs":
         """Return no pairs."""
-        whole, none, vectors = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3))
+        whole = np.empty(0, dtype=np.int64)
+        none = np.empty(0)
+        vectors = np.empty((0, 3))
         return cls(whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none)
 
     def measurements(self, measured: FloatArray, whitener: FloatArray) -> AngleMeasurements:
@@ -81,7 +83,8 @@ def candidates(
     predicted: PredictedMeasurements, lines: LinesOfSight, span_s: float, gate: float, light_time: bool
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines of pairs that may pass the gate, a superset of the gated pairs."""
-    count, number = len(predicted.root), len(lines.time_s)
+    count = len(predicted.root)
+    number = len(lines.time_s)
     if count * number <= _ALL_PAIRS:
         return divmod(np.arange(count * number), number or 1)
     sensor, which = np.unique(lines.sensor, return_inverse=True)
@@ -89,7 +92,8 @@ def candidates(
     part_s = float(span_s) / parts
     part = np.clip(((lines.time_s - predicted.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1)
     places = len(sensor) * parts
-    track, place = np.repeat(np.arange(count), places), np.tile(np.arange(places), count)
+    track = np.repeat(np.arange(count), places)
+    place = np.tile(np.arange(places), count)
     middle: FloatArray = predicted.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
     origin, sigma = _middles(lines, which, len(sensor))
     at = place // parts
@@ -110,7 +114,8 @@ def _middles(lines: LinesOfSight, which: IntArray, sensors: int) -> tuple[FloatA
 
 def _parallax(lines: LinesOfSight, which: IntArray, origin: FloatArray) -> FloatArray:
     """Return the largest distance of each sensor from its mean position, m."""
-    distance_m, apart = np.zeros(len(origin)), lines.origin_ecef_m - origin.take(which, axis=0)
+    distance_m = np.zeros(len(origin))
+    apart = lines.origin_ecef_m - origin.take(which, axis=0)
     np.maximum.at(distance_m, which, np.sqrt(dot(apart, apart)))
     return distance_m
 
@@ -143,21 +148,25 @@ def _touching(
     track: IntArray, place: IntArray, middle: FloatArray, reach: FloatArray, which: IntArray, direction: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines whose distance is within `reach`, found by bins, sorted."""
-    octave, square = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64), reach * reach
-    tracks, line_rows = [], []
+    octave = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64)
+    square = reach * reach
+    tracks = []
+    line_rows = []
     for level in np.unique(octave):
         mine = np.flatnonzero(octave == level)
         keys = _keys(which, _bins(direction, level))
         order = np.argsort(keys, kind="stable")
         entry, cluster = _touching_rows(keys[order], place[mine], _bins(middle[mine], level))
-        entry, line = mine[entry], order[cluster]
+        entry = mine[entry]
+        line = order[cluster]
         # Bins are up to twice as wide as the reach, and nine of them touch: most that meet there are too far apart.
         apart = direction.take(line, axis=0)
         apart -= middle.take(entry, axis=0)
         near = (dot(apart, apart) <= square.take(entry)).nonzero()[0]
         tracks.append(track.take(entry.take(near)))
         line_rows.append(line.take(near))
-    pair_track, pair_line = np.concatenate([*tracks, _NONE]), np.concatenate([*line_rows, _NONE])
+    pair_track = np.concatenate([*tracks, _NONE])
+    pair_line = np.concatenate([*line_rows, _NONE])
     order = np.lexsort((pair_line, pair_track))
     return pair_track[order], pair_line[order]
 
@@ -200,7 +209,8 @@ def gated(
     """Return those of candidate pairs (n,) within `gate` standard deviations."""
     whole = _pair_geometry(predicted, lines, track, line, light_time)
     local = matvec(whole.axes, whole.direction)
-    range_m, measured = whole.range_m, local[:, :2] / local[:, 2:]
+    range_m = whole.range_m
+    measured = local[:, :2] / local[:, 2:]
     sigma = lines.sigma_rad.take(line)
     ahead = local[:, 2] > 0.0
     if len(track) > FEW_PAIRS:
@@ -210,8 +220,12 @@ def gated(
         ahead &= dot(measured, measured) <= gate * gate * widest
     if np.count_nonzero(ahead) < len(ahead):
         likely = np.flatnonzero(ahead)
-        whole, track, line = _PairGeometry(*(part.take(likely, axis=0) for part in whole)), track[likely], line[likely]
-        range_m, measured, sigma = whole.range_m, measured[likely], sigma[likely]
+        whole = _PairGeometry(*(part.take(likely, axis=0) for part in whole))
+        track = track[likely]
+        line = line[likely]
+        range_m = whole.range_m
+        measured = measured[likely]
+        sigma = sigma[likely]
     rows = whole.axes[:, :2] / range_m[:, None, None]
     covariance = predicted.projected_covariances(track, whole.time_s, whole.weight, rows)
     if predicted.bias_covariance is not None:
@@ -219,10 +233,13 @@ def gated(
     noise = sigma * sigma
     covariance[:, 0, 0] += noise
     covariance[:, 1, 1] += noise
-    first, both, second = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    first = covariance[:, 0, 0]
+    both = covariance[:, 0, 1]
+    second = covariance[:, 1, 1]
     determinant = first * second - both * both
     log_volume = np.log(determinant)
-    x, y = measured[:, 0], measured[:, 1]
+    x = measured[:, 0]
+    y = measured[:, 1]
     distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
     geometry = whole.time_s, whole.origin_m, whole.axes
     pairs = GatedPairs(track, line, *geometry, measured, distance, log_volume, sigma)
@@ -249,10 +266,8 @@ def _pair_geometry(
 ) -> _PairGeometry:
     """Return the geometry of pairs (n,), with light time."""
     guess = emission_s(lines.time_s, FAR_M, light_time)
-    both, time_s = (
-        both_earth_rotated(lines.origin_ecef_m, lines.direction_ecef, guess).take(line, axis=1),
-        guess.take(line),
-    )
+    both = both_earth_rotated(lines.origin_ecef_m, lines.direction_ecef, guess).take(line, axis=1)
+    time_s = guess.take(line)
     if light_time:
         there = predicted.positions(track, time_s) - both[0]
         later = (FAR_M - np.sqrt(dot(there, there))) / SPEED_OF_LIGHT_M_S

@@ -75,8 +75,11 @@ def _wide_clusters(cluster: IntArray, scan: IntArray, direction: FloatArray, sig
 
 def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
     """Return the part (n,), from 0, of each line of a wide cluster."""
-    part, total = np.empty(len(scan), dtype=np.int64), 0
-    mean, looks, seen_s = np.zeros((len(scan), 3)), np.zeros(len(scan)), np.zeros(len(scan))
+    part = np.empty(len(scan), dtype=np.int64)
+    total = 0
+    mean = np.zeros((len(scan), 3))
+    looks = np.zeros(len(scan))
+    seen_s = np.zeros(len(scan))
     for one in np.unique(scan).tolist():
         rows = np.flatnonzero(scan == one)
         moved = SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
@@ -89,7 +92,8 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
         total += len(new)
         looks[mine] += 1.0
         mean[mine] += (direction[rows] - mean[mine]) / looks[mine][:, None]
-        part[rows], seen_s[mine] = mine, time_s[rows]
+        part[rows] = mine
+        seen_s[mine] = time_s[rows]
     # A line before the first of its own part may have been assigned to a neighbour's.
     row, new = _assigned(direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min()))
     part[row] = new
@@ -109,7 +113,8 @@ def _assigned(
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     reach = GATE_SIGMAS * sigma_rad.max() * np.hypot(1.0, blur.max())
     near = cKDTree(direction).sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
-    line, part = near["i"].astype(np.int64), near["j"].astype(np.int64)
+    line = near["i"].astype(np.int64)
+    part = near["j"].astype(np.int64)
     distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
     used = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2))
     return line[used], part[used]
@@ -130,7 +135,8 @@ _SPEED_SIGMAS = 3.0
 
 #: Mean upward acceleration, m/s², by which the speed of a burning target gives its height, and the greatest height, m.
 #: Notional.
-STEADY_M_S2, _HIGHEST_BURN_M = 20.0, 200e3
+STEADY_M_S2 = 20.0
+_HIGHEST_BURN_M = 200e3
 
 #: Squared semi-axes of the Earth, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
@@ -217,7 +223,8 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     sine = np.ones(count)
     if np.count_nonzero(sensors[ready] == 1):
         sine[group] = _sines(likely.direction_ecef, position[group])
-    place, number = np.full(len(clusters), -1), np.full(count, -1)
+    place = np.full(len(clusters), -1)
+    number = np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
     begun = TrackCandidates(position, time_s, sensors, sine, is_part).take(ready)
@@ -234,7 +241,9 @@ def _raised_by_speed(begun: TrackCandidates, lines: LinesOfSight, owner: IntArra
     rows = rows[~are_low_orbits(lines.origin_ecef_m[rows])]
     if not len(rows):
         return begun
-    mine, of, count = lines.take(rows), owner[rows], len(begun)
+    mine = lines.take(rows)
+    of = owner[rows]
+    count = len(begun)
     total = np.maximum(np.bincount(of, minlength=count), 1)
     since_s = mine.time_s - (np.bincount(of, mine.time_s, count) / total)[of]
     foot = points_near_ground(mine.origin_ecef_m, mine.direction_ecef)
@@ -272,14 +281,17 @@ def placed_at_crossings(begun: TrackCandidates, lines: LinesOfSight, owner: IntA
     if not np.count_nonzero(several):
         return begun
     rows = _lines_of(several, owner)
-    used, number = lines.take(rows), np.cumsum(several) - 1
+    used = lines.take(rows)
+    number = np.cumsum(several) - 1
     of = number[owner[rows]]
     point = triangulated(of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad).position_m
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
     moved = np.flatnonzero(several)[possible]
-    position, count = begun.position_ecef_m.copy(), begun.sensors.copy()
-    position[moved], count[moved] = point[possible], sensors[moved]
+    position = begun.position_ecef_m.copy()
+    count = begun.sensors.copy()
+    position[moved] = point[possible]
+    count[moved] = sensors[moved]
     return evolve(begun, position_ecef_m=position, sensors=count)
 
 

@@ -36,7 +36,8 @@ def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
 
 #: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
 #: profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top, after 49 to 73 s.
-BEFORE_S, _TIMES = 80.0, 80
+BEFORE_S = 80.0
+_TIMES = 80
 
 #: Prior probability that a launch is seen from the ground, and detected at the next looks; others are hidden by clouds
 #: at first.
@@ -44,7 +45,8 @@ AT_ONCE = 0.5
 
 #: Kinds of launch sites, at sea level and inland: means and standard deviations of heights above the ellipsoid, m, and
 #: the shares of the inland ones, together as high as land is: 0.9 km in the mean, 0.85 km about it (ETOPO1: 0.8 km).
-SITES, _INLAND = np.array([[0.0, 100.0], [500.0, 300.0], [1800.0, 1000.0]]), np.array([0.7, 0.3])
+SITES = np.array([[0.0, 100.0], [500.0, 300.0], [1800.0, 1000.0]])
+_INLAND = np.array([0.7, 0.3])
 
 #: Standard deviation of the velocity at ignition, m/s.
 _REST_M_S = 1.0
@@ -54,7 +56,8 @@ _LAUNCHED = 25.0
 
 #: Edges of the time intervals before the first detection, s: times of launch are worked out in each.
 EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
-_MIDDLES_S, _WIDTHS_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1]), np.diff(EDGES_S)
+_MIDDLES_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
+_WIDTHS_S = np.diff(EDGES_S)
 
 #: Prior probability of a late detection in each interval.
 _LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
@@ -96,7 +99,8 @@ class FirstMotion(NamedTuple):
         """Return the log densities (n, cases), but for a constant, of rest on the ground before the first detection."""
         span = _CASES_S
         place, speed, force, growth = (np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas))
-        noisy, square = noise * noise, span * span
+        noisy = noise * noise
+        square = span * span
         fast = _REST_M_S**2 + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
         high = _SITE_M2 + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
         high = high + noisy / 20.0 * square * square * span
@@ -134,7 +138,8 @@ def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen
     `detection_probability`; `seen` (n, s) are those that see each track. Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]
-    whole, chance = np.floor(looks), detection_probability[:, None]
+    whole = np.floor(looks)
+    chance = detection_probability[:, None]
     log_unseen = whole * np.log1p(-chance) + np.log1p(-chance * (looks - whole))
     return -np.diff(np.exp(seen @ log_unseen), axis=1)
 
@@ -166,7 +171,8 @@ def launches(
     possible = np.repeat(site_shares(prior.inland) > 0.0, _TIMES)
     nowhere = starts.misfit.reshape(count, -1)[:, possible].min(axis=1) >= _LAUNCHED
     if np.count_nonzero(nowhere):
-        place[nowhere], covariance[nowhere] = np.nan, np.nan
+        place[nowhere] = np.nan
+        covariance[nowhere] = np.nan
     return LaunchPoints(place, covariance)
 
 
@@ -253,11 +259,13 @@ _LEAST_PIVOT = _REST_M_S**2
 
 def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ECEF positions (3, m) and covariances (3, 3, m) of starts from rest."""
-    white, off = starts.white[:, :3], starts.white[:, 3]
+    white = starts.white[:, :3]
+    off = starts.white[:, 3]
     place = starts.place - np.add.reduce(white * off[:, None])
     left = starts.covariance - np.add.reduce(white[:, :, None] * white[:, None])
     angle = EARTH_ROTATION_RAD_S * when
-    sine, cosine = np.sin(angle), np.cos(angle)
+    sine = np.sin(angle)
+    cosine = np.cos(angle)
     return _to_ecef(place, sine, cosine), _to_ecef(_to_ecef(left, sine, cosine).swapaxes(0, 1), sine, cosine)
 
 
@@ -291,7 +299,8 @@ def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatA
     """
     count, _, times = weight.shape
     share = np.zeros((count, 4, 2, times))
-    share[:, :, 0], share[:, 1:, 1] = weight[:, :4], weight[:, :3]
+    share[:, :, 0] = weight[:, :4]
+    share[:, 1:, 1] = weight[:, :3]
     both = share[:, :, None, :, None] * share[:, None, :, None]
     known = (predicted.root @ predicted.root.transpose(0, 2, 1)).reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
     sums = known.reshape(count, 9, 16) @ both.reshape(count, 16, 4 * times)
@@ -333,7 +342,8 @@ def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
     points, level = _on_ground(mean[:, :3])
     points[:, 2] = mean[:, 3]
     flat = np.zeros((len(mean), 3, 4))
-    flat[:, :2, :3], flat[:, 2, 3] = level, 1.0
+    flat[:, :2, :3] = level
+    flat[:, 2, 3] = 1.0
     return points, flat @ covariance @ flat.transpose(0, 2, 1)
 
 
@@ -343,15 +353,28 @@ def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
     One step of Bowring's formula (Survey Review 23, 1976): to 2e-13 rad within 10 km of the ellipsoid.
     """
     x, y, z = place.T
-    a, b, e2 = WGS84.equatorial_radius_m, WGS84.polar_radius_m, WGS84.eccentricity_squared
+    a = WGS84.equatorial_radius_m
+    b = WGS84.polar_radius_m
+    e2 = WGS84.eccentricity_squared
     out = np.maximum(np.hypot(x, y), 1e-3)
     length = np.hypot(a * z, b * out)
-    sine, cosine = a * z / length, b * out / length
-    rise, run = z + e2 / (1.0 - e2) * b * sine**3, out - e2 * a * cosine**3
+    sine = a * z / length
+    cosine = b * out / length
+    rise = z + e2 / (1.0 - e2) * b * sine**3
+    run = out - e2 * a * cosine**3
     length = np.hypot(rise, run)
-    sine, cosine, ahead, aside = rise / length, run / length, x / out, y / out
-    points, level = np.empty((len(place), 3)), np.empty((len(place), 2, 3))
-    points[:, 0], points[:, 1] = np.arctan2(rise, run), np.arctan2(y, x)
-    level[:, 0, 0], level[:, 0, 1], level[:, 0, 2] = -aside, ahead, 0.0
-    level[:, 1, 0], level[:, 1, 1], level[:, 1, 2] = -sine * ahead, -sine * aside, cosine
+    sine = rise / length
+    cosine = run / length
+    ahead = x / out
+    aside = y / out
+    points = np.empty((len(place), 3))
+    level = np.empty((len(place), 2, 3))
+    points[:, 0] = np.arctan2(rise, run)
+    points[:, 1] = np.arctan2(y, x)
+    level[:, 0, 0] = -aside
+    level[:, 0, 1] = ahead
+    level[:, 0, 2] = 0.0
+    level[:, 1, 0] = -sine * ahead
+    level[:, 1, 1] = -sine * aside
+    level[:, 1, 2] = cosine
     return points, level

@@ -91,7 +91,8 @@ class AngleMeasurements(Columns):
 
     def whitened(self) -> "TangentPlanes":
         """Return the tangent planes scaled to unit measurement noise."""
-        axes, sharp = self.axes.copy(), self.whitener[:, 0, 0]
+        axes = self.axes.copy()
+        sharp = self.whitener[:, 0, 0]
         many = len(sharp) >= FEW_ROWS and np.count_nonzero(self.whitener) == 2 * len(sharp)
         if many and np.array_equal(self.whitener[:, 1, 1], sharp):
             axes[:, :2] *= sharp[:, None, None]
@@ -119,13 +120,15 @@ class TangentPlanes(NamedTuple):
 
 def no_lines_of_sight() -> LinesOfSight:
     """Return an empty record of lines of sight."""
-    whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    whole = np.empty(0, dtype=np.int64)
+    none = np.empty((0, 3))
     return LinesOfSight(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
 
 
 def no_measurements() -> AngleMeasurements:
     """Return an empty record of measurements."""
-    none, square = np.empty((0, 3)), np.empty((0, 2, 2))
+    none = np.empty((0, 3))
+    square = np.empty((0, 2, 2))
     return AngleMeasurements(
         np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square
     )
@@ -148,7 +151,8 @@ def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
 def both_earth_rotated(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return two sets of ECEF vectors (n, 3) in the inertial frame at scene times (n,), as (2, n, 3)."""
     out = np.empty((2, *first.shape))
-    out[0], out[1] = first, second
+    out[0] = first
+    out[1] = second
     plane = np.ascontiguousarray(out[:, :, :2])
     plane.view(np.complex128)[:, :, 0] *= _rotation_factor(time_s)
     out[:, :, :2] = plane
@@ -161,7 +165,8 @@ def rotate_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
     First order: the relative error is 4e-11 for 0.1 s.
     """
     angle = EARTH_ROTATION_RAD_S * later_s
-    x, y = vectors[:, :, 0], vectors[:, :, 1]
+    x = vectors[:, :, 0]
+    y = vectors[:, :, 1]
     aside = angle * x
     x -= angle * y
     y += aside
@@ -171,5 +176,6 @@ def _rotation_factor(time_s: FloatArray) -> NDArray[np.complex128]:
     """Return the complex factor (n,) that takes x + i y from ECEF to the inertial frame at scene times (n,)."""
     angle = EARTH_ROTATION_RAD_S * time_s
     factor = np.empty(angle.shape, dtype=np.complex128)
-    factor.real, factor.imag = np.cos(angle), np.sin(angle)
+    factor.real = np.cos(angle)
+    factor.imag = np.sin(angle)
     return factor

@@ -46,7 +46,8 @@ _FIRST_REWARD = 3.0
 
 #: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks change targets every
 #: 20 s or so; and how many last instants count whatever was before.
-_SWAPPED, _RECENT = 3.0, 3
+_SWAPPED = 3.0
+_RECENT = 3
 
 #: Log likelihood that a present pairing has over another, by what came before the stretch.
 _KEPT = 3.0
@@ -56,10 +57,12 @@ _SETTLED = 1e-3
 
 #: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more to the least
 #: squares there, in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one.
-_COARSE, _HOPELESS = (-1, -3, -6), 18.0
+_COARSE = (-1, -3, -6)
+_HOPELESS = 18.0
 
 #: Lowest and highest distance of a target from the Earth's centre, m.
-_LOWEST_M, _HIGHEST_M = 6.33e6, 7.2e6
+_LOWEST_M = 6.33e6
+_HIGHEST_M = 7.2e6
 
 #: LineCrossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
@@ -92,7 +95,9 @@ class Directions(Columns):
     @classmethod
     def empty(cls) -> "Directions":
         """Return no directions."""
-        whole, none, vectors = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3))
+        whole = np.empty(0, dtype=np.int64)
+        none = np.empty(0)
+        vectors = np.empty((0, 3))
         return cls(whole, whole, none, vectors, vectors, none)
 
 
@@ -106,7 +111,8 @@ def normal_equations(
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
     table = np.zeros((count, len(instants), 12))
-    unit, sigma_m = directions.direction_ecef, directions.sigma_rad * range_m
+    unit = directions.direction_ecef
+    sigma_m = directions.sigma_rad * range_m
     centre = (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0) if len(row) else np.zeros(3)
     from_centre = directions.origin_ecef_m - centre
     across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
@@ -122,7 +128,8 @@ def normal_equations(
 _LEAST_WEIGHT = 1e-14
 
 #: Rows and columns of the elements of a symmetric matrix (6).
-_FIRST, _SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+_FIRST = np.array([0, 0, 0, 1, 1, 2])
+_SECOND = np.array([0, 1, 2, 1, 2, 2])
 
 
 class LineCrossings(NamedTuple):
@@ -138,15 +145,20 @@ class LineCrossings(NamedTuple):
 
     def last(self) -> "LineCrossings":
         """Return those of the last instant."""
-        point, covariance = [one[..., -1] for one in self.point], [one[..., -1] for one in self.covariance]
+        point = [one[..., -1] for one in self.point]
+        covariance = [one[..., -1] for one in self.covariance]
         return LineCrossings((point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1])
 
 
 def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
     xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
-    xx, yy, zz = xx + _LEAST_WEIGHT, yy + _LEAST_WEIGHT, zz + _LEAST_WEIGHT
-    first, second, third = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    xx = xx + _LEAST_WEIGHT
+    yy = yy + _LEAST_WEIGHT
+    zz = zz + _LEAST_WEIGHT
+    first = yy * zz - yz * yz
+    second = xz * yz - xy * zz
+    third = xy * yz - xz * yy
     share = 1.0 / (xx * first + xy * second + xz * third)
     minors = first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     a, b, c, d, e, f = (minor * share for minor in minors)
@@ -242,7 +254,8 @@ class SetModel(NamedTuple):
 
     def gains(self, table: FloatArray) -> FloatArray:
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the last height."""
-        every, last = fixes(table), table[..., -1, :]
+        every = fixes(table)
+        last = table[..., -1, :]
         height_m, sigma_m = self._heights(every.last())
         cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
         if self.begin:
@@ -294,11 +307,13 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
     mine = table[rows]
     which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
     some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
-    theirs, ours = sums[which][:, some], mine[row][:, some]
+    theirs = sums[which][:, some]
+    ours = mine[row][:, some]
     likely = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
     if table.shape[1] > 1:
         likely &= model.may_be_one(theirs, ours)
-    which, row = which[likely], row[likely]
+    which = which[likely]
+    row = row[likely]
     gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
     return Candidates(which, rows[row], gain)
 
@@ -333,11 +348,13 @@ def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetMod
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
     sensors = np.unique(sensor).tolist()
-    ones, pairs = [[one] for one in sensors], [list(pair) for pair in pairwise(sensors)]
+    ones = [[one] for one in sensors]
+    pairs = [list(pair) for pair in pairwise(sensors)]
     if len(sensors) == 2:
         group = _reassigned(table, sensor, group, ones[1], model)
         return group, model.total(table, group)
-    total, moves = model.total(table, group), ones
+    total = model.total(table, group)
+    moves = ones
     for _ in range(_ROUNDS):
         before = total
         for some in moves:
@@ -362,15 +379,18 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
 def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel) -> IntArray:
     """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
     chosen = np.isin(sensor, ones)
-    rows, others = np.flatnonzero(chosen), np.flatnonzero(~chosen)
+    rows = np.flatnonzero(chosen)
+    others = np.flatnonzero(~chosen)
     number, place = np.unique(group[others], return_inverse=True)
     part, part_of = np.unique(group[rows], return_inverse=True)
     parts = set_sums(table[rows], part_of)
     pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
     gain = pairs.gain
     if model.present is not None:
-        label, mine = np.empty(len(number), dtype=np.int64), np.empty(len(part), dtype=np.int64)
-        label[place[::-1]], mine[part_of[::-1]] = model.present[others[::-1]], model.present[rows[::-1]]
+        label = np.empty(len(number), dtype=np.int64)
+        mine = np.empty(len(part), dtype=np.int64)
+        label[place[::-1]] = model.present[others[::-1]]
+        mine[part_of[::-1]] = model.present[rows[::-1]]
         gain = gain + _KEPT * (label[pairs.set] == mine[pairs.row])
     used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
     # Parts that fit no set make sets of their own.
@@ -395,7 +415,8 @@ def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel
     """Return other partners of sets, with probabilities of at least `least`, of all sensors but the first."""
     parts = []
     for one in np.unique(sensor).tolist()[1:]:
-        rows, others = np.flatnonzero(sensor == one), np.flatnonzero(sensor != one)
+        rows = np.flatnonzero(sensor == one)
+        others = np.flatnonzero(sensor != one)
         if not len(others):
             continue
         number, place = np.unique(group[others], return_inverse=True)

@@ -24,10 +24,12 @@ from opir_core.errors import OpirError
 from opir_core.output import OutputFiles
 
 #: Factor of standard deviations, and their least values: burn time, acceleration, ratio, gap.
-WIDEN, LEAST = 1.5, (0.3, 0.2, 0.25, 0.7)
+WIDEN = 1.5
+LEAST = (0.3, 0.2, 0.25, 0.7)
 
 #: Flights drawn for the marginal law of ranges; least rows of a burn.
-DRAWS, LEAST_ROWS = 20000, 4
+DRAWS = 20000
+LEAST_ROWS = 4
 
 #: Perigee above which a flight ends in an orbit, m from the centre.
 _ORBIT_M = 6371e3 + 80e3
@@ -111,9 +113,13 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
 
     They are nan for a burn against the motion.
     """
-    time_s, place, velocity = rows[:, 0], rows[:, 1:4], rows[:, 4:7]
+    time_s = rows[:, 0]
+    place = rows[:, 1:4]
+    velocity = rows[:, 4:7]
     distinct = np.concatenate([[True], np.diff(time_s) > 1e-9])
-    time_s, place, velocity = time_s[distinct], place[distinct], velocity[distinct]
+    time_s = time_s[distinct]
+    place = place[distinct]
+    velocity = velocity[distinct]
     spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
     turning = 2.0 * np.cross(spin, velocity) + np.cross(spin, np.cross(spin, place))
     radius = np.linalg.norm(place, axis=1, keepdims=True)
@@ -134,7 +140,8 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
 
 def _perigee_m(row: FloatArray) -> float:
     """Return the least distance, m, from the Earth's centre of the free flight of a row."""
-    place, velocity = row[1:4], row[4:7] + np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], row[1:4])
+    place = row[1:4]
+    velocity = row[4:7] + np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], row[1:4])
     momentum = float(np.linalg.norm(np.cross(place, velocity)))
     energy = 0.5 * float(velocity @ velocity) - EARTH_MU_M3_S2 / float(np.linalg.norm(place))
     parameter = momentum**2 / EARTH_MU_M3_S2

@@ -25,7 +25,8 @@ FIRST_FORCE_M_S2 = 20.0
 
 #: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the velocity over the
 #: ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s² upwards, a third of it across. Notional.
-FIRST_CLIMB_M_S, _SPEEDS_M_S = 150.0, (200.0, 200.0, 300.0)
+FIRST_CLIMB_M_S = 150.0
+_SPEEDS_M_S = (200.0, 200.0, 300.0)
 
 #: Prior standard deviation of the position of a candidate of several sensors, on each axis, m.
 FARTHER_M = 20e3
@@ -71,7 +72,8 @@ def _follows_bodies(context: TrackerContext) -> bool:
 
 def stage_of(thrust: ThrustConfig) -> NewStage:
     """Return what a new stage begins with: what a new track begins with."""
-    force, growth = thrust.force_sigma_m_s2, (thrust.growth_per_s, thrust.growth_sigma_per_s)
+    force = thrust.force_sigma_m_s2
+    growth = (thrust.growth_per_s, thrust.growth_sigma_per_s)
     tilt = float(np.tan(np.radians(thrust.tilt_deg)))
     return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s, tilt)
 
@@ -115,7 +117,8 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
     root[:, range(COAST, size), range(COAST, size)] = 1.0 / sigmas
     weight = _first_weights(count, config)
-    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    coast_mean = mean[:, :COAST].copy()
+    coast_root = root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
 
@@ -127,7 +130,8 @@ def standing_estimates(
     `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances the weight.
     """
     count, size = before.boost_mean.shape
-    mean, root = before.boost_mean.copy(), np.zeros((count, size, size))
+    mean = before.boost_mean.copy()
+    root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
     mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack([-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1)
@@ -136,7 +140,8 @@ def standing_estimates(
     root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
     root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
     root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
-    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    coast_mean = mean[:, :COAST].copy()
+    coast_root = root[:, :COAST, :COAST].copy()
     return ModeEstimates(_first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate)
 
 
@@ -192,7 +197,8 @@ def first_motion(
     fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * np.maximum(height, 0.0)), 0.0)
     place = np.where(alone, np.maximum(height, HIGHER_M), FARTHER_M)
     speed = np.where(alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0)))
-    jerk, force = thrust.growth_per_s * FIRST_FORCE_M_S2, thrust.force_sigma_m_s2
+    jerk = thrust.growth_per_s * FIRST_FORCE_M_S2
+    force = thrust.force_sigma_m_s2
     growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
     net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
     climb = np.where(alone, np.maximum(FIRST_CLIMB_M_S, 0.5 * fast), 0.0)

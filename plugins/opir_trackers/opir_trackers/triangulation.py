@@ -21,7 +21,9 @@ FAR_M = 3.6e7
 _LOW_M = 3e7 + EARTH_EQUATORIAL_RADIUS_M
 
 #: Mean height of a target at its first detection by a single sensor, and the lowest and highest of a target, m.
-FIRST_HEIGHT_M, LOWEST_M, HIGHEST_M = 3e3, -20e3, 500e3
+FIRST_HEIGHT_M = 3e3
+LOWEST_M = -20e3
+HIGHEST_M = 500e3
 
 #: Lower bound on the sine of a line's elevation: along the horizon a line rises by 5 km in 250 km.
 GRAZING_SINE = 0.02
@@ -59,11 +61,14 @@ def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[Floa
     origin = lines.origin_ecef_m[low]
     point = points_near_ground(origin, lines.direction_ecef[low])
     met = np.isfinite(point[:, 0])
-    low, origin, point = low[met], origin[met], point[met]
+    low = low[met]
+    origin = origin[met]
+    point = point[met]
     above = lines.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
     height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
     off = point - height_m * above / np.sqrt(np.sum(above * above, axis=1))[:, None]
-    direction, sigma_rad = lines.direction_ecef.copy(), lines.sigma_rad.copy()
+    direction = lines.direction_ecef.copy()
+    sigma_rad = lines.sigma_rad.copy()
     direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
     range_m = np.sqrt(np.sum((point - origin) ** 2, axis=1))
     sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef[low], axis=1)
@@ -129,7 +134,8 @@ def triangulated(
     range_m = np.full(len(group), 4e7)
     for _ in range(rounds):
         weight = information(direction, range_m, sigma_rad)
-        total, pull = np.zeros((count, 3, 3)), np.zeros((count, 3))
+        total = np.zeros((count, 3, 3))
+        pull = np.zeros((count, 3))
         np.add.at(total, group, weight)
         np.add.at(pull, group, np.sum(weight * origin_m[:, None, :], axis=2))
         point = _solved(total, pull)

@@ -14,7 +14,9 @@ from opir_core.errors import SceneError
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.scene.scene import TARGET_TYPES
 
-CALIFORNIA, KWAJALEIN, KAUAI = (34.73, -120.57), (9.0, 167.7), (22.02, -159.78)
+CALIFORNIA = (34.73, -120.57)
+KWAJALEIN = (9.0, 167.7)
+KAUAI = (22.02, -159.78)
 MARSHALL = (11.0, 171.0)
 
 
@@ -53,7 +55,9 @@ def ends_of(targets):
 
 def ecef_m(place):
     """Return the ECEF position of a geodetic place of the truth, by the textbook formula."""
-    latitude, longitude, height = math.radians(place["lat_deg"]), math.radians(place["lon_deg"]), place["height_m"]
+    latitude = math.radians(place["lat_deg"])
+    longitude = math.radians(place["lon_deg"])
+    height = place["height_m"]
     e2 = (1 / 298.257223563) * (2 - 1 / 298.257223563)
     normal = 6378137.0 / math.sqrt(1 - e2 * math.sin(latitude) ** 2)
     across = (normal + height) * math.cos(latitude)

@@ -53,9 +53,11 @@ def context_of(sensors, types=TARGET_TYPES):
 
 def sightings_of(sensor, target):
     rows = len(sensor)
-    floats, counts = np.zeros(rows), np.ones(rows, np.int64)
+    floats = np.zeros(rows)
+    counts = np.ones(rows, np.int64)
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
-    bands, so_far = counts.astype(np.uint8), counts.astype(np.int32)
+    bands = counts.astype(np.uint8)
+    so_far = counts.astype(np.int32)
     return ClassifierInputs(floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0)))
 
 
@@ -147,7 +149,8 @@ def test_matrices_are_checked_when_they_are_read():
 
 
 def test_the_null_classifiers():
-    context, sightings = context_of([a_sensor({})]), sightings_of([0, 0, 0], [2, 0, 1])
+    context = context_of([a_sensor({})])
+    sightings = sightings_of([0, 0, 0], [2, 0, 1])
     no_draws = FakeDraws([])
     assert true_type(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [2, 0, 1]
     assert no_answer(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [UNKNOWN_TYPE] * 3

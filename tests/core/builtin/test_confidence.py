@@ -17,7 +17,8 @@ CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
 
 def sightings(band_count, band_total, detection_count, elevation_rad):
     rows = len(band_count)
-    index, floats = np.zeros(rows, np.int32), np.zeros(rows)
+    index = np.zeros(rows, np.int32)
+    floats = np.zeros(rows)
     return ClassifierInputs(
         time_s=floats,
         sensor=index,

@@ -51,7 +51,8 @@ def context_of(sensors, types=TARGET_TYPES):
 
 def looks(sensor, target):
     rows = len(sensor)
-    nothing, vectors = np.empty(0), np.empty((0, 3))
+    nothing = np.empty(0)
+    vectors = np.empty((0, 3))
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
     return Exposures(
         np.zeros(rows), np.zeros(rows), np.zeros(rows, np.int64), *index, nothing, nothing, vectors, vectors
@@ -61,7 +62,8 @@ def looks(sensor, target):
 def test_constant_gives_each_sensors_probability_by_type():
     sensors = [a_sensor(), a_sensor(name="T", detection_probability={"ICBM": 0.3, "IRBM": 0.2, "SRBM": 0.1})]
     model = constant_detection(ConstantConfig(), context_of(sensors, ("SRBM", "ICBM", "ICBM", "IRBM")))
-    sensor, target = np.array([0, 0, 0, 0, 1, 1], np.int32), np.array([0, 1, 2, 3, 3, 0], np.int32)
+    sensor = np.array([0, 0, 0, 0, 1, 1], np.int32)
+    target = np.array([0, 1, 2, 3, 3, 0], np.int32)
     expected = [0.5, 0.8, 0.8, 0.7, 0.2, 0.1]
     assert model.pair_probability(sensor, target).tolist() == expected
     assert model.probability(looks(sensor, target)).tolist() == expected
@@ -115,8 +117,10 @@ def test_bands_confirm_as_often_as_they_should(band_confirmation):
 
 def test_a_row_draws_the_same_whatever_else_is_in_the_scene():
     config = ConstantConfig(band_confirmation=0.5)
-    few, many = context_of([a_sensor(2)]), context_of([a_sensor(2), a_sensor(5), a_sensor(1)])
-    alone, crowd = looks([0, 0, 0], [0, 1, 2]), looks([1, 0, 2, 0, 1, 0], [0, 0, 1, 1, 2, 2])
+    few = context_of([a_sensor(2)])
+    many = context_of([a_sensor(2), a_sensor(5), a_sensor(1)])
+    alone = looks([0, 0, 0], [0, 1, 2])
+    crowd = looks([1, 0, 2, 0, 1, 0], [0, 0, 1, 1, 2, 2])
     first = constant_detection(config, few).measure(alone, FakeDraws(alone.sensor, alone.target)).bands
     second = constant_detection(config, many).measure(crowd, FakeDraws(crowd.sensor, crowd.target)).bands
     assert first.tolist() == second[crowd.sensor == 0].tolist()

@@ -60,11 +60,13 @@ def test_jsonl_holds_nothing_back(tmp_path: Path) -> None:
 
 
 def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
-    path, most = tmp_path / "events.jsonl", 0
+    path = tmp_path / "events.jsonl"
+    most = 0
     inner = encoder()
 
     class Watched(Encoder):
-        content_type, schema_version = inner.content_type, inner.schema_version
+        content_type = inner.content_type
+        schema_version = inner.schema_version
 
         def encode(self, window: Any) -> bytes:
             nonlocal most

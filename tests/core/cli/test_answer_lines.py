@@ -78,7 +78,8 @@ def test_a_launch_that_its_tracker_takes_for_a_fire_has_no_places() -> None:
 
 
 def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
-    fire, launch = stub_hypotheses(ground_source=0.75, SRBM=0.25), stub_hypotheses(ground_source=0.25, SRBM=0.75)
+    fire = stub_hypotheses(ground_source=0.75, SRBM=0.25)
+    launch = stub_hypotheses(ground_source=0.25, SRBM=0.75)
     assert sentences(tracks_of(fire), (), (SOURCE,)) == []
     (line,) = sentences(tracks_of(launch, impact=np.nan), (), (SOURCE,))
     assert line == "F1 (fire): taken for a launch; tracker: SRBM 0.75; from 34.73 N 120.57 W (0.1 km)"

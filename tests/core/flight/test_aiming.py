@@ -36,7 +36,8 @@ def random_flights(count, seed, **settings):
     rng = np.random.default_rng(seed)
     profiles = [PROFILES[k % len(PROFILES)] for k in range(count)]
     range_m = np.array([rng.uniform(1.0002 * p.minimum_range_m, 0.9998 * p.maximum_range_m) for p in profiles])
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, count)), rng.uniform(-np.pi, np.pi, count)
+    latitude = np.arcsin(rng.uniform(-1, 1, count))
+    longitude = rng.uniform(-np.pi, np.pi, count)
     return flights(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m, profiles, **settings)
 
 
@@ -75,7 +76,8 @@ def test_the_burnout_state_is_the_end_of_the_boost():
 
 def test_the_flight_path_angle_follows_the_minimum_energy_rule():
     """A quarter of the additional range angle flatter than at the reference range."""
-    profile, earth_m = boost_profile("ICBM_solid"), 6371008.77
+    profile = boost_profile("ICBM_solid")
+    earth_m = 6371008.77
     ranges = np.array([6e6, 1e7, 1.5e7])
     flight, _ = flights(np.zeros(3), 0.0, 0.5, ranges, [profile] * 3)
     expected = math.radians(25.0) - 0.25 * (ranges - 1e7) / earth_m
@@ -129,7 +131,8 @@ def test_other_burn_times_hit_too(burn_time_s):
 def test_turning_the_earth_under_a_scene_changes_nothing():
     turn = 1.2345
     rng = np.random.default_rng(8)
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, 50)), rng.uniform(-1, 1, 50)
+    latitude = np.arcsin(rng.uniform(-1, 1, 50))
+    longitude = rng.uniform(-1, 1, 50)
     there = Geodetic(*geodesic_direct(latitude, longitude, rng.uniform(0, 6, 50), 8e6), 0.0)
     profiles = [boost_profile("ICBM_liquid")] * 50
     here = aim(Geodetic(latitude, longitude, 0.0), there, 0.0, profiles)
@@ -151,7 +154,8 @@ def test_the_time_of_launch_only_shifts_the_flight():
     assert late.burnout_speed_m_s.tobytes() == early.burnout_speed_m_s.tobytes()
     np.testing.assert_allclose(late.impact_s - late.path.ignition_s, early.impact_s - early.path.ignition_s, atol=1e-9)
     turn = EARTH_ROTATION_RAD_S * 86164.1 * 3
-    x, y = early.burnout_position_eci_m[:, 0], early.burnout_position_eci_m[:, 1]
+    x = early.burnout_position_eci_m[:, 0]
+    y = early.burnout_position_eci_m[:, 1]
     np.testing.assert_allclose(
         late.burnout_position_eci_m[:, 0], x * math.cos(turn) - y * math.sin(turn), rtol=1e-9, atol=1e-2
     )
@@ -253,7 +257,8 @@ def test_free_flight_under_other_forces_is_aimed_for_them():
     profile=st.sampled_from(PROFILES),
 )
 def test_any_launch_and_any_aim_within_range(latitude, longitude, bearing, share, heights, profile):
-    low, high = profile.minimum_range_m + 100.0, profile.maximum_range_m - 100.0
+    low = profile.minimum_range_m + 100.0
+    high = profile.maximum_range_m - 100.0
     range_m = low + share * (high - low)
     assert_hits(*flights(np.array([latitude]), longitude, bearing, range_m, [profile], heights=heights))
 
@@ -261,7 +266,8 @@ def test_any_launch_and_any_aim_within_range(latitude, longitude, bearing, share
 @examples(100)
 @given(places=st.tuples(*[st.floats(-POLE, POLE), st.floats(-math.pi, math.pi)] * 2), profile=st.sampled_from(PROFILES))
 def test_any_two_places_are_hit_or_reported(places, profile):
-    launch, there = Geodetic(*places[:2], 0.0), Geodetic(*places[2:], 0.0)
+    launch = Geodetic(*places[:2], 0.0)
+    there = Geodetic(*places[2:], 0.0)
     flight = aim(launch, there, 0.0, [profile])
     within = profile.minimum_range_m <= flight.range_m[0] <= profile.maximum_range_m
     assert flight.converged[0] == within
@@ -272,7 +278,8 @@ def test_surface_range_is_the_geodesic_s_to_ninety_metres():
     rng = np.random.default_rng(13)
     places = [np.arcsin(rng.uniform(-1, 1, 3000)), rng.uniform(-np.pi, np.pi, 3000)]
     others = [np.arcsin(rng.uniform(-1, 1, 3000)), rng.uniform(-np.pi, np.pi, 3000)]
-    exact_m, found_m = geodesic_inverse(*places, *others).distance_m, surface_range_m(*places, *others)
+    exact_m = geodesic_inverse(*places, *others).distance_m
+    found_m = surface_range_m(*places, *others)
     error_m = np.abs(found_m - exact_m)
     assert error_m.max() < 90.0
     assert error_m[exact_m < 1e6].max() < 3.0

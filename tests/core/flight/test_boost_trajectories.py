@@ -92,7 +92,8 @@ def test_nothing_jumps_at_pitch_over():
 
 @pytest.mark.parametrize("span", [(0.001, 0.999), (1e-6, 1e-3)])
 def test_velocity_is_the_derivative_of_position(span):
-    path, step = a_path(), 1e-3
+    path = a_path()
+    step = 1e-3
     for share in np.linspace(*span, 40):
         elapsed = np.array([p.pitch_start_s + share * (p.burn_time_s - p.pitch_start_s) for p in PROFILES])
         (ahead, _), (behind, _) = (path.state(EVERYONE, elapsed + h) for h in (step / 2, -step / 2))

@@ -29,7 +29,8 @@ def conics(rng, e, q, nu):
     """Return states on conics of these eccentricities, pericentre distances and true anomalies."""
     ahead, along = unit_vectors(rng, e.size)
     p = q * (1.0 + e)
-    r, scale = p / (1.0 + e * np.cos(nu)), np.sqrt(EARTH_MU_M3_S2 / p)
+    r = p / (1.0 + e * np.cos(nu))
+    scale = np.sqrt(EARTH_MU_M3_S2 / p)
     position = r[:, None] * (np.cos(nu)[:, None] * ahead + np.sin(nu)[:, None] * along)
     return position, scale[:, None] * (-np.sin(nu)[:, None] * ahead + (e + np.cos(nu))[:, None] * along)
 
@@ -126,7 +127,8 @@ def test_it_is_the_first_descent(family, height):
     rng = np.random.default_rng(11)
     position, velocity = family(rng, 60)
     if height:
-        position, velocity = position * (1.0 + height / 6378e3), velocity / np.sqrt(1.0 + height / 6378e3)
+        position = position * (1.0 + height / 6378e3)
+        velocity = velocity / np.sqrt(1.0 + height / 6378e3)
     duration, point = kepler_impact(position, velocity, height)
     down = have_come_down(position, velocity, height)
     assert np.all(duration[down] == 0.0)
@@ -189,7 +191,8 @@ def test_a_start_below_that_descends_has_come_down(depth_m):
 
 def test_a_launch_from_a_site_below_the_ellipsoid_comes_down_on_it():
     """Straight up at the equator: the time to fall from the top is that of a radial ellipse, in closed form."""
-    start, speed = EARTH_EQUATORIAL_RADIUS_M - 400.0, 1500.0
+    start = EARTH_EQUATORIAL_RADIUS_M - 400.0
+    speed = 1500.0
     duration, _ = kepler_impact([start, 0.0, 0.0], [speed, 0.0, 0.0])
     a = 1.0 / (2.0 / start - speed**2 / EARTH_MU_M3_S2)
 
@@ -203,7 +206,8 @@ def test_a_launch_from_a_site_below_the_ellipsoid_comes_down_on_it():
 
 
 def test_a_start_below_has_to_rise_first():
-    start, up = np.array([6300e3, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    start = np.array([6300e3, 0.0, 0.0])
+    up = np.array([1.0, 0.0, 0.0])
     duration, point = kepler_impact(start, 3000.0 * up)
     way, _ = propagate_kepler(start, 3000.0 * up, np.linspace(0.0, duration, 1000))
     assert ecef_to_geodetic(way).height_m.max() > 300e3
@@ -253,7 +257,8 @@ def test_an_element_has_the_same_bits_in_any_company():
 
 def test_turning_the_scene_about_the_axis_turns_the_impact():
     position, velocity = launches(500)
-    cosine, sine = np.cos(1.1), np.sin(1.1)
+    cosine = np.cos(1.1)
+    sine = np.sin(1.1)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     duration, point = kepler_impact(position, velocity)
     turned, turned_point = kepler_impact(position @ turn.T, velocity @ turn.T)
@@ -273,11 +278,13 @@ def test_circular_orbits_that_dip_below_the_surface_come_down(eccentricity, heig
     rng = np.random.default_rng(17)
     radius = 0.5 * (EARTH_EQUATORIAL_RADIUS_M + EARTH_POLAR_RADIUS_M) + height
     angle = np.linspace(0.05, 6.2, 40)
-    ahead, across = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.2, 1.0]]) / np.sqrt(1.04)
+    ahead = np.array([[1.0, 0.0, 0.0]])
+    across = np.array([[0.0, 0.2, 1.0]]) / np.sqrt(1.04)
     out = np.cos(angle)[:, None] * ahead + np.sin(angle)[:, None] * across
     along = np.cos(angle)[:, None] * across - np.sin(angle)[:, None] * ahead
     speed = np.sqrt(EARTH_MU_M3_S2 / radius) * (1.0 + eccentricity * rng.normal(size=40))
-    position, velocity = radius * out, speed[:, None] * along
+    position = radius * out
+    velocity = speed[:, None] * along
     duration, point = kepler_impact(position, velocity, height)
     assert np.isfinite(duration).all()
     has_fallen = duration > 0.0  # the others start below the surface, and descend

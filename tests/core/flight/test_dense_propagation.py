@@ -58,7 +58,8 @@ def test_positions_and_velocities_are_continuous_and_agree(name):
     arcs = dense_arcs(position, velocity, 300.0, MODELS[name], tolerance_m=1e-6)
     time = np.linspace(1.0, 299.0, 2000)
     arc = np.arange(4)[:, np.newaxis]
-    after, before = arcs.state(arc, time + 0.05)[0], arcs.state(arc, time - 0.05)[0]
+    after = arcs.state(arc, time + 0.05)[0]
+    before = arcs.state(arc, time - 0.05)[0]
     speed = arcs.state(arc, time)[1]
     assert np.abs((after - before) / 0.1 - speed).max() <= 0.02
 
@@ -86,7 +87,8 @@ def test_queries_do_not_depend_on_their_company(name):
     position, velocity = shots(1100, seed=4)
     arcs = dense_arcs(position, velocity, 60.0, MODELS[name], tolerance_m=0.1)
     random = np.random.default_rng(1)
-    which, time = random.integers(0, 1100, 3000), random.uniform(0.0, 60.0, 3000)
+    which = random.integers(0, 1100, 3000)
+    time = random.uniform(0.0, 60.0, 3000)
     whole, _ = arcs.state(which, time)
     some, _ = arcs.state(which[1000:1003], time[1000:1003])
     np.testing.assert_array_equal(some, whole[1000:1003])

@@ -14,7 +14,8 @@ RADIUS = np.array([7e6, 6.6e6, 4.2e7])
 
 def circling(target, time_s):
     """Circles of three sizes and speeds."""
-    angle, radius = RATE[target] * time_s, RADIUS[target]
+    angle = RATE[target] * time_s
+    radius = RADIUS[target]
     position = np.stack([radius * np.cos(angle), radius * np.sin(angle), 1e3 * target + 0.0 * angle], axis=1)
     speed = radius * RATE[target]
     return position, np.stack([-speed * np.sin(angle), speed * np.cos(angle), 0.0 * angle], axis=1)
@@ -41,7 +42,8 @@ def times_within(ephemeris, target, rng):
 
 @pytest.mark.parametrize("tolerance_m", [100.0, 1.0, 0.01, 1e-4, 1e-6])
 def test_positions_are_within_the_tolerance(tolerance_m):
-    ephemeris, rng = three_circles(tolerance_m), np.random.default_rng(5)
+    ephemeris = three_circles(tolerance_m)
+    rng = np.random.default_rng(5)
     target = rng.integers(0, 3, 200_000)
     times = times_within(ephemeris, target, rng)
     error = np.linalg.norm(ephemeris.position_m(target, times) - circling(target, times)[0], axis=1)
@@ -49,7 +51,8 @@ def test_positions_are_within_the_tolerance(tolerance_m):
 
 
 def test_velocities_are_derivatives_of_the_positions():
-    ephemeris, rng = three_circles(), np.random.default_rng(6)
+    ephemeris = three_circles()
+    rng = np.random.default_rng(6)
     target = rng.integers(0, 3, 1000)
     times = times_within(ephemeris, target, rng)
     position, velocity = ephemeris.state(target, times)
@@ -69,7 +72,8 @@ def test_position_and_velocity_do_not_jump_between_segments():
 
 
 def test_both_ends_belong_to_the_span_and_nothing_beyond():
-    ephemeris, everyone = three_circles(), np.arange(3)
+    ephemeris = three_circles()
+    everyone = np.arange(3)
     for edge, outward in ((ephemeris.start_s, -np.inf), (ephemeris.end_s, np.inf)):
         np.testing.assert_allclose(ephemeris.position_m(everyone, edge), circling(everyone, edge)[0], atol=1e-6)
         assert np.isnan(ephemeris.position_m(everyone, np.nextafter(edge, outward))).all()
@@ -80,7 +84,8 @@ def test_both_ends_belong_to_the_span_and_nothing_beyond():
 
 
 def test_targets_and_times_broadcast():
-    ephemeris, times = three_circles(), np.linspace(0.0, 3000.0, 7)
+    ephemeris = three_circles()
+    times = np.linspace(0.0, 3000.0, 7)
     grid = ephemeris.position_m(np.arange(3)[:, None], times)
     assert grid.shape == (3, 7, 3)
     assert ephemeris.position_m(1, 5.0).shape == (3,)
@@ -90,7 +95,8 @@ def test_targets_and_times_broadcast():
 
 def test_a_point_is_the_same_alone_and_in_any_company():
     """Long runs, short runs, single points and blocks of every length give the same bytes."""
-    ephemeris, rng = three_circles(), np.random.default_rng(7)
+    ephemeris = three_circles()
+    rng = np.random.default_rng(7)
     times = np.sort(rng.uniform(-600.0, 3100.0, 140_001))
     target = np.repeat([0, 1, 2, 0], [60_000, 40_000, 20_000, 20_001])
     whole = ephemeris.position_m(target, times)
@@ -102,7 +108,8 @@ def test_a_point_is_the_same_alone_and_in_any_company():
 
 
 def test_a_target_is_the_same_whoever_else_is_in_the_ephemeris():
-    ephemeris, times = three_circles(), np.linspace(-500.0, 2000.0, 999)
+    ephemeris = three_circles()
+    times = np.linspace(-500.0, 2000.0, 999)
     alone = Ephemeris.build(lambda target, t: circling(target + 1, t), -500.0, 2000.0, tolerance_m=0.01)
     assert alone.position_m(0, times).tobytes() == ephemeris.position_m(1, times).tobytes()
 

@@ -17,7 +17,8 @@ EACH = 20
 def flight():
     rng = np.random.default_rng(11)
     profiles = [profile for profile in boost_profiles().values() for _ in range(EACH)]
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, len(profiles))), rng.uniform(-np.pi, np.pi, len(profiles))
+    latitude = np.arcsin(rng.uniform(-1, 1, len(profiles)))
+    longitude = rng.uniform(-np.pi, np.pi, len(profiles))
     range_m = np.array([rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles])
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, len(profiles)), range_m)
     ignition_s = rng.uniform(0.0, 1e5, len(profiles))
@@ -44,10 +45,14 @@ def exact_m(flight, target, time_s):
 def test_points_anywhere_are_within_the_tolerance(flight, tolerance_m, points):
     """A third anywhere in the boost, a third crowded to pitch-over, where it bends most, a third in free flight."""
     rng = np.random.default_rng(12)
-    path, ephemeris = flight.path, flight_ephemeris(flight, tolerance_m)
+    path = flight.path
+    ephemeris = flight_ephemeris(flight, tolerance_m)
     target = rng.integers(0, len(ephemeris), points)
-    share, crowded = rng.random(points), 10.0 ** rng.uniform(-9.0, 0.0, points)
-    bend_s, burnout_s, impact_s = path.breakpoints_s()[target, 0], path.burnout_s[target], flight.impact_s[target]
+    share = rng.random(points)
+    crowded = 10.0 ** rng.uniform(-9.0, 0.0, points)
+    bend_s = path.breakpoints_s()[target, 0]
+    burnout_s = path.burnout_s[target]
+    impact_s = flight.impact_s[target]
     anywhere = path.ignition_s[target] + share * (burnout_s - path.ignition_s[target])
     choices = [anywhere, bend_s + crowded * (burnout_s - bend_s), burnout_s + share * (impact_s - burnout_s)]
     times = np.select([np.arange(points) % 3 == k for k in range(3)], choices)
@@ -59,22 +64,27 @@ def test_points_anywhere_are_within_the_tolerance(flight, tolerance_m, points):
 
 
 def test_flights_go_from_launch_to_impact_without_a_jump(flight):
-    ephemeris, everyone = flight_ephemeris(flight), np.arange(len(boost_profiles()) * EACH)
+    ephemeris = flight_ephemeris(flight)
+    everyone = np.arange(len(boost_profiles()) * EACH)
     assert ephemeris.start_s.tobytes() == flight.path.ignition_s.tobytes()
     assert ephemeris.end_s.tobytes() == flight.impact_s.tobytes()
     ends = [ephemeris.position_m(everyone, times) for times in (ephemeris.start_s, ephemeris.end_s)]
     np.testing.assert_allclose(ends[0], flight.path.plane.launch_m, atol=1e-6)
     np.testing.assert_allclose(ends[1], flight.impact_ecef_m, atol=1e-5)
-    boost, coast = boost_ephemeris(flight.path), coast_ephemeris(flight)
+    boost = boost_ephemeris(flight.path)
+    coast = coast_ephemeris(flight)
     for before, after in zip(boost.state(everyone, boost.end_s), coast.state(everyone, coast.start_s), strict=True):
         np.testing.assert_allclose(after, before, atol=1e-5)
 
 
 def test_velocities_come_close_where_the_motion_is_smooth(flight):
     """At a tolerance of 1 cm: 1 mm/s in free flight; in the boost 2 cm/s, but for the second after pitch-over."""
-    ephemeris, rng = flight_ephemeris(flight, 0.01), np.random.default_rng(13)
-    target, share = rng.integers(0, len(ephemeris), 100_000), rng.random(100_000)
-    bend_s, burnout_s = flight.path.breakpoints_s()[target, 0], flight.burnout_s[target]
+    ephemeris = flight_ephemeris(flight, 0.01)
+    rng = np.random.default_rng(13)
+    target = rng.integers(0, len(ephemeris), 100_000)
+    share = rng.random(100_000)
+    bend_s = flight.path.breakpoints_s()[target, 0]
+    burnout_s = flight.burnout_s[target]
     for start_s, bound_m_s in ((bend_s, 1.0), (bend_s + 1.0, 0.02)):
         times = start_s + share**2 * (burnout_s - start_s)
         gap = ephemeris.state(target, times)[1] - flight.path.state(target, times)[1]
@@ -92,7 +102,8 @@ def test_free_flight_under_forces_is_within_the_tolerance(forces):
     """Against propagation from burnout to each time, a thousand times as tight; to the aim point, through the air."""
     rng = np.random.default_rng(17)
     profiles = [profile for profile in boost_profiles().values() for _ in range(4)]
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, len(profiles))), rng.uniform(-np.pi, np.pi, len(profiles))
+    latitude = np.arcsin(rng.uniform(-1, 1, len(profiles)))
+    longitude = rng.uniform(-np.pi, np.pi, len(profiles))
     range_m = np.array([rng.uniform(1.01 * p.minimum_range_m, 0.99 * p.maximum_range_m) for p in profiles])
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, len(profiles)), range_m)
     flight = aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), 0.0, profiles, forces=forces)

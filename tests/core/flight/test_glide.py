@@ -26,7 +26,8 @@ def shape_of(count, **changes):
 
 def launches(count, seed):
     rng = np.random.default_rng(seed)
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, count)), rng.uniform(-np.pi, np.pi, count)
+    latitude = np.arcsin(rng.uniform(-1, 1, count))
+    longitude = rng.uniform(-np.pi, np.pi, count)
     range_m = rng.uniform(1.0005 * PROFILE.minimum_range_m, 0.9995 * PROFILE.maximum_range_m, count)
     there = Geodetic(*geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m), np.zeros(count))
     return Geodetic(latitude, longitude, np.zeros(count)), there, rng.uniform(0.0, 1e4, count)
@@ -52,7 +53,8 @@ def test_every_aim_point_is_hit(everywhere):
 
 def test_the_range_of_the_glide_is_that_of_eggers_allen_and_neice(everywhere):
     """s = (E r/2) ln((1 - v_f²/v_c²)/(1 - v_0²/v_c²)), measured as the angle between the ends."""
-    start, end = everywhere.burnout_position_ecef_m, everywhere.release_position_ecef_m
+    start = everywhere.burnout_position_ecef_m
+    end = everywhere.release_position_ecef_m
     radius_m = np.linalg.norm(start, axis=1)
     speed_m_s = level_speed_m_s(start, everywhere.burnout_velocity_ecef_m_s)
     squared = EARTH_MU_M3_S2 / radius_m
@@ -82,7 +84,8 @@ def test_the_duration_of_the_glide_is_that_of_constant_drag_over_weight_less_cen
     start = everywhere.burnout_position_ecef_m
     radius_m = np.linalg.norm(start, axis=1)
     circular = np.sqrt(EARTH_MU_M3_S2 / radius_m)
-    first, last = level_speed_m_s(start, everywhere.burnout_velocity_ecef_m_s) / circular, 1500.0 / circular
+    first = level_speed_m_s(start, everywhere.burnout_velocity_ecef_m_s) / circular
+    last = 1500.0 / circular
     scale_s = 0.5 * KIND.after_burnout.lift_to_drag * circular * radius_m**2 / EARTH_MU_M3_S2
     expected_s = scale_s * np.log((1 + first) * (1 - last) / ((1 - first) * (1 + last)))
     np.testing.assert_allclose(everywhere.release_s - everywhere.burnout_s, expected_s, rtol=1e-12)
@@ -105,10 +108,8 @@ def test_the_descent_keeps_lift_equal_to_weight_less_centrifugal_force(everywher
 
 def test_position_and_velocity_do_not_jump_at_burnout_and_release(everywhere):
     everyone = np.arange(COUNT)
-    boost, glide = (
-        everywhere.path.state(everyone, everywhere.burnout_s),
-        everywhere.state(everyone, everywhere.burnout_s),
-    )
+    boost = everywhere.path.state(everyone, everywhere.burnout_s)
+    glide = everywhere.state(everyone, everywhere.burnout_s)
     np.testing.assert_allclose(glide[0], boost[0], atol=1e-6)
     np.testing.assert_allclose(glide[1], boost[1], atol=1e-6)
     ephemeris = glide_ephemeris(everywhere)
@@ -126,7 +127,8 @@ def test_velocity_is_the_derivative_of_position(everywhere):
 
 
 def test_the_ephemeris_goes_from_burnout_to_impact(everywhere):
-    ephemeris, everyone = glide_ephemeris(everywhere), np.arange(COUNT)
+    ephemeris = glide_ephemeris(everywhere)
+    everyone = np.arange(COUNT)
     np.testing.assert_allclose(
         ephemeris.position_m(everyone, everywhere.burnout_s), everywhere.burnout_position_ecef_m, atol=1e-5
     )
@@ -137,7 +139,8 @@ def test_the_ephemeris_goes_from_burnout_to_impact(everywhere):
 
 
 def test_heights_fall_and_stay_in_the_air(everywhere):
-    everyone, last = np.arange(COUNT), np.full(COUNT, np.inf)
+    everyone = np.arange(COUNT)
+    last = np.full(COUNT, np.inf)
     for share in np.linspace(0.0, 1.0, 15):
         time_s = everywhere.burnout_s + share * (everywhere.release_s - everywhere.burnout_s)
         height_m = ecef_to_geodetic(everywhere.state(everyone, time_s)[0]).height_m

@@ -57,7 +57,9 @@ def recorded(staging, lat_deg, kick_rad):
     boosts = Boosts.of(launch_site(math.radians(lat_deg), 0.3, 0.0), [staging], "kepler")
     recorder = StepRecorder()
     cut_off_s = np.array([staging.latest_cut_off_s])
-    one, azimuth, kick = np.ones(1), np.array([0.7]), np.array([kick_rad])
+    one = np.ones(1)
+    azimuth = np.array([0.7])
+    kick = np.array([kick_rad])
     record_boosts(recorder, np.array([0]), boosts, azimuth, kick, cut_off_s, one)
     return boosts, recorder.arcs(1), float(cut_off_s[0] + staging.tail_off_s)
 
@@ -69,7 +71,8 @@ def test_vertical_flight_without_air_obeys_the_rocket_equation_with_gravity_loss
     _, arcs, burnout_s = recorded(staging, 90.0, 0.0)
     grid, weight = np.polynomial.legendre.leggauss(40)
     edges = np.linspace(0.0, burnout_s, 41)
-    middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    half = 0.5 * np.diff(edges)
     times = middle[:, None] + half[:, None] * grid
     position, _ = arcs.state(np.zeros(times.size, dtype=int), times.ravel())
     loss = np.sum(EARTH_MU_M3_S2 / position[:, 2].reshape(times.shape) ** 2 * weight * half[:, None])
@@ -124,12 +127,15 @@ def drawn_aims(names, seed):
 
     Every other flight has a loft, of up to a half.
     """
-    random, n = np.random.default_rng(seed), len(names)
+    random = np.random.default_rng(seed)
+    n = len(names)
     share = random.uniform(0.0, 1.0, n)
     limits = [(stagings()[name].minimum_range_m, stagings()[name].maximum_range_m) for name in names]
     range_m = [low + part * (high - low) for (low, high), part in zip(limits, share, strict=True)]
-    lat, lon = np.degrees(np.arcsin(random.uniform(-0.9, 0.9, n))), random.uniform(-180.0, 180.0, n)
-    bearing, loft = random.uniform(0.0, 360.0, n), random.uniform(-0.5, 0.5, n)
+    lat = np.degrees(np.arcsin(random.uniform(-0.9, 0.9, n)))
+    lon = random.uniform(-180.0, 180.0, n)
+    bearing = random.uniform(0.0, 360.0, n)
+    loft = random.uniform(-0.5, 0.5, n)
     return flown(names, lat, lon, bearing, range_m, loft * (np.arange(n) % 2))
 
 

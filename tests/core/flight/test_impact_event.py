@@ -112,7 +112,8 @@ def test_results_do_not_depend_on_the_company(name):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_reasons_for_no_impact(name):
     radius = 6378137.0
-    around, within = [0.0, 7.6e3, 0.0], 7200.0
+    around = [0.0, 7.6e3, 0.0]
+    within = 7200.0
     cases = [
         ([radius + 500e3, 0.0, 0.0], around, ImpactReason.NO_DESCENT),
         ([radius + 500e3, 0.0, 0.0], [12e3, 0.0, 0.0], ImpactReason.NO_DESCENT),
@@ -178,7 +179,8 @@ def test_a_start_below_that_descends_has_come_down(name):
 @pytest.mark.parametrize("depth_m", [-50.0, -0.5, -0.01, 0.01, 0.5, 50.0])
 def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(name, depth_m):
     """Grazing arcs: the sign of the perigee's depth decides, however shallow."""
-    start, velocity = np.array([6378137.0 + 400e3, 0.0, 0.0]), np.array([0.0, 7600.0, 0.0])
+    start = np.array([6378137.0 + 400e3, 0.0, 0.0])
+    velocity = np.array([0.0, 7600.0, 0.0])
     times = np.linspace(100.0, 3000.0, 400)
     for _ in range(4):
         arc, _ = propagate(start, velocity, times, MODELS[name], tolerance_m=1e-6)

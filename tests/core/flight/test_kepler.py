@@ -41,7 +41,8 @@ def test_energy_and_angular_momentum_are_kept():
     # Energy is a difference: it is known only to the rounding of its terms at either end, or of the way between.
     bar = 1e-11 * np.maximum(start_scale, end_scale)
     assert np.all(np.abs(energy(end_position, end_velocity) - energy(position, velocity)) <= bar)
-    before, after = np.cross(position, velocity), np.cross(end_position, end_velocity)
+    before = np.cross(position, velocity)
+    after = np.cross(end_position, end_velocity)
     sizes = [
         np.linalg.norm(p, axis=1) * np.linalg.norm(v, axis=1)
         for p, v in ((position, velocity), (end_position, end_velocity))
@@ -52,7 +53,8 @@ def test_energy_and_angular_momentum_are_kept():
 def test_a_ballistic_arc_there_and_back():
     rng = np.random.default_rng(3)
     position = np.array([6478e3, 0.0, 0.0])
-    elevation, speed = rng.uniform(0.3, 1.4, 1000), rng.uniform(2e3, 7.2e3, 1000)
+    elevation = rng.uniform(0.3, 1.4, 1000)
+    speed = rng.uniform(2e3, 7.2e3, 1000)
     velocity = np.stack([speed * np.sin(elevation), speed * np.cos(elevation), 0.0 * speed], axis=1)
     duration = 2.0 * velocity[:, 0] / 9.4
     back, back_velocity = propagate_kepler(*propagate_kepler(position, velocity, duration), -duration)
@@ -98,7 +100,8 @@ def test_shapes():
 
 
 def test_many_turns_come_round():
-    radius, turns = 7e6, 100_000
+    radius = 7e6
+    turns = 100_000
     speed = np.sqrt(EARTH_MU_M3_S2 / radius)
     period = 2.0 * np.pi * radius / speed
     end, _ = propagate_kepler([radius, 0, 0], [0, speed, 0], turns * period)
@@ -119,7 +122,8 @@ def test_a_straight_fall_turns_back_in_the_centre():
 
 
 def test_a_straight_fall_is_the_limit_of_thin_ellipses():
-    radius, time = 8e6, 1700.0
+    radius = 8e6
+    time = 1700.0
     straight, _ = propagate_kepler([radius, 0, 0], [-500.0, 0, 0], time)
     for sideways in (1e-3, 1e-6, 1e-9):
         thin, _ = propagate_kepler([radius, 0, 0], [-500.0, sideways, 0], time)
@@ -144,7 +148,8 @@ def test_status_says_why():
 def test_a_bad_element_does_not_touch_its_neighbours():
     position, velocity, duration = mixed_states(300)
     alone = propagate_kepler(position, velocity, duration)
-    position[100], duration[200] = np.nan, np.inf
+    position[100] = np.nan
+    duration[200] = np.inf
     position[150] = 0.0
     together = propagate_kepler(position, velocity, duration)
     bad = [100, 150, 200]

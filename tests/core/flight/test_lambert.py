@@ -95,7 +95,8 @@ def test_points_on_one_ray_are_joined_by_a_straight_line():
 def test_the_time_of_the_parabola_is_an_ordinary_time():
     """Euler's time between 90 degrees of true anomaly and its neighbours on either side."""
     q = 7e6
-    first, second = np.array([q, 0.0, 0.0]), np.array([0.0, 2.0 * q, 0.0])
+    first = np.array([q, 0.0, 0.0])
+    second = np.array([0.0, 2.0 * q, 0.0])
     parabolic = 4.0 / 3.0 * np.sqrt(2.0 * q**3 / EARTH_MU_M3_S2)
     for factor in (1.0, 1.0 - 1e-15, 1.0 + 1e-15, 1.0 - 1e-9, 1.0 + 1e-9, 1.0 - 1e-4, 1.0 + 1e-4):
         v1, _ = lambert(first, second, factor * parabolic)

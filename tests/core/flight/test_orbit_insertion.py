@@ -17,7 +17,8 @@ from opir_core.scene.target_classes import core_target_class
 
 def launches(count, seed):
     rng = np.random.default_rng(seed)
-    latitude, longitude = np.arcsin(rng.uniform(-1, 1, count)), rng.uniform(-np.pi, np.pi, count)
+    latitude = np.arcsin(rng.uniform(-1, 1, count))
+    longitude = rng.uniform(-np.pi, np.pi, count)
     place = Geodetic(latitude, longitude, rng.uniform(0.0, 3000.0, count))
     return place, rng.uniform(0.0, 1e4, count), rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(150e3, 600e3, count)
 
@@ -72,7 +73,8 @@ def test_the_burnout_of_the_table_is_that_orbit_over_a_sphere_at_rest():
 
 def test_the_rotation_of_the_earth_saves_its_speed_eastwards_and_costs_it_westwards():
     place = Geodetic(np.zeros(2), np.zeros(2), np.zeros(2))
-    azimuth_rad, altitude_m = np.array([0.5, 1.5]) * math.pi, np.full(2, 200e3)
+    azimuth_rad = np.array([0.5, 1.5]) * math.pi
+    altitude_m = np.full(2, 200e3)
     flight = insertion(place, np.zeros(2), azimuth_rad, altitude_m, [PROFILE] * 2)
     turning_m_s = EARTH_ROTATION_RAD_S * (EARTH_EQUATORIAL_RADIUS_M + 200e3)
     circular_m_s = math.sqrt(EARTH_MU_M3_S2 / (EARTH_EQUATORIAL_RADIUS_M + 200e3))

@@ -35,7 +35,8 @@ def test_energy_and_polar_angular_momentum_are_conserved(forces, duration_s):
         velocity = np.cross(around, position)
         velocity *= 7.2e3 / np.linalg.norm(velocity, axis=1, keepdims=True)
     end_position, end_velocity = propagate(position, velocity, duration_s, forces, tolerance_m=1e-6)
-    before, after = energy(position, velocity, forces.zonal), energy(end_position, end_velocity, forces.zonal)
+    before = energy(position, velocity, forces.zonal)
+    after = energy(end_position, end_velocity, forces.zonal)
     np.testing.assert_allclose(after, before, rtol=1e-12 if duration_s <= 1500.0 else 1e-11)
     before = np.cross(position, velocity)[:, 2]
     after = np.cross(end_position, end_velocity)[:, 2]
@@ -51,7 +52,8 @@ def test_errors_stay_within_the_tolerance(name, tolerance_m):
     duration = np.where(name == "j2", 1500.0, 60.0)
     if name != "j2":
         # The last minute before the apogee's mirror image: through the air from 100 km down or so.
-        position, velocity = position * (6371e3 + 100e3) / np.linalg.norm(position, axis=1, keepdims=True), -velocity
+        position = position * (6371e3 + 100e3) / np.linalg.norm(position, axis=1, keepdims=True)
+        velocity = -velocity
         duration = np.minimum(60.0, 60e3 / np.abs((position * velocity).sum(axis=1) / 6471e3))
     exact, _ = propagate(position, velocity, duration, MODELS[name], tolerance_m=1e-8)
     found, _ = propagate(position, velocity, duration, MODELS[name], tolerance_m=tolerance_m)
@@ -146,7 +148,8 @@ def test_a_mirror_at_the_equator_changes_nothing_but_j3():
 def test_air_that_turns_with_a_body_does_not_brake_it():
     """A body at rest over the ground, held up by nothing, meets no wind at first: it drops straight."""
     radius = 6378137.0 + 20e3
-    position, turning = np.array([radius, 0.0, 0.0]), np.array([0.0, radius * EARTH_ROTATION_RAD_S, 0.0])
+    position = np.array([radius, 0.0, 0.0])
+    turning = np.array([0.0, radius * EARTH_ROTATION_RAD_S, 0.0])
     with_drag, _ = propagate(position, turning, 1.0, Forces(drag=Drag(1000.0)))
     without, _ = propagate(position, turning, 1.0)
     in_still_air, _ = propagate(position, turning, 1.0, Forces(drag=Drag(1000.0, air_rotation_rad_s=0.0)))
@@ -155,7 +158,8 @@ def test_air_that_turns_with_a_body_does_not_brake_it():
 
 
 def test_drag_goes_with_density_and_inverse_ballistic_coefficient():
-    position, velocity = np.array([6378137.0 + 60e3, 0.0, 0.0]), np.array([0.0, 3000.0, 0.0])
+    position = np.array([6378137.0 + 60e3, 0.0, 0.0])
+    velocity = np.array([0.0, 3000.0, 0.0])
     still = Drag(1000.0, EXPONENTIAL, air_rotation_rad_s=0.0)
     _, speed = propagate(position, velocity, 1e-3, Forces(zonal=(), drag=still))
     expected = 1.225 * np.exp(-60e3 / 7200.0) * 3000.0**2 / (2.0 * 1000.0)

@@ -40,9 +40,13 @@ def test_what_has_no_answer_is_nan_and_harms_nobody(forces):
     position, velocity = flights(6)
     duration = np.full(6, 300.0)
     expected = propagate(position[5], velocity[5], 300.0, forces)[0]
-    position[0, 1], velocity[1, 2], duration[2], position[3] = np.nan, np.inf, np.inf, 0.0
+    position[0, 1] = np.nan
+    velocity[1, 2] = np.inf
+    duration[2] = np.inf
+    position[3] = 0.0
     velocity[4] = 0.0
-    position[4], duration[4] = [7e6, 0.0, 0.0], 3000.0
+    position[4] = [7e6, 0.0, 0.0]
+    duration[4] = 3000.0
     end, speed = propagate(position, velocity, duration, forces)
     assert np.isnan(end[:5]).all()
     assert np.isnan(speed[:5]).all()

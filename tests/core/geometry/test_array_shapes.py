@@ -144,7 +144,8 @@ def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_booleans_of_what_is_not_finite_are_the_dark_ones(bad):
-    point, sun = np.array([bad, 7e6, 0.0]), np.array([1.5e11, 0.0, 0.0])
+    point = np.array([bad, 7e6, 0.0])
+    sun = np.array([1.5e11, 0.0, 0.0])
     assert is_occluded(point, [7e6, 0.0, 0.0])
     assert is_occluded([7e6, 0.0, 0.0], point)
     assert not is_sunlit([7e6, bad, 0.0], sun)

@@ -70,7 +70,8 @@ def test_geodetic_to_position_and_back(place):
 @given(positions, st.floats(-10.0, 10.0))
 def test_geodetic_is_symmetric_about_the_axis_and_the_equator(position, angle):
     one = ecef_to_geodetic(position)
-    turned, mirrored = ecef_to_geodetic(spun(position, angle)), ecef_to_geodetic(position * [1.0, 1.0, -1.0])
+    turned = ecef_to_geodetic(spun(position, angle))
+    mirrored = ecef_to_geodetic(position * [1.0, 1.0, -1.0])
     assert abs(turned.height_m - one.height_m) <= 6e-9 + 1e-15 * length(position)
     assert mirrored.height_m == one.height_m
     if position[2] != 0.0:
@@ -139,7 +140,8 @@ def test_local_axes_by_position_and_by_angles_are_the_same(place):
 
 @given(places, places)
 def test_nadir_angle_and_angle_at_the_target_close_the_triangle(one, other):
-    sensor, target = geodetic_to_ecef(*one), geodetic_to_ecef(*other)
+    sensor = geodetic_to_ecef(*one)
+    target = geodetic_to_ecef(*other)
     if length(target - sensor) < 1e5:
         return
     central = np.arctan2(length(np.cross(sensor, target)), np.sum(sensor * target))

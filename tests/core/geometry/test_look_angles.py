@@ -26,7 +26,8 @@ SUN = np.array([1.496e11, 0.0, 0.0])
 
 def test_a_sensor_looks_down_at_minus_ninety_degrees():
     for latitude in np.radians([-90.0, -40.0, 0.0, 10.0, 89.999]):
-        sensor, below = geodetic_to_ecef(latitude, 0.7, 8e5), geodetic_to_ecef(latitude, 0.7, 0.0)
+        sensor = geodetic_to_ecef(latitude, 0.7, 8e5)
+        below = geodetic_to_ecef(latitude, 0.7, 0.0)
         assert elevation_rad(sensor, below) == pytest.approx(-np.pi / 2, abs=1e-13)
         assert elevation_rad(below, sensor) == pytest.approx(np.pi / 2, abs=1e-13)
 
@@ -112,17 +113,21 @@ def test_least_height_against_a_search_along_the_segment():
         def height(share, observer=observer, target=target):
             return ecef_to_geodetic(observer + share[:, None] * (target - observer)).height_m
 
-        low, high = np.zeros(250), np.ones(250)
+        low = np.zeros(250)
+        high = np.ones(250)
         for _ in range(75):
-            left, right = high - ratio * (high - low), low + ratio * (high - low)
+            left = high - ratio * (high - low)
+            right = low + ratio * (high - low)
             falls = height(left) < height(right)
-            low, high = np.where(falls, low, left), np.where(falls, right, high)
+            low = np.where(falls, low, left)
+            high = np.where(falls, right, high)
         searched = np.minimum(height(0.5 * (low + high)), np.minimum(height(0.0 * low), height(0.0 * low + 1.0)))
         assert np.max(np.abs(grazing_height_m(observer, target) - searched)) < bound
 
 
 def test_least_height_through_the_middle_of_the_earth():
-    a, b = EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+    a = EARTH_EQUATORIAL_RADIUS_M
+    b = EARTH_POLAR_RADIUS_M
     assert grazing_height_m([0, 0, 9e6], [0, 0, -9e6]) == pytest.approx(-b, rel=0.0, abs=1e-8)
     assert grazing_height_m([9e6, 0, 0], [-9e6, 0, 0]) == pytest.approx(-b, rel=0.0, abs=1e-8)
     # Across the disc of the two nearest points the slope jumps: -b sqrt(1 - rho² / (a² - b²)) is deepest.
@@ -133,7 +138,8 @@ def test_least_height_through_the_middle_of_the_earth():
 
 
 def test_least_height_counts_the_ends():
-    ground, above = geodetic_to_ecef(0.6, 0.2, 100.0), geodetic_to_ecef(0.6, 0.2, 3e7)
+    ground = geodetic_to_ecef(0.6, 0.2, 100.0)
+    above = geodetic_to_ecef(0.6, 0.2, 3e7)
     assert grazing_height_m(ground, above) == pytest.approx(100.0, abs=1e-7)
     assert grazing_height_m(ground, ground) == pytest.approx(100.0, abs=1e-8)
 
@@ -143,7 +149,8 @@ def test_occlusion_is_the_least_height_below_the_margin_between_the_ends(margin_
     rng = np.random.default_rng(2)
     target = rng.normal(size=(20000, 3))
     target *= (6.38e6 + rng.uniform(0.0, 1e6, (20000, 1))) / np.linalg.norm(target, axis=1, keepdims=True)
-    occluded, least = is_occluded(SLOT, target, margin_m), grazing_height_m(SLOT, target)
+    occluded = is_occluded(SLOT, target, margin_m)
+    least = grazing_height_m(SLOT, target)
     ends = np.minimum(ecef_to_geodetic(target).height_m, ecef_to_geodetic(SLOT).height_m)
     assert np.array_equal(occluded, (least < margin_m) & (least < ends - 1e-7))
     assert 0.3 < np.mean(occluded) < 0.7

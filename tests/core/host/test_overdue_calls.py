@@ -112,7 +112,8 @@ def test_a_thread_for_calls_ends_after_the_last_one() -> None:
 
 def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event) -> None:
     """A process that sleeps in a signal handler for longer than the limit, as one that was stopped, gets its answer."""
-    calls, main = CallThread(), signal.getsignal(signal.SIGALRM)
+    calls = CallThread()
+    main = signal.getsignal(signal.SIGALRM)
     signal.signal(signal.SIGALRM, lambda *_: (time.sleep(2.5), over.set()))
     signal.setitimer(signal.ITIMER_REAL, 0.2)
     try:

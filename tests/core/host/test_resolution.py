@@ -236,7 +236,8 @@ class TestPluginsOfThisProgram:
         assert host.names("opir_trackers") == ["arc"]
 
     def test_hosts_know_nothing_of_each_other(self, shop):
-        one, other = Host.of(Plugin("arc")), Host.of()
+        one = Host.of(Plugin("arc"))
+        other = Host.of()
         assert (one.names("opir_trackers"), other.names("opir_trackers")) == (["arc"], [])
 
 

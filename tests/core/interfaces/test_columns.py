@@ -20,7 +20,8 @@ class Row(Columns):
     third: np.ndarray | None
 
 
-SHARED, APART = np.arange(5), np.arange(5) + 10
+SHARED = np.arange(5)
+APART = np.arange(5) + 10
 
 
 @pytest.mark.parametrize("rows", [slice(1, 4), np.array([3, 1, 1]), np.array([True, False, True, True, False])])

@@ -92,7 +92,8 @@ def test_an_adopted_part_pickles() -> None:
 def test_what_sends_is_a_transport_and_what_writes_a_sink() -> None:
     class Sending:
         trouble = None
-        send = close = print
+        send = print
+        close = send
 
     assert isinstance(sink_or_transport(Sending()), Transport)
     assert isinstance(sink_or_transport(Bare()), Sink)
@@ -127,7 +128,8 @@ def test_an_attribute_set_by_the_instance_replaces_a_default_and_a_required_one(
         def __init__(self) -> None:
             self.trouble = "no connection yet"  # type: ignore[misc]
 
-        send = close = print  # type: ignore[assignment]
+        send = print
+        close = send  # type: ignore[assignment]
 
     assert Transport.adopt(Broker()).trouble == "no connection yet"
 
@@ -146,8 +148,10 @@ def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
 def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
     class Still:
         type_code = np.array([2, 0], dtype=np.uint8)
-        ignition_s, burnout_s = np.array([1.0, 2.0]), np.array([61.0, 92.0])
-        position_ecef_m = truth = print
+        ignition_s = np.array([1.0, 2.0])
+        burnout_s = np.array([61.0, 92.0])
+        position_ecef_m = print
+        truth = position_ecef_m
 
     targets = Trajectories.adopt(Still())
     assert targets.end_s.tolist() == [61.0, 92.0]
@@ -167,7 +171,8 @@ def test_models_of_light_of_other_classes_work_band_by_band_without_clouds_and_s
 
         clutter_w_m2_sr = radiance_w_m2_sr
 
-    air, sky = Transmittance.adopt(Air()), Background.adopt(Sky())
+    air = Transmittance.adopt(Air())
+    sky = Background.adopt(Sky())
     rows: Any = range(2)
     assert air.transmittances([0, 1], rows).tolist() == [[0.5, 0.5], [0.6, 0.6]]
     assert air.cloud_top_m(np.zeros((1, 3))).tolist() == [-np.inf]

@@ -49,7 +49,8 @@ def test_no_polygon_contains_nothing() -> None:
 
 
 def test_regions_are_equal_when_every_point_is() -> None:
-    one, other = stub_regions(9.0, 167.7)[2], stub_regions(9.0, 167.7)[2]
+    one = stub_regions(9.0, 167.7)[2]
+    other = stub_regions(9.0, 167.7)[2]
     assert one == other
     assert hash(one) == hash(other)
     moved = other.polygons[0][0].copy()

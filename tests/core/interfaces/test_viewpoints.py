@@ -60,7 +60,8 @@ def test_what_is_not_known_is_nan_and_does_not_spread() -> None:
     place = np.tile([4.2e7, 0.0, 0.0], (4, 1))
     place[1, 2] = np.nan
     direction = np.tile([0.0, 1.0, 0.0], (4, 1))
-    direction[2], direction[3] = [np.nan, 0.0, 1.0], 0.0
+    direction[2] = [np.nan, 0.0, 1.0]
+    direction[3] = 0.0
     angles = stub_window(4, sensor_ecef_m=place, line_of_sight_ecef=direction).detections.angles()
     assert np.isnan(angles.azimuth_rad).tolist() == [False, True, True, True]
     assert np.isnan(angles.elevation_rad).tolist() == [False, True, True, True]

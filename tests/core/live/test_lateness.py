@@ -24,7 +24,8 @@ LATE_S = [0.004, 0.3, 0.02, 0.0, 0.02]
 def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host.discover()
     scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
-    clock_ns, taken = [77 * NS], iter(TAKEN_S)
+    clock_ns = [77 * NS]
+    taken = iter(TAKEN_S)
 
     def work(_window: object) -> None:
         clock_ns[0] += round(next(taken) * NS)
@@ -58,7 +59,8 @@ def test_a_cycle_later_than_the_shortest_scan_period_misses_its_deadline(monkeyp
         {"model": "generic-scanner", "id": "B", "orbital_slot_deg": 9.0, "scan_period_ms": 900.0},
     ]
     scene = scene_from_mapping(mapping(outputs=["null"], sensors=sensors), host=host)
-    clock_ns, taken = [0], iter([0.199, 0.0, 0.0, 0.201, 0.0])
+    clock_ns = [0]
+    taken = iter([0.199, 0.0, 0.0, 0.201, 0.0])
 
     def work(_window: object) -> None:
         clock_ns[0] += round(next(taken) * NS)
@@ -78,7 +80,8 @@ def run_with(
     settings: LiveSettings, taken_s: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> tuple[LiveRun, list[int]]:
     """Return a run whose cycles take some real time each, under a clock of the test."""
-    host, clock_ns = Host.discover(), [0]
+    host = Host.discover()
+    clock_ns = [0]
     scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
 
     def work(_window: object) -> None:

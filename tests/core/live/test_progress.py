@@ -72,14 +72,17 @@ def test_whatever_a_component_raises_is_reported(part: str, error: BaseException
     with running(rogue_host(hook, sound, method, raising(error)), **changes) as run:
         if part == "sink":
             until(lambda: run.status().sinks[0].state == "failed")
-            reported, state = run.status().sinks[0].error or "", "running"
+            reported = run.status().sinks[0].error or ""
+            state = "running"
             until(lambda: run.status().sinks[1].delivered > 0)
         elif part == "tracker":
             until(lambda: run.status().tracker_error is not None)
-            reported, state = run.status().tracker_error or "", "running"
+            reported = run.status().tracker_error or ""
+            state = "running"
         else:
             until(lambda: run.state == "failed")
-            reported, state = run.status().error or "", "failed"
+            reported = run.status().error or ""
+            state = "failed"
         assert run.state == state
         assert type(error).__name__ in reported
         assert "rogue_components.py, line" in reported

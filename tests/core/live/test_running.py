@@ -121,7 +121,8 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
     scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
     run.start()
-    asked_s, times = list[float](), list[float]()
+    asked_s = list[float]()
+    times = list[float]()
     for _ in range(20):
         asked_s.append(run.time_ns / NS)
         times.append(run.launch(UNTIMED).time_s)

@@ -56,7 +56,9 @@ class Slow(Sink):
     """A sink that takes its time, or fails."""
 
     def __init__(self, gate: threading.Event, error: str | None = None) -> None:
-        self.gate, self.error, self.taken = gate, error, 0
+        self.gate = gate
+        self.error = error
+        self.taken = 0
 
     def write(self, window: Window) -> None:
         self.gate.wait(60.0)
@@ -73,11 +75,10 @@ def some_window(scene: Scene, host: Host) -> Window:
 
 
 def test_a_slow_sink_loses_nothing_and_one_that_fails_is_reported(scene: Scene, host: Host) -> None:
-    window, gate = some_window(scene, host), threading.Event()
-    slow, broken = (
-        SinkThread("outputs[0]", "slow", Slow(gate)),
-        SinkThread("outputs[1]", "broken", Slow(gate, "no room")),
-    )
+    window = some_window(scene, host)
+    gate = threading.Event()
+    slow = SinkThread("outputs[0]", "slow", Slow(gate))
+    broken = SinkThread("outputs[1]", "broken", Slow(gate, "no room"))
     for _ in range(QUEUED_WINDOWS // 2):
         slow.write(window, threading.Event())
         broken.write(window, threading.Event())
@@ -126,7 +127,8 @@ def reported(shown: list[LiveWindow]) -> int:
 
 
 def test_a_kept_output_that_fails_is_reported_and_the_run_goes_on(scene: Scene, host: Host) -> None:
-    window, gate = some_window(scene, host), threading.Event()
+    window = some_window(scene, host)
+    gate = threading.Event()
     gate.set()
     broken = SinkThread("outputs[0]", "broken", Slow(gate, "no room"), is_spooled=True)
     for _ in range(3):

@@ -58,9 +58,11 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts):
 
 @pytest.mark.parametrize("name", ORBITS)
 def test_another_sensor_changes_nothing(name):
-    alone, together = plan_of([name]), plan_of(ORBITS)
+    alone = plan_of([name])
+    together = plan_of(ORBITS)
     number = list(ORBITS).index(name)
-    expected, found = detections(alone, [END_NS]), detections(together, [END_NS])
+    expected = detections(alone, [END_NS])
+    found = detections(together, [END_NS])
     rows = np.flatnonzero(found.sensor == number)
     assert found.time_ns[rows].tobytes() == expected.time_ns.tobytes()
     assert found.sensor_ecef_m[rows].tobytes() == expected.sensor_ecef_m.tobytes()

@@ -49,7 +49,8 @@ def test_energy_and_momentum_stay(elements):
     assert energy == pytest.approx(-0.5 * EARTH_MU_M3_S2 / elements.semi_major_axis_m, rel=0.0, abs=1e-11 * greatest)
     semilatus = elements.semi_major_axis_m * (1.0 - elements.eccentricity**2)
     length = math.sqrt(EARTH_MU_M3_S2 * semilatus)
-    tilt, node = elements.inclination_rad, elements.node_longitude_rad
+    tilt = elements.inclination_rad
+    node = elements.node_longitude_rad
     normal = [math.sin(tilt) * math.sin(node), -math.sin(tilt) * math.cos(node), math.cos(tilt)]
     assert momentum == pytest.approx(np.tile(normal, (50, 1)) * length, rel=0.0, abs=1e-10 * length)
 
@@ -88,7 +89,8 @@ def test_turning_the_node_turns_the_orbit_about_the_earths_axis(elements, turn_r
         mean_anomaly_rad=elements.mean_anomaly_rad,
     )
     x, y, z = position.T
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+    cosine = math.cos(turn_rad)
+    sine = math.sin(turn_rad)
     expected = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
     assert TwoBodyMotion(turned).position_ecef_m(time_s) == pytest.approx(
         expected, rel=0.0, abs=1e-11 * elements.apogee_radius_m

@@ -69,7 +69,8 @@ def test_an_inclined_slot_draws_the_figure_eight_of_the_page():
     day_s = np.linspace(0.0, 86164.1, 5001)
     slot = OrbitConfig(slot=SlotConfig(lon_deg=-75.0, inclination_deg=5.0))
     x, y, z = orbit_of(slot, 0).position_ecef_m(day_s).T
-    latitude, away = np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x) - np.radians(-75.0)
+    latitude = np.arctan2(z, np.hypot(x, y))
+    away = np.arctan2(y, x) - np.radians(-75.0)
     assert abs(latitude.max() - inclination) < 1e-6
     assert abs(away.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
 

@@ -14,7 +14,8 @@ from opir_core.orbits.orbit_models import TwoBodyMotion
 
 @st.composite
 def patterns(draw: st.DrawFn) -> tuple[int, int, int]:
-    planes, a_plane = draw(st.integers(1, 12)), draw(st.integers(1, 12))
+    planes = draw(st.integers(1, 12))
+    a_plane = draw(st.integers(1, 12))
     return planes * a_plane, planes, draw(st.integers(0, planes - 1))
 
 

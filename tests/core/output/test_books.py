@@ -27,7 +27,9 @@ class Liar(Sink):
     """A sink that gives the figures that the test sets."""
 
     def __init__(self, reported: Any, *, fails_at: int = 0) -> None:
-        self.reported, self.windows, self.fails_at = reported, 0, fails_at
+        self.reported = reported
+        self.windows = 0
+        self.fails_at = fails_at
 
     def write(self, window: Window) -> None:
         self.windows += 1

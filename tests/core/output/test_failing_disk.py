@@ -95,7 +95,8 @@ def good(tmp_path: Path) -> Path:
 
 @FAULT
 def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path, error: int, lasts: bool) -> None:
-    place, host = good.with_name("place"), Host.discover()
+    place = good.with_name("place")
+    host = Host.discover()
     plans = {seed: plan_of(seed, {"jsonl": {"path": str(place / "e.jsonl")}}) for seed in (2, 3)}
 
     def fresh() -> None:
@@ -135,7 +136,8 @@ def message_of(work: Callable[[], Any]) -> str | None:
     return None
 
 
-ROWS, WINDOWS = 60, 5
+ROWS = 60
+WINDOWS = 5
 
 
 def sink_into(
@@ -150,7 +152,9 @@ def sink_into(
 
 def life(path: Path, when_full: str, carrier: Holding, first: int, **more: bool) -> tuple[Any, int, str | None]:
     """Return the counts of a sink that is given windows until it fails, how many events these had, and its error."""
-    sink, given, reported = sink_into(path, carrier, when_full, **more), 0, None
+    sink = sink_into(path, carrier, when_full, **more)
+    given = 0
+    reported = None
     for number in range(WINDOWS):
         given += ROWS
         reported = message_of(lambda: sink.write(window(ROWS, first + number * ROWS)))  # noqa: B023
@@ -212,7 +216,8 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
         life(tmp_path / "spool", "wait", Holding(), 0, **more)
         opened = next(at for at, call in enumerate(disk.calls) if call == ("write", "spool-wal"))
         for number in (n for n in chosen(list(disk.calls), [*WRITING, READ]) if n > opened + 4):
-            path, carrier = tmp_path / f"spool-{number}", Holding()
+            path = tmp_path / f"spool-{number}"
+            carrier = Holding()
             patient = Policy(when_full="wait", wait_s=20.0, stall_s=5.0)
             sink = sink_into(path, carrier, "wait", patient, **more)
             disk.fail_at(number - opened - 4, errno.EIO, lasts=lasts, kinds=[*WRITING, READ], of=path_is(path))
@@ -261,7 +266,8 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: in
 
 def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(tmp_path: Path) -> None:
     """A retried output would otherwise append to half a line, and lose the event of that line."""
-    path, lines = tmp_path / "lines", ENCODER.encode(window(21)).splitlines()
+    path = tmp_path / "lines"
+    lines = ENCODER.encode(window(21)).splitlines()
     with FailingDisk(tmp_path) as disk:
         file = LineFile(str(path), ENCODER)
         file.write(window(10))

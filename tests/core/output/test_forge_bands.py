@@ -30,7 +30,8 @@ SENSORS = (
     stub_sensor("ONE", orbital_slot_deg=None, bands=(Band("LWIR", 8.0, 12.0),)),
 )
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=1_775_044_800_000_000)
-PLAIN, WITH_BANDS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_irradiances=True)
+PLAIN = ForgeEncoder(CONTEXT)
+WITH_BANDS = ForgeEncoder(CONTEXT, has_irradiances=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -112,7 +113,8 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
 @pytest.mark.slow
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     plan = photons("duration_s=70")
-    events, found = events_of(plan, "forge-bands"), opir.simulate(plan.scene).detections
+    events = events_of(plan, "forge-bands")
+    found = opir.simulate(plan.scene).detections
     assert len(events) == len(found) > 100
     for event, measured, sensor in zip(events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True):
         reported = event["band_irradiance_w_m2"]

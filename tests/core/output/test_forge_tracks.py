@@ -27,7 +27,8 @@ from opir_core.simulation.run import plan_windows
 EPOCH_US = 1_775_044_800_000_000
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
 CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US, hypotheses=HYPOTHESES)
-PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)
+PLAIN = ForgeEncoder(CONTEXT)
+WITH_TRACKS = ForgeEncoder(CONTEXT, has_tracks=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
 SUMS = ("track_probability_launch", "track_probability_missile", "track_probability_orbit")
 WEIGHED = ("track_hypotheses", *SUMS, "track_probability_comes_down", "track_end")
@@ -42,7 +43,8 @@ def symmetric(terms: FloatArray) -> FloatArray:
 @st.composite
 def windows(draw: st.DrawFn) -> Window:
     """Detections that point to any estimates, unknown and unlawful numbers included."""
-    count, rows = draw(st.integers(1, 6)), draw(st.integers(1, 4))
+    count = draw(st.integers(1, 6))
+    rows = draw(st.integers(1, 4))
     columns = {
         "state": draw(arrays(np.float64, (rows, 6), elements=ANY)),
         "state_covariance": symmetric(draw(arrays(np.float64, (rows, 6, 6), elements=ANY))),
@@ -74,7 +76,8 @@ def reported(state: FloatArray, time_s: float, covariance: FloatArray, document:
 
 @given(windows())
 def test_an_event_says_what_its_track_knew(window: Window) -> None:
-    lines, plain = WITH_TRACKS.encode(window).splitlines(), PLAIN.encode(window).splitlines()
+    lines = WITH_TRACKS.encode(window).splitlines()
+    plain = PLAIN.encode(window).splitlines()
     estimates = window.estimates
     for line, without, row in zip(lines, plain, window.detections.estimate.tolist(), strict=True):
         event = json.loads(line)
@@ -100,7 +103,8 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
 
 
 def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
-    fire, boost = stub_hypotheses(ground_source=0.75, SRBM=0.125), stub_hypotheses(ICBM=0.25, SLV=0.5)
+    fire = stub_hypotheses(ground_source=0.75, SRBM=0.125)
+    boost = stub_hypotheses(ICBM=0.25, SLV=0.5)
     estimates = stub_estimates(3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1])
     window = stub_window(3, estimates=estimates, estimate=np.arange(3), track=np.arange(3))
     first, second, third = (json.loads(line) for line in WITH_TRACKS.encode(window).splitlines())
@@ -134,7 +138,8 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
     changes = ["duration_s=90", "outputs=[]", f"tracker={tracker}"]
     plan = opir.compile_plan(opir.load_scene("examples/first_light.yaml", overrides=changes))
     lines = b"".join(encoder_of(plan, "forge-tracks").encode(window) for window in plan_windows(plan))
-    events, run = [json.loads(line) for line in lines.splitlines()], opir.simulate(plan.scene)
+    events = [json.loads(line) for line in lines.splitlines()]
+    run = opir.simulate(plan.scene)
     assert len(events) == len(run.detections) > 100
     tracked = 0
     for event, row in zip(events, run.detections.estimate.tolist(), strict=True):
@@ -145,7 +150,8 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
             continue
         tracked += 1
         reported(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])
-        burnout, covariance = run.estimates.burnout[row], run.estimates.burnout_covariance[row]
+        burnout = run.estimates.burnout[row]
+        covariance = run.estimates.burnout_covariance[row]
         reported(burnout[:6], burnout[6], covariance, event["burnout"])
     assert (tracked > 100) == (tracker != "none")
 

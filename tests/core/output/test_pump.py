@@ -55,7 +55,8 @@ def failing_stream(error: BaseException) -> Iterator[Window]:
 
 def test_every_sink_gets_every_window_in_order() -> None:
     windows = list(stream(2, 0, 3))
-    first, second = Recorder(), Recorder()
+    first = Recorder()
+    second = Recorder()
     report = pump(windows, {"a": first, "b": second})
     assert first.windows == second.windows == windows
     assert report == PumpReport(3, 5, (SinkReport("a", 5, 0, 0), SinkReport("b", 5, 0, 0)))
@@ -64,7 +65,8 @@ def test_every_sink_gets_every_window_in_order() -> None:
 
 
 def test_a_sink_that_fails_is_closed_and_the_others_go_on() -> None:
-    bad, good = Recorder(fails_at=2), Recorder()
+    bad = Recorder(fails_at=2)
+    good = Recorder()
     report = pump(stream(2, 3, 4), {"bad": bad, "good": good})
     assert report.sinks == (SinkReport("bad", 2, 0, 7, "full after 2"), SinkReport("good", 9, 0, 0))
     assert report.failures == report.sinks[:1]
@@ -95,7 +97,8 @@ def test_when_every_sink_has_failed_no_more_windows_are_drawn() -> None:
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ModelError("broken"), ZeroDivisionError(), SystemExit(1)])
 def test_every_sink_is_closed_once_when_the_windows_end_in_an_error(error: BaseException) -> None:
-    failed, good = Recorder(fails_at=1), Recorder()
+    failed = Recorder(fails_at=1)
+    good = Recorder()
     with pytest.raises(type(error)):
         pump(failing_stream(error), {"failed": failed, "good": good})
     assert (failed.closed, good.closed) == (1, 1)
@@ -117,7 +120,8 @@ def test_a_defect_in_a_sink_is_passed_on_with_every_sink_closed() -> None:
         def write(self, window: Window) -> None:
             raise TypeError("a defect")
 
-    broken, good = Broken(), Recorder()
+    broken = Broken()
+    good = Recorder()
     with pytest.raises(TypeError, match="a defect"):
         pump(stream(1), {"broken": broken, "good": good})
     assert (broken.closed, good.closed) == (1, 1)
@@ -131,7 +135,8 @@ def test_progress_is_reported_once_a_window_is_taken() -> None:
 
 
 def test_a_sink_that_fails_to_close_is_reported() -> None:
-    bad, good = Recorder(fails_to_close=SinkError("no answer")), Recorder()
+    bad = Recorder(fails_to_close=SinkError("no answer"))
+    good = Recorder()
     report = pump(stream(2), {"bad": bad, "good": good})
     assert report.sinks == (SinkReport("bad", 0, 0, 2, "no answer"), SinkReport("good", 2, 0, 0))
 
@@ -144,7 +149,9 @@ def test_a_sink_that_fails_to_write_and_to_close_is_reported_for_the_first() -> 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("a defect")])
 def test_an_error_in_closing_one_does_not_keep_the_others_open(error: BaseException) -> None:
-    first, bad, last = Recorder(), Recorder(fails_to_close=error), Recorder()
+    first = Recorder()
+    bad = Recorder(fails_to_close=error)
+    last = Recorder()
     outlets = SinkGroup({"first": first, "bad": bad, "last": last})
     with pytest.raises(type(error)), outlets:
         outlets.write(stub_window(1))

@@ -120,7 +120,9 @@ def test_a_folder_that_was_empty_is_empty_after_an_interruption(tmp_path: Path) 
 def test_a_file_that_fails_leaves_the_run_before_and_says_what_is_where(
     good: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, write, calls = contents(good), os.write, []
+    before = contents(good)
+    write = os.write
+    calls = []
 
     def full(descriptor: int, data: Any) -> int:
         calls.append(descriptor)
@@ -172,7 +174,8 @@ def test_another_manifest_and_truth_do_not_make_it_another_file(good: Path) -> N
 def serial_calls(monkeypatch: pytest.MonkeyPatch, name: str, fails_at: int) -> list[Any]:
     """Let the n-th call of a function of the system fail, as a damaged disk does; returns the calls."""
     owner: Any = Path if name == "replace" else os
-    real, calls = getattr(owner, name), []
+    real = getattr(owner, name)
+    calls = []
 
     def call(*words: Any) -> Any:
         calls.append(words)
@@ -272,7 +275,8 @@ def test_a_device_gets_the_events_and_has_nothing_beside_it(
 @pytest.fixture
 def long_run(good: Path, tmp_path: Path) -> Iterator[Callable[[], subprocess.Popen[str]]]:
     """Return a function that starts a long run over the good one."""
-    scene, started = tmp_path / "scene.yaml", []
+    scene = tmp_path / "scene.yaml"
+    started = []
     sensors = [{"constellation": "DSP"}, {"constellation": "SBIRS-GEO"}]
     (target,) = SCENE["targets"]  # type: ignore[misc]
     launches = [{**target["launch"], "time_s": 60.0 * number} for number in range(400)]
@@ -298,7 +302,8 @@ def long_run(good: Path, tmp_path: Path) -> Iterator[Callable[[], subprocess.Pop
 def test_a_process_that_a_signal_ends_leaves_the_run_before(
     good: Path, long_run: Callable[[], subprocess.Popen[str]], number: str, code: int
 ) -> None:
-    before, process = contents(good), long_run()
+    before = contents(good)
+    process = long_run()
     until(lambda: (good / "e.jsonl.part").exists() and (good / "e.jsonl.part").stat().st_size > 0)
     time.sleep(0.1)
     process.send_signal(getattr(signal, number))

@@ -47,7 +47,8 @@ def saved(folder: Path) -> opir_core.Run:
 
 @pytest.mark.slow
 def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
-    mine, theirs = saved.detections, memory.detections
+    mine = saved.detections
+    theirs = memory.detections
     for name in ("sensor", "detection_id", "reported_type", "bands", "detection_count", "track"):
         assert np.array_equal(getattr(mine, name), getattr(theirs, name)), name
     assert np.abs(mine.time_ns - theirs.time_ns).max() <= 1_000
@@ -61,7 +62,8 @@ def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Ru
 @pytest.mark.slow
 def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert np.array_equal(saved.truth.target, memory.truth.target)
-    mine, theirs = saved.truth, memory.truth
+    mine = saved.truth
+    theirs = memory.truth
     columns = {"emission_s": "emission_time_s", "target_elevation_rad": "target_elevation_rad"}
     for key, decimals in TRUTH_DECIMALS.items():
         name = columns.get(key, key)
@@ -74,7 +76,8 @@ def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opi
 @pytest.mark.slow
 def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert saved.summary["counts"] == memory.summary["counts"]
-    mine, theirs = saved.summary["targets"], memory.summary["targets"]
+    mine = saved.summary["targets"]
+    theirs = memory.summary["targets"]
     assert [row["first_sensor_id"] for row in mine] == [row["first_sensor_id"] for row in theirs]
     assert [row["latency_s"] for row in mine] == pytest.approx([row["latency_s"] for row in theirs], abs=1e-6)
 
@@ -83,7 +86,8 @@ def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
     plan = two_sides_plan(duration_s=20.0, outputs=[{"jsonl": {"path": str(tmp_path / "events.jsonl")}}])
     paths = {f"{what}_path": tmp_path / f"events.{what}.json{'' if what == 'manifest' else 'l'}" for what in BESIDE}
     deliver(plan, **paths)
-    saved, memory = opir_core.load_run(tmp_path, plan.host), run_of_plan(plan)
+    saved = opir_core.load_run(tmp_path, plan.host)
+    memory = run_of_plan(plan)
     for name in ("hypothesis_probability", "probability_launch", "probability_missile", "probability_orbit", "end"):
         assert np.array_equal(getattr(saved.tracks, name), getattr(memory.tracks, name)), name
     assert saved.tracks.hypothesis_probability.shape == (40, len(plan.hypotheses))

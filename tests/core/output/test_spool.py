@@ -303,8 +303,10 @@ def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_p
 
 
 def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
-    shared, hole = stub_regions(9.0, 167.7, 200.0), stub_regions(-5.0, -179.9)
-    ring, inner = hole[2].polygons[0][0], hole[0].polygons[0][0]
+    shared = stub_regions(9.0, 167.7, 200.0)
+    hole = stub_regions(-5.0, -179.9)
+    ring = hole[2].polygons[0][0]
+    inner = hole[0].polygons[0][0]
     several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
     given = stub_regions(5.0, 5.0, condition="relights", probability=0.25, effective_samples=80.0)
     known = stub_estimates(4, impact_regions=[(*shared, *given), (), several, shared])
@@ -351,7 +353,8 @@ def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
 
 def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:
     class Choosy(Encoder):
-        content_type, schema_version = ENCODER.content_type, ENCODER.schema_version
+        content_type = ENCODER.content_type
+        schema_version = ENCODER.schema_version
         encode = staticmethod(ENCODER.encode)
 
         def encodable(self, block: Any) -> Any:

@@ -23,7 +23,8 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvage, salvaged_at_start, spool_state
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 
-BATCHES, ROWS = 20, 100
+BATCHES = 20
+ROWS = 100
 
 
 @pytest.fixture
@@ -97,7 +98,8 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 20))])
 def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
-    content, rng = bytearray(spool.read_bytes()), random.Random(seed)
+    content = bytearray(spool.read_bytes())
+    rng = random.Random(seed)
     pages = sorted({rng.randrange(len(content)) // 4096 for _ in range(3)} - {0})
     for _ in range(64):
         content[4096 * rng.choice(pages or [1]) + rng.randrange(4096)] ^= 1 << rng.randrange(8)
@@ -189,7 +191,8 @@ def files_of_at_most(size: int) -> Iterator[None]:
 def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_path: Path, when_full: str) -> None:
     failed = 0
     for limit in range(8192, 400_000, 12_288):
-        path, carrier = tmp_path / f"spool-{limit}", Holding("hold")
+        path = tmp_path / f"spool-{limit}"
+        carrier = Holding("hold")
         journal = Journal(str(path), 64 * MIB)
         policy = evolve(QUICK, when_full=when_full, wait_s=0.01)
         sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy)
@@ -220,7 +223,9 @@ class Failing:
     """A connection whose n-th statement is answered with an error, before or after it is done."""
 
     def __init__(self, database: Any, fails_at: int, name: str) -> None:
-        self._database, self._fails_at, self._name = database, fails_at, name
+        self._database = database
+        self._fails_at = fails_at
+        self._name = name
         self.calls = 0
 
     def execute(self, *words: Any) -> Any:
@@ -241,7 +246,8 @@ def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name:
     patient = Policy(when_full="wait", wait_s=20.0, stall_s=2.0)
     for number in range(1, 60):
         journal = Journal(str(tmp_path / f"spool-{number}"), 64 * MIB)
-        failing = journal._database = Failing(journal._database, number, name)  # type: ignore[assignment]
+        failing = Failing(journal._database, number, name)
+        journal._database = failing  # type: ignore[assignment]
         carrier = Holding()
         sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), patient)
         for place in range(3):
@@ -284,13 +290,15 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
 
 
 def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(tmp_path: Path) -> None:
-    journal, carrier = Journal(str(tmp_path / "spool"), 64 * MIB), Holding()
+    journal = Journal(str(tmp_path / "spool"), 64 * MIB)
+    carrier = Holding()
     for number in range(3):
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
     journal._database.execute("UPDATE parcel SET body = zeroblob(10) WHERE number = 2")
     sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
     sink.write(window(ROWS, 3 * ROWS))
-    reported, whole = sink.close(), ids_of(window(4 * ROWS))
+    reported = sink.close()
+    whole = ids_of(window(4 * ROWS))
     assert carrier.ids == whole[:ROWS] + whole[2 * ROWS :]
     assert (reported.delivered, reported.spooled, reported.dropped, reported.recovered) == (3 * ROWS, ROWS, 0, 3 * ROWS)
     assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (reported.complaint or "")

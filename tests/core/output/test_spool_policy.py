@@ -40,7 +40,9 @@ def test_of_several_refused_batches_the_first_is_sent_again_and_the_pause_runs_f
 
 
 def test_the_pause_doubles_up_to_the_longest_until_something_is_acknowledged() -> None:
-    parking, now_s, pauses = Parking(POLICY), 0.0, []
+    parking = Parking(POLICY)
+    now_s = 0.0
+    pauses = []
     for _ in range(4):
         parking.refuse(1, "refused", now_s)
         pauses.append(next(pause for pause in range(100) if parking.resume(now_s + pause, is_closing=False)))
@@ -91,7 +93,8 @@ def batch(size: int = 3, events: int = 1) -> Batch:
 
 
 def test_what_is_sent_ahead_is_bounded_in_bytes() -> None:
-    sent, futures = SentBatches(), [Future[None](), Future[None]()]
+    sent = SentBatches()
+    futures = [Future[None](), Future[None]()]
     sent.add(1, batch(AHEAD_BYTES - 1), futures[0])
     assert sent.has_room
     sent.add(2, batch(1), futures[1])
@@ -106,7 +109,8 @@ def test_what_is_sent_ahead_is_bounded_in_bytes() -> None:
 
 @pytest.mark.parametrize("is_cancelled", [False, True])
 def test_nothing_is_sent_behind_a_batch_that_failed(is_cancelled: bool) -> None:
-    sent, future = SentBatches(), Future[None]()
+    sent = SentBatches()
+    future = Future[None]()
     sent.add(1, batch(), future)
     if is_cancelled:
         future.cancel()

@@ -40,7 +40,8 @@ def test_every_sink_can_have_a_spool(tmp_path: Path, sink: str) -> None:
 
 
 def test_with_a_spool_the_same_lines_arrive(tmp_path: Path) -> None:
-    plain, kept = tmp_path / "plain.jsonl", tmp_path / "kept.jsonl"
+    plain = tmp_path / "plain.jsonl"
+    kept = tmp_path / "kept.jsonl"
     assert run("--out", str(plain)) == 0
     for _ in range(2):
         spool = f"outputs[0].jsonl.spool={spool_setting(tmp_path)}"

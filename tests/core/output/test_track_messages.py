@@ -121,7 +121,8 @@ def test_batches_are_keyed_by_track() -> None:
 def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
     windows = [window_of(tracks_of(600), 2), window_of(Tracks.empty(), 7), window_of(tracks_of(3))]
     due = b"".join(map(ENCODER.encode, windows))
-    memory, forge = MemorySink(lambda: ENCODER, track_count), LineFile(str(tmp_path / "e.jsonl"), ForgeEncoder(CONTEXT))
+    memory = MemorySink(lambda: ENCODER, track_count)
+    forge = LineFile(str(tmp_path / "e.jsonl"), ForgeEncoder(CONTEXT))
     sinks = {
         "line": LineFile(str(tmp_path / "t.jsonl"), ENCODER),
         "memory": memory,
@@ -160,7 +161,8 @@ def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_pa
             EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names)
         ).encode(evolve(stub_window(0), tracks=run.tracks))
     )
-    last, seen_s = json.loads(written[0].splitlines()[-1]), run.detections.time_s[run.detections.track >= 0].max()
+    last = json.loads(written[0].splitlines()[-1])
+    seen_s = run.detections.time_s[run.detections.track >= 0].max()
     assert (last["time_s"], last["impact"]["method"]) == (plan.scene.duration_s, "posterior")
     assert last["time_s"] > seen_s + 10.0
 

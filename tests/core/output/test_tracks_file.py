@@ -73,7 +73,8 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     assert line["type_probability"] == {"ICBM": 0.7, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.0}
     assert line["position_ecef_m"] + line["velocity_ecef_m_s"] == tracks.state[0].tolist()
     assert line["covariance"] == tracks.state_covariance[0].tolist()
-    launch, spread = line["launch"], tracks.launch_covariance[0]
+    launch = line["launch"]
+    spread = tracks.launch_covariance[0]
     assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx((34.5, -120.25, 12.0), rel=1e-15)
     assert launch["covariance_m2"] == spread[:2, :2].tolist()
     assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (spread[2, 2], spread[:2, 2].tolist())
@@ -111,14 +112,16 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
             assert getattr(one, name) == getattr(other, name)
         assert np.array_equal(one.effective_samples, other.effective_samples, equal_nan=True)
         assert one.area_km2 == pytest.approx(other.area_km2, abs=1e-3)
-        corners, due = one.polygons[0][0], other.polygons[0][0][::-1]
+        corners = one.polygons[0][0]
+        due = other.polygons[0][0][::-1]
         apart = np.abs(corners[:, None] - due[None]).max(axis=2).min(axis=1)
         assert apart.max() < np.radians(0.6e-6)
 
 
 def assert_equal(read: Tracks, tracks: Tracks) -> None:
     for item in fields(Tracks):
-        mine, theirs = getattr(read, item.name), getattr(tracks, item.name)
+        mine = getattr(read, item.name)
+        theirs = getattr(tracks, item.name)
         if item.name in ("launch", "impact"):
             assert np.allclose(mine, theirs, rtol=4e-16, atol=0.0, equal_nan=True), item.name
         elif item.name != "impact_regions":
@@ -181,9 +184,11 @@ def test_only_time_and_number_are_needed(tmp_path: Path) -> None:
 
 def test_a_file_without_lines_has_no_tracks(tmp_path: Path) -> None:
     (tmp_path / "t.jsonl").write_text("")
-    read, empty = read_tracks(tmp_path / "t.jsonl"), Tracks.empty()
+    read = read_tracks(tmp_path / "t.jsonl")
+    empty = Tracks.empty()
     for item in fields(Tracks):
-        mine, due = getattr(read, item.name), getattr(empty, item.name)
+        mine = getattr(read, item.name)
+        due = getattr(empty, item.name)
         assert (mine.shape, mine.dtype) == (due.shape, due.dtype), item.name
 
 

@@ -16,7 +16,9 @@ from opir_core.planning.targets import Targets
 Array = NDArray[np.float64]
 
 #: Parts of a burn between samples of height; errors of crossings, as shares of such a part: in the first and in others.
-STEPS, FIRST_STEP, LATER_STEPS = 48, 0.075, 1e-3
+STEPS = 48
+FIRST_STEP = 0.075
+LATER_STEPS = 1e-3
 
 #: Times of a dense scan of one burn.
 DENSE = 100_001
@@ -41,16 +43,20 @@ class Climbs:
 
 def climbing(burn_s: list[float], *heights_m: Callable[[Array], Array]) -> Ascents:
     """Return the ascents of targets that climb as given, the k-th of which ignites at 10 k + 1 s."""
-    count, ignition_s = len(heights_m), 10.0 * np.arange(len(heights_m)) + 1.0
+    count = len(heights_m)
+    ignition_s = 10.0 * np.arange(len(heights_m)) + 1.0
     burnout_s = ignition_s + np.array(burn_s)
-    numbers, nothing = np.arange(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
-    ids, courses = tuple(map(str, range(count))), (Climbs(heights_m, ignition_s),)
+    numbers = np.arange(count, dtype=np.int32)
+    nothing = np.zeros(count, dtype=np.int32)
+    ids = tuple(map(str, range(count)))
+    courses = (Climbs(heights_m, ignition_s),)
     code = np.zeros(count, dtype=np.uint8)
     return ascents(Targets(ids, code, ignition_s, burnout_s, burnout_s, courses, nothing, numbers))
 
 
 def test_crossings_of_constant_accelerations_are_square_roots() -> None:
-    burn_s, accelerations = [90.0, 170.0], np.array([2e-3, 25.0])
+    burn_s = [90.0, 170.0]
+    accelerations = np.array([2e-3, 25.0])
     rising = climbing(burn_s, lambda t: 1e-3 * t * t, lambda t: 12.5 * t * t)
     rng = np.random.default_rng(4)
     share = rng.uniform(0.0, 1.0, (2, 400))
@@ -125,6 +131,7 @@ def test_crossings_of_class_flights_are_those_of_dense_scans(launched: Targets) 
 
 
 def test_some_of_the_targets_cross_as_all_of_them_do(launched: Targets) -> None:
-    rising, rows = ascents(launched), np.array([2, 0])
+    rising = ascents(launched)
+    rows = np.array([2, 0])
     levels_m = np.array([[100.0, 20e3], [5e3, 60e3], [7e3, 1e3], [9e3, 30e3]])
     assert np.array_equal(rising.take(rows).times_s(levels_m[rows]), rising.times_s(levels_m)[rows])

@@ -21,7 +21,8 @@ class Drawn(Trajectories):
 
     def __init__(self, spoil=None, **changes):
         self.type_code = np.zeros(2, dtype=np.uint8)
-        self.ignition_s, self.burnout_s = np.full(2, 5.0), np.full(2, 65.0)
+        self.ignition_s = np.full(2, 5.0)
+        self.burnout_s = np.full(2, 65.0)
         self._spoil = spoil or (lambda position: position)
         for name, value in changes.items():
             setattr(self, name, value)

@@ -31,7 +31,8 @@ class Circle:
 
     def __call__(self, time_s: FloatArray) -> FloatArray:
         angle = self.phase_rad + np.sqrt(EARTH_MU_M3_S2 / self.radius_m**3) * time_s
-        x, y = np.cos(angle), np.sin(angle) * np.cos(self.inclination_rad)
+        x = np.cos(angle)
+        y = np.sin(angle) * np.cos(self.inclination_rad)
         turned = self.node_rad - EARTH_ROTATION_RAD_S * time_s
         across = np.stack([x * np.cos(turned) - y * np.sin(turned), x * np.sin(turned) + y * np.cos(turned)])
         return self.radius_m * np.stack([*across, np.sin(angle) * np.sin(self.inclination_rad)], axis=1)
@@ -89,7 +90,8 @@ def test_pairs_that_are_left_out_are_never_visible(circle: Circle, target: Climb
     place = circle(np.zeros(1))
     sensor = circle if is_moving else lambda time_s: np.broadcast_to(place, (len(time_s), 3))
     time_s = np.linspace(-1.0, target.end_s + 1.0, 500)
-    seen_m, target_m = sensor(time_s), target(time_s)
+    seen_m = sensor(time_s)
+    target_m = target(time_s)
     if is_hidden(sensor, target, is_moving):
         assert never_visible(seen_m, target_m).all()
 
@@ -167,7 +169,8 @@ def test_leaving_pairs_out_changes_no_bit_of_the_plan(
             ],
         }
     )
-    made, left_out = compile_plan(scene), []
+    made = compile_plan(scene)
+    left_out = []
     monkeypatch.setattr(
         pair_compiler, "surely_hidden", lambda grid, *_: left_out.append(1) or np.zeros(len(grid.first), np.bool_)
     )

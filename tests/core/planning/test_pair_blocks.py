@@ -12,7 +12,8 @@ from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sightlines import LIGHT_TIME_ITERATIONS, Pairs, Sightlines
 
-SENSORS, TARGETS = 40, 6
+SENSORS = 40
+TARGETS = 6
 
 
 @frozen
@@ -110,7 +111,8 @@ def test_a_sensor_at_rest_is_asked_for_its_position_once(plan: Plan) -> None:
 
 
 def test_no_block_has_more_rows_than_its_limit_and_one_pair(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    limit, longest = 700, int((plan.targets.burnout_s - plan.targets.ignition_s).max()) + 3
+    limit = 700
+    longest = int((plan.targets.burnout_s - plan.targets.ignition_s).max()) + 3
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", limit)
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of

@@ -21,7 +21,8 @@ LOW = {
     "circular": {"altitude_km": 1500.0, "inclination_deg": 30.0, "lon_asc_node_deg": -170.0, "arg_latitude_deg": 20.0}
 }
 SENSOR = {"model": "LEO-MEDIUM", "id": "L", "orbit": LOW, "bands": {"SWIR": [2.5, 3.0], "MWIR": [4.2, 4.45]}}
-EAST, WEST = (34.73, -120.57), (9.0, 167.7)
+EAST = (34.73, -120.57)
+WEST = (9.0, 167.7)
 #: At 04:00 both bodies fly from one side of the terminator to the other, at 14:00 one of them twice, at 12:00 neither.
 TWILIGHT = "2026-04-01T04:00:00"
 
@@ -49,14 +50,16 @@ def late_looks(plan, step=10):
     seen = geometry.exposures(looks.pair[::step], looks.scan[::step])
     seen = seen.take(np.flatnonzero(seen.emission_time_s > plan.targets.burnout_s[seen.target] + 1e-6))
     environment = plan.detection.environment
-    height_m, aspect = environment.paths(seen).height_m, environment.aspect_rad(seen)
+    height_m = environment.paths(seen).height_m
+    aspect = environment.aspect_rad(seen)
     return seen, environment.intensities_w_sr((0, 1), seen, height_m, aspect)
 
 
 def expected_w_sr(plan, seen, albedo):
     """Thermal and reflected light of both bands, from the geometry of each look."""
     sun_m = sun_position_ecef_m(np.datetime64(plan.scene.epoch_us, "us"), seen.emission_time_s)
-    to_sun, to_sensor = sun_m - seen.target_ecef_m, seen.sensor_ecef_m - seen.target_ecef_m
+    to_sun = sun_m - seen.target_ecef_m
+    to_sensor = seen.sensor_ecef_m - seen.target_ecef_m
     distance_m = np.linalg.norm(to_sun, axis=1)
     cosine = np.sum(to_sun * to_sensor, axis=1) / distance_m / np.linalg.norm(to_sensor, axis=1)
     phase = np.arccos(cosine)
@@ -92,13 +95,15 @@ def test_bodies_in_the_earths_shadow_reflect_nothing():
 
 def test_low_bodies_have_the_sunlight_that_the_air_leaves():
     """The last three minutes of a flight by day, as a satellite 1000 km above sees them."""
-    clear, hazy = planned("2026-04-01T00:00:00"), planned("2026-04-01T00:00:00", atmosphere="lowtran")
+    clear = planned("2026-04-01T00:00:00")
+    hazy = planned("2026-04-01T00:00:00", atmosphere="lowtran")
     time_s = clear.targets.end_s[0] - np.linspace(180.0, 0.5, 200)
     target = np.zeros(len(time_s), dtype=np.int32)
     position_m = clear.targets.position_ecef_m(target, time_s)
     sun_m = sun_position_ecef_m(np.datetime64("2026-04-01T00:00:00"), time_s)
     up = local_axes(position_m)[:, 2]
-    range_m, ones = np.full(len(time_s), 1e6), np.ones(len(time_s))
+    range_m = np.full(len(time_s), 1e6)
+    ones = np.ones(len(time_s))
     seen = Exposures(time_s, time_s, target, target, target, range_m, ones, position_m, position_m + 1e6 * up)
     height_m = ecef_to_geodetic(position_m).height_m
     plain, dimmed = (
@@ -135,7 +140,8 @@ def test_the_edges_of_the_shadow_are_breakpoints(epoch):
 def test_interpolated_probabilities_hold_through_the_shadows_edges():
     """A threshold between the warm and the lit body: P_d jumps at the shadow within a few seconds."""
     plan = planned(sensors=({**SENSOR, "nei_w_m2": 6e-14, "spectral_discrimination": "none"},))
-    geometry, model = plan.look_geometry(), plan.detection
+    geometry = plan.look_geometry()
+    model = plan.detection
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     interpolant = ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
     found = interpolant.over(looks).probability()
@@ -169,7 +175,8 @@ def test_black_bodies_need_no_sun_and_add_nothing():
 def test_a_plume_reflects_nothing():
     plan = planned("2026-04-01T00:00:00")
     environment = plan.detection.environment
-    geometry, looks = plan.look_geometry(), Looks.between(plan.pairs, 0, plan.end_ns)
+    geometry = plan.look_geometry()
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = geometry.exposures(looks.pair, looks.scan)
     seen = seen.take(np.flatnonzero(seen.emission_time_s <= plan.targets.burnout_s[seen.target]))
     columns = (0, 1), seen, environment.paths(seen).height_m, environment.aspect_rad(seen)

@@ -64,7 +64,8 @@ def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_thei
     counted = evolve(plan, detection=Counting())
     runs = [opir.run_of_plan(reseeded(counted, seed)) for seed in range(4)]
     assert len({run.plan.pairs.phase_ns.tobytes() for run in runs}) == 4
-    first, others = asked[: len(asked) - 3], asked[len(asked) - 3 :]
+    first = asked[: len(asked) - 3]
+    others = asked[len(asked) - 3 :]
     # The first finds the knots, round by round; each evaluates its looks near bends once more.
     assert len(first) > 4
     assert max(others) < 0.3 * sum(first)

@@ -65,16 +65,20 @@ def looks_of(window):
 
 def expected_looks(made):
     """Every look of every burn, with the angle to the Sun by its cosine: those that see, and those the Sun prevents."""
-    (sensor,), trajectories = made.sensors, made.targets.trajectories[0]
-    seen, prevented = set(), set()
+    trajectories = made.targets.trajectories[0]
+    (sensor,) = made.sensors
+    seen = set()
+    prevented = set()
     for target in range(len(made.targets.ids)):
-        ignition_s, burnout_s = trajectories.ignition_s[target], trajectories.burnout_s[target]
+        ignition_s = trajectories.ignition_s[target]
+        burnout_s = trajectories.burnout_s[target]
         scans = np.arange(np.floor(ignition_s / 0.5) + 1, np.floor(burnout_s / 0.5) + 1).astype(np.int64)
         time_s = scans * 0.5
         sensor_m = sensor.orbit.position_ecef_m(time_s)
         target_m = trajectories.position_ecef_m(np.full(len(scans), target), time_s)
         sun_m = sun_position_ecef_m(EPOCH, time_s)
-        way, towards = target_m - sensor_m, sun_m - sensor_m
+        way = target_m - sensor_m
+        towards = sun_m - sensor_m
         cosine = np.sum(way * towards, axis=1) / np.linalg.norm(way, axis=1) / np.linalg.norm(towards, axis=1)
         near = (np.arccos(cosine) < sensor.solar_exclusion_rad) & is_sunlit(sensor_m, sun_m)
         visible = visible_now(sensor, sensor_m, target_m)
@@ -107,7 +111,8 @@ def test_looks_are_those_away_from_the_sun(name):
 def test_most_cells_are_certain(name):
     """Cells without a look test are as certain as for the other conditions; those near the Sun's edge are tested."""
     made = plan(**CASES[name])
-    pairs, sight = made.pairs, made.sightlines.sight
+    pairs = made.pairs
+    sight = made.sightlines.sight
     looks = Looks.between(pairs, 0, made.end_ns)
     place = made.sightlines.place(looks.pair, looks.scan * 0.5)
     exact = made.look_geometry().visible(looks.pair, looks.scan)
@@ -192,7 +197,8 @@ def test_planning_samples_the_sun_twice_a_minute():
 def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
     sensor = stub_sensor(**(GEO | {"solar_exclusion_rad": np.radians(5.0)}))
     whole = opir_core.planning.solar_exclusion.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
-    module, reach_s = opir_core.planning.solar_exclusion, list[float]()
+    module = opir_core.planning.solar_exclusion
+    reach_s = list[float]()
     search = opir_core.orbits.sun_events.outage_times_s
 
     def searched(sensor, epoch_us, start_s, stop_s, **settings):
@@ -208,7 +214,8 @@ def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
     assert len(pieces.start_s) > len(whole.start_s) >= 6
     rng = np.random.default_rng(5)
     time_s = rng.uniform(0.0, 3 * 86_400.0, 20_000)
-    position_m, sunward = sensor.orbit.position_ecef_m(time_s), sun_position_ecef_m(EPOCH, time_s) / 1.496e11
+    position_m = sensor.orbit.position_ecef_m(time_s)
+    sunward = sun_position_ecef_m(EPOCH, time_s) / 1.496e11
     target_m = position_m + 4e7 * sunward + rng.normal(0.0, 2e6, position_m.shape)
     clear = [each.is_clear(position_m, target_m, time_s) for each in (whole, pieces)]
     assert np.array_equal(*clear)
@@ -248,7 +255,8 @@ def test_false_alarms_stay_away_from_the_sun_as_well():
         made = snr_scene([{**noisy, **changes}], names="S", epoch="2026-03-20T11:30:00Z", duration_s=10)
         return Engine(compile_plan(made)).advance(10_000_000_000).detections
 
-    free, kept = window(solar_exclusion_deg=0.0), window(solar_exclusion_deg=5.0)
+    free = window(solar_exclusion_deg=0.0)
+    kept = window(solar_exclusion_deg=5.0)
     time_s = free.time_ns * 1e-9
     towards = sun_position_ecef_m(np.datetime64("2026-03-20T11:30:00"), time_s) - free.sensor_ecef_m
     towards /= np.linalg.norm(towards, axis=1)[:, None]

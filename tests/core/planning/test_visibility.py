@@ -79,7 +79,8 @@ def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m
     made = PLANS[name]()
     made = made if height_m is None else with_orbits(made, height_m)
     window = Engine(made).advance(made.end_ns)
-    found, truth = window.detections, window.truth
+    found = window.detections
+    truth = window.truth
     target_m = made.targets.position_ecef_m(truth.target, truth.emission_time_s)
     look_s = found.time_ns * 1e-9
     travel_s = look_s - truth.emission_time_s
@@ -118,7 +119,8 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
 def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
     """Return, for the looks that fall into the burn, whether they see the target; light time is solved for."""
     sensor_m = sensor.orbit.position_ecef_m(time_s)
-    ignition_s, burnout_s = made.targets.ignition_s[0], made.targets.burnout_s[0]
+    ignition_s = made.targets.ignition_s[0]
+    burnout_s = made.targets.burnout_s[0]
     emission_s = time_s - 0.0
     for _ in range(4):
         held = np.clip(emission_s, ignition_s, burnout_s)

@@ -53,7 +53,8 @@ def test_text_is_the_standard_library_s(words: np.ndarray) -> None:
 
 
 def test_more_than_a_million_ids_differ() -> None:
-    streams, scans = 1200, 1000
+    streams = 1200
+    scans = 1000
     words = uuid8_words(np.repeat(keys(*range(streams)), scans, axis=0), np.tile(np.arange(scans), streams))
     assert len(np.unique(words.view("V16"))) == streams * scans
 
@@ -64,7 +65,8 @@ def test_a_million_scans_of_one_stream_differ() -> None:
 
 
 def test_ids_do_not_depend_on_how_rows_are_grouped() -> None:
-    key_words, scan = keys(*range(50)), np.arange(50)
+    key_words = keys(*range(50))
+    scan = np.arange(50)
     whole = uuid8_words(key_words, scan)
     parts = [uuid8_words(key_words[start : start + 7], scan[start : start + 7]) for start in range(0, 50, 7)]
     assert np.array_equal(whole, np.concatenate(parts))

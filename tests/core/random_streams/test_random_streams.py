@@ -78,7 +78,9 @@ def test_windows_that_read_ahead_jump_back_or_are_long_read_what_a_generator_rea
 
 
 def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    pairs, calls, words = np.arange(50), [], Reader.words
+    pairs = np.arange(50)
+    calls = []
+    words = Reader.words
     monkeypatch.setattr(Reader, "words", lambda *place: calls.append(place) or words(*place))
     streams = PairStreams(1, [("S", f"T-{number}") for number in pairs])
     for first in range(0, 200, 20):
@@ -137,13 +139,15 @@ def test_further_words_are_those_of_splitmix64() -> None:
         4593380528125082431,
         16408922859458223821,
     ]
-    seeds, numbers = np.full(5, 1234567, dtype=np.uint64), np.arange(1, 6, dtype=np.uint64)
+    seeds = np.full(5, 1234567, dtype=np.uint64)
+    numbers = np.arange(1, 6, dtype=np.uint64)
     assert further_words(seeds, numbers).tolist() == known
 
 
 def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direction_or_of_other_purposes() -> None:
     """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all (Bonferroni)."""
-    words, none = raw(60_000, seed=4), np.zeros(0, dtype=np.int64)
+    words = raw(60_000, seed=4)
+    none = np.zeros(0, dtype=np.int64)
     rows = np.arange(len(words))
     rng = WindowNumbers(PairStreams(1, []), none, none, none).of(rows, rows, words)
     spun = [*rng.normals("measurement", 5).T, *rng.normals("other", 5).T]
@@ -168,7 +172,8 @@ def test_a_window_hands_out_the_same_numbers_whichever_rows_ask_first() -> None:
         return WindowNumbers(PairStreams(1, names), *columns)
 
     whole = numbers().words("line-of-sight")
-    row, pair = np.arange(7), np.repeat(columns[0], columns[2])
+    row = np.arange(7)
+    pair = np.repeat(columns[0], columns[2])
     late_first = numbers()
     for rows in (slice(5, 6), slice(1, 7), slice(0, 7)):
         found = late_first.of_rows("line-of-sight", 1, row[rows], pair[rows])[:, 0]

@@ -41,7 +41,8 @@ def opir_constellations() -> Iterable[Constellation]:
         yield Constellation(name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **given}])
 
 
-M, CM = {"noise_w_m2": 7e-12}, {"noise_w_cm2": 8e-16}
+M = {"noise_w_m2": 7e-12}
+CM = {"noise_w_cm2": 8e-16}
 HOST = fake_host(sys.modules[__name__])
 
 

@@ -18,7 +18,8 @@ from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import simulate
 
-ONE_TARGET, THREE_TARGETS = EXAMPLES / "first_light.yaml", EXAMPLES / "pacific_test_range.yaml"
+ONE_TARGET = EXAMPLES / "first_light.yaml"
+THREE_TARGETS = EXAMPLES / "pacific_test_range.yaml"
 AIR = {"density_kg_m3": 1.2, "scale_height_m": 7000.0}
 
 
@@ -80,7 +81,8 @@ class Watcher:
 
 
 def watched(forces: str) -> Any:
-    watcher, host = Watcher(), Host.discover(["dsp", "sbirs", "nextgen"])
+    watcher = Watcher()
+    host = Host.discover(["dsp", "sbirs", "nextgen"])
     host.register(watcher)
     compile_plan(load_scene(ONE_TARGET, overrides=["tracker=watcher", f"forces={forces}"], host=host), host)
     return watcher.seen[0].forces

@@ -100,7 +100,8 @@ def test_a_spoilt_file_is_refused_or_keeps_its_meaning(tree: Any) -> None:
 
 def entry(tree: Any, path: str) -> tuple[list[Any], int]:
     """Return the container and the index of the value at a path of keys and numbers."""
-    container, index = tree, -1
+    container = tree
+    index = -1
     for step in path.split("."):
         container = container if index < 0 else value_at(container, index)
         index = [key for key, _ in container].index(step) if isinstance(container, Block) else int(step)

@@ -82,7 +82,8 @@ def test_another_start_moves_all_looks_alike(uniform, number):
 
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_places_a_kilometre_apart_are_looked_at_at_different_times(number):
-    pattern, north = all_patterns()[number], 0.03 + np.arange(24) * 28e-6
+    pattern = all_patterns()[number]
+    north = 0.03 + np.arange(24) * 28e-6
     assert len(set(pattern.phase_ns(GEO_AT_0, beside_nadir(0.02, north), 0.3).tolist())) == 24
 
 
@@ -131,7 +132,8 @@ def test_a_spin_over_a_pole_counts_from_minus_x():
 
 
 def test_a_step_stare_goes_through_its_raster_like_a_serpent():
-    rows, columns = 3, 4
+    rows = 3
+    columns = 4
     pattern = StepStareSweep(12_000, HALF_ANGLE_RAD, rows, columns)
     centres = (np.arange(columns) + 0.5) / columns * 2 - 1
     heights = 1 - (np.arange(rows) + 0.5) / rows * 2
@@ -143,7 +145,8 @@ def test_a_step_stare_goes_through_its_raster_like_a_serpent():
 
 
 def test_each_stare_lies_beside_the_one_before():
-    rows, columns = 6, 5
+    rows = 6
+    columns = 5
     pattern = StepStareSweep(30_000, HALF_ANGLE_RAD, rows, columns)
     column, row = (grid.ravel() for grid in np.meshgrid(np.arange(columns), np.arange(rows)))
     east = ((column + 0.5) / columns * 2 - 1) * HALF_ANGLE_RAD

@@ -107,7 +107,8 @@ def test_the_default_field_of_regard_covers_the_earth_and_a_limb():
 def test_heirs_have_their_own_defaults_with_the_inherited_unit_and_range():
     config = HeirConfig(orbital_slot_deg=1.0)
     assert config.scan_period_ns == 40_000_000
-    infos, inherited = field_infos(HeirConfig), field_infos(ScanningSensorConfig)
+    infos = field_infos(HeirConfig)
+    inherited = field_infos(ScanningSensorConfig)
     assert infos["bands"].source == "a book"
     assert infos["scan_period_ms"].source == "notional"
     assert (infos["scan_period_ms"].unit, infos["scan_period_ms"].interval) == (
@@ -146,7 +147,8 @@ def test_a_partial_mapping_overrides_only_the_types_it_names():
 
 
 def test_the_geostationary_radius_balances_gravity_and_rotation():
-    pull, whirl = EARTH_MU_M3_S2 / GEOSTATIONARY_RADIUS_M**2, EARTH_ROTATION_RAD_S**2 * GEOSTATIONARY_RADIUS_M
+    pull = EARTH_MU_M3_S2 / GEOSTATIONARY_RADIUS_M**2
+    whirl = EARTH_ROTATION_RAD_S**2 * GEOSTATIONARY_RADIUS_M
     assert pull == pytest.approx(whirl, rel=1e-14)
 
 

@@ -17,7 +17,8 @@ from opir_core.simulation.refinement import FIRST_PIECE_S, KNOTS, GridRefiner, I
 Array = NDArray[np.float64]
 
 #: Tolerance of signals and noise: relative, or in standard deviations of noise.
-SHARE, SIGMA = 0.01, 0.05
+SHARE = 0.01
+SIGMA = 0.05
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +48,15 @@ class Bent(DetectionProbability):
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         bend = np.tanh((exposures.emission_time_s - 61.7) / 1.5)
         both = np.stack([bend, -bend], axis=1)
-        snr, noise = self.signal_level * (1.0 + self.signal * both), 3e-12 * (1.0 + self.noise * both)
+        snr = self.signal_level * (1.0 + self.signal * both)
+        noise = 3e-12 * (1.0 + self.noise * both)
         return Response(np.full(len(exposures), self.quantile), snr, noise)
 
     def probability(self, exposures: Exposures) -> Any:
         raise AssertionError("only responses are interpolated here; nothing is measured")
 
-    measure = measure_response = probability  # type: ignore[assignment]
+    measure = probability
+    measure_response = measure  # type: ignore[assignment]
 
 
 def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Array]:
@@ -120,13 +123,16 @@ def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, kn
     slope = level * rng.uniform(-0.01, 0.01, level.shape)
     columns = level[:, None, :] + slope[:, None, :] * (scan - scan[0])
     # One value of each piece is off its line by a little less or more than is allowed.
-    piece, row, knot = np.arange(count), rng.integers(2 * bands, size=count), rng.integers(1, knots - 1, size=count)
+    piece = np.arange(count)
+    row = rng.integers(2 * bands, size=count)
+    knot = rng.integers(1, knots - 1, size=count)
     least = np.where(row < bands, SIGMA, 0.0)
     off = rng.choice([-1.0, 1.0], count) * rng.choice([0.3, 0.9, 1.1, 1.6], count)
     free = (scan[knot, piece] > scan[knot - 1, piece]) & (scan[knot + 1, piece] > scan[knot, piece])
     columns[row, knot, piece] += free * off * 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
     rows = np.arange(knots * count).reshape(knots, count)
-    sine, quantile = np.zeros((1, knots * count)), np.zeros((1, knots * count))
+    sine = np.zeros((1, knots * count))
+    quantile = np.zeros((1, knots * count))
     values = np.concatenate([quantile, columns.reshape(2 * bands, -1), sine])
     pieces = Intervals(piece, scan, rows, np.full((2, count), np.nan))
     straight = GridRefiner(None, None, 1e-4)._is_straight(pieces, values)  # type: ignore[arg-type]
@@ -138,7 +144,8 @@ def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, kn
 @pytest.mark.parametrize("bands", [1, 2, 3])
 def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     rng = np.random.default_rng([18, bands])
-    count, scan = 2000, np.array([[0], [7], [14]])
+    count = 2000
+    scan = np.array([[0], [7], [14]])
     level = rng.choice([0.02, 5.0, 400.0], (bands, count))
     # Straight signals; one band of each piece changes by a little less or more than is allowed, down or up.
     most = np.maximum(0.3 * level, SIGMA)

@@ -75,7 +75,8 @@ def test_bodies_fly_as_the_scenes_forces_have_it(forces):
 
 
 def test_a_follower_changes_no_byte_of_the_others():
-    alone, beside = simulate(scene([GEO])), simulate(scene([GEO, FOLLOWER]))
+    alone = simulate(scene([GEO]))
+    beside = simulate(scene([GEO, FOLLOWER]))
     rows = np.flatnonzero(beside.detections.sensor == 0)
     for name in ("time_ns", "detection_id", "line_of_sight_ecef", "confidence", "detection_count"):
         assert getattr(alone.detections, name).tobytes() == getattr(beside.detections, name)[rows].tobytes()

@@ -19,8 +19,13 @@ from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import run_of_plan
 
-MU, WHIRL, C = 3.986004418e14, 7.292115e-5, 299_792_458.0
-START_S, OUT_S, RELIT_S, BURNOUT_S = 12.0, 52.3, 59.1, 101.7
+MU = 3.986004418e14
+WHIRL = 7.292115e-5
+C = 299_792_458.0
+START_S = 12.0
+OUT_S = 52.3
+RELIT_S = 59.1
+BURNOUT_S = 101.7
 NAMES = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
 
 
@@ -30,7 +35,8 @@ def thrust(t):
 
 def rates(t, state):
     """Return the right side of a gravity turn in axes that do not rotate, with the thrust along a tilted vertical."""
-    place, speed = state[:3], state[3:]
+    place = state[:3]
+    speed = state[3:]
     up = place / np.linalg.norm(place)
     way = up + 0.02 * t * np.array([-up[1], up[0], 0.0])
     pull = -MU * place / np.linalg.norm(place) ** 3 + thrust(t) * way / np.linalg.norm(way)
@@ -39,7 +45,8 @@ def rates(t, state):
 
 def turned(vectors, t):
     """Return vectors (n, 3) in axes that have turned with the Earth for t (n,) s."""
-    cosine, sine = np.cos(WHIRL * t), np.sin(WHIRL * t)
+    cosine = np.cos(WHIRL * t)
+    sine = np.sin(WHIRL * t)
     x, y, z = vectors.T
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
 
@@ -49,7 +56,8 @@ def flown():
     edges = np.array([START_S, OUT_S, RELIT_S, BURNOUT_S, BURNOUT_S + 200.0]) - START_S
     place = 6378137.0 * np.array([np.cos(-2.6), np.sin(-2.6), 0.05])
     state = np.concatenate([place, WHIRL * np.array([-place[1], place[0], 0.0])])
-    times, states = [], []
+    times = []
+    states = []
     for begin, end in pairwise(edges):
         own = np.append(np.arange(begin, end, 2.0), end)
         inside = 1e-9 * (end - begin)
@@ -65,7 +73,8 @@ def flown():
         times.append(own)
         states.append(part.y.T)
         state = part.y[:, -1]
-    time, state = np.concatenate(times), np.concatenate(states)
+    time = np.concatenate(times)
+    state = np.concatenate(states)
     position = turned(state[:, :3], time)
     velocity = turned(state[:, 3:], time) - WHIRL * np.stack([-position[:, 1], position[:, 0], 0.0 * time], axis=1)
     return time + START_S, position, velocity
@@ -160,7 +169,8 @@ def test_with_light_time_every_look_sees_light_of_a_burn_and_none_is_missing(tmp
 @pytest.mark.parametrize("detection", ["always", "snr"])
 def test_a_staged_boost_is_dark_between_its_stages(detection):
     plan = compile_plan(scene(GRAVITY_TURN, detection=detection))
-    run, truth = run_of_plan(plan), plan.targets.truth()[0]
+    run = run_of_plan(plan)
+    truth = plan.targets.truth()[0]
     left = run.truth.emission_time_s
     assert len(truth["gaps_s"]) == 2
     for (out, relit), before, after in zip(truth["gaps_s"], truth["stages"], truth["stages"][1:], strict=False):
@@ -183,7 +193,8 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
     environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = plan.look_geometry().exposures(looks.pair, looks.scan)
-    everywhere, still = np.full(len(seen), 1e5), np.full(len(seen), 0.5 * np.pi)
+    everywhere = np.full(len(seen), 1e5)
+    still = np.full(len(seen), 0.5 * np.pi)
     watts = environment.intensities_w_sr([0], seen, everywhere, still)[0]
     body = watts[strictly_between(seen.emission_time_s, BURNOUT_S, 1e4)]
     assert body.min() == body.max()

@@ -55,7 +55,8 @@ def all_detections(windows: list[Window]) -> Detections:
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
     for attribute in fields(Detections):
         if attribute.name not in leave_out:
-            left, right = getattr(one, attribute.name), getattr(other, attribute.name)
+            left = getattr(one, attribute.name)
+            right = getattr(other, attribute.name)
             assert left.tobytes() == right.tobytes(), attribute.name
 
 
@@ -89,7 +90,8 @@ def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windo
         return tracker, all_detections(windows), np.concatenate(counted)
 
     end = 60_000_000_000
-    whole, cut = run_in([end]), run_in([*range(200_000_000, end, 200_000_000), end])
+    whole = run_in([end])
+    cut = run_in([*range(200_000_000, end, 200_000_000), end])
     assert whole[0].ticks == cut[0].ticks
     assert sum(count for _, count in whole[0].ticks) == len(whole[1])
     assert_same(whole[1], cut[1], leave_out=["estimate"])
@@ -107,7 +109,8 @@ def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
 
 
 def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
-    some, more = targets(4), [stub_sensor("A", -20.0), stub_sensor("NEW", 10.0), stub_sensor("B", 75.0)]
+    some = targets(4)
+    more = [stub_sensor("A", -20.0), stub_sensor("NEW", 10.0), stub_sensor("B", 75.0)]
     few = VerticalTargets(*(getattr(some, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
         getattr(some, name)[[0, 1, 3]] for name in ("ignition_s", "burnout_s")))  # fmt: skip
     scene = stub_scene(duration_s=60)
@@ -216,7 +219,8 @@ def test_detection_counts_run_up_by_sensor_and_target() -> None:
         [stub_sensor("A"), stub_sensor("B")], targets(), ids(3), stub_scene(), detection=CertainDetection(0.3)
     )
     windows = run(plan, [10_000_000_000, 20_000_000_000, 100_000_000_000])
-    found, target = all_detections(windows), np.concatenate([window.truth.target for window in windows])
+    found = all_detections(windows)
+    target = np.concatenate([window.truth.target for window in windows])
     for sensor in range(2):
         for number in range(3):
             count = found.detection_count[(found.sensor == sensor) & (target == number)]

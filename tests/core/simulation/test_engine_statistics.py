@@ -90,7 +90,8 @@ def reported(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dic
     one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
     exposed = one.look_geometry().exposures(looks.pair, looks.scan)
-    chance, snr = one.detection.probability(exposed), one.detection.response(exposed).snr[:, 0]
+    chance = one.detection.probability(exposed)
+    snr = one.detection.response(exposed).snr[:, 0]
     detections, truth = drawn(opir.compile_plan(scene(repeats, sensors, **changes)))
     found = {}
     for sensor, model in enumerate(SENSORS):
@@ -151,7 +152,8 @@ def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
     The level in its own law, drawn evenly within the look's step, is uniform; so are all of them together, and those of
     each class and sensor. While a target climbs the time of its first detection tells its height.
     """
-    rng, levels = np.random.default_rng(21), {}
+    rng = np.random.default_rng(21)
+    levels = {}
     for climate, cloud in itertools.product(CLIMATES, CLOUDS):
         sky = {"model": "lowtran", "climate": climate, **cloud}
         seldom = fleet(scan_period_ms=500.0)
@@ -231,7 +233,8 @@ def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_re
     plan = opir.compile_plan(scene(4, fleet(line_of_sight_bias_sigma_urad=bias_urad)))
     detections, truth = drawn(plan)
     real = truth.target >= 0
-    detections, truth = detections.take(real), truth.take(real)
+    detections = detections.take(real)
+    truth = truth.take(real)
     at = plan.targets.position_ecef_m(truth.target, truth.emission_time_s) - detections.sensor_ecef_m
     true = at / np.linalg.norm(at, axis=1)[:, None]
     turned = true

@@ -18,7 +18,8 @@ PLACES_M = [
 
 @pytest.mark.parametrize("place", PLACES_M, ids=str)
 def test_directions_turn_evenly_about_nadir_also_over_a_pole(place: tuple[float, float, float]) -> None:
-    turns, edge = 8, 0.01
+    turns = 8
+    edge = 0.01
     at_m = np.tile(place, (turns, 1))
     radius_m = np.full(turns, np.hypot(np.hypot(*place[:2]), place[2]))
     draws = np.column_stack([np.zeros(turns), np.linspace(0.1, 1.0, turns), np.arange(turns) / turns])

@@ -12,7 +12,8 @@ from opir_core.planning.looks import Looks
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.engine import Engine
 
-DURATION_S, RISK = 300.0, 1e-3
+DURATION_S = 300.0
+RISK = 1e-3
 REGION = {"south_deg": 20, "north_deg": 45, "west_deg": -121, "east_deg": -95}
 SOURCES = [
     {"id": "fires", "model": "fires", "field": {"region": REGION, "per_million_km2": 8}},
@@ -57,12 +58,14 @@ def test_sources_are_reported_as_often_as_their_chances_say(sensor: dict[str, An
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     geometry = plan.look_geometry()
     seen = np.flatnonzero(geometry.visible(looks.pair, looks.scan))
-    pair, scan = looks.pair[seen], looks.scan[seen]
+    pair = looks.pair[seen]
+    scan = looks.scan[seen]
     chances = plan.detection.probability(geometry.exposures(pair, scan))
     needed, scans = (np.full(len(pair), number) for number in plan.detection.confirmation[0])
     reported = reported_chances(chances, pair, scan, needed, scans)
     truth = Engine(plan).advance(plan.end_ns).truth.target
-    count, mean = int((truth >= 0).sum()), float(reported.sum())
+    count = int((truth >= 0).sum())
+    mean = float(reported.sum())
     # Looks at one source share no noise, reports of confirmations do: their variance is at most M times a Poisson one.
     assert abs(count - mean) <= norm.isf(RISK / 2) * np.sqrt(max(mean, 1.0) * needed[0]) + 1.0
     if temporal == "none" and "preset" not in sensor:

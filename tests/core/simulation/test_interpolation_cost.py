@@ -52,7 +52,8 @@ class Counting:
     def __init__(self, model: Any) -> None:
         self.asked: list[tuple[int, int]] = []
         self._model = model
-        self.probability_tolerance, self.breakpoints_s = model.probability_tolerance, model.breakpoints_s
+        self.probability_tolerance = model.probability_tolerance
+        self.breakpoints_s = model.breakpoints_s
         self.measure_response = model.measure_response
 
     def response(self, exposed: Any, *, slack: float = 0.0) -> Any:
@@ -123,7 +124,8 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
     knots = ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, tolerance)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
-    probability, exact = knots.over(looks).probability(), ndtr(plan.detection.response(exposed).probit)
+    probability = knots.over(looks).probability()
+    exact = ndtr(plan.detection.response(exposed).probit)
     sure = (probability == 0.0) | (probability == 1.0)
     assert sure.mean() > 0.5
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
@@ -132,7 +134,8 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
 def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = planned("none", {})
     refiner = GridRefiner(plan.look_geometry(), plan.detection, 1e-4)
-    rooms, keep = [], GridRefiner._keep
+    rooms = []
+    keep = GridRefiner._keep
 
     def keeping(self: GridRefiner, values: np.ndarray) -> None:
         keep(self, values)
@@ -161,17 +164,21 @@ def test_pitch_over_is_reported_beside_what_plumes_and_air_tell() -> None:
     everyone = np.arange(len(pitched_s), dtype=np.int32)
     up = plan.targets.position_ecef_m(everyone, plan.targets.ignition_s + 0.5)
     higher = plan.targets.position_ecef_m(everyone, pitched_s[:, 0] - 0.5)
-    way, vertical = higher - up, up / np.linalg.norm(up, axis=1)[:, None]
+    way = higher - up
+    vertical = up / np.linalg.norm(up, axis=1)[:, None]
     assert np.all((way * vertical).sum(axis=1) > 0.99999 * np.linalg.norm(way, axis=1))
 
 
 @pytest.mark.parametrize("sky", [{}, AIR], ids=["empty space", "air"])
 def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, Any]) -> None:
     plan = planned("none", sky)
-    looks, environment = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.environment
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    environment = plan.detection.environment
     every = slice(None, None, 97)
     exposed = plan.look_geometry().exposures(looks.pair[every], looks.scan[every])
-    view, path, aspect = environment.views(exposed), environment.paths(exposed), environment.aspect_rad(exposed)
+    view = environment.views(exposed)
+    path = environment.paths(exposed)
+    aspect = environment.aspect_rad(exposed)
     bands = list(range(len(environment.bands)))
     radiance, clutter = environment.background.radiances_and_clutter_w_m2_sr(bands, view)
     passed = environment.atmosphere.transmittances(bands, path)

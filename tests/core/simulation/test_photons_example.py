@@ -116,7 +116,9 @@ def test_sunlight_that_water_mirrors_comes_down_through_the_air() -> None:
     skies = ("clear", {"model": "lowtran", "climate": "tropical"})
     plans = [opir.compile_plan(opir.scene_from_mapping(mapping(sources=[sea], atmosphere=sky))) for sky in skies]
     above = np.array([[np.cos(np.radians(-131.0)), np.sin(np.radians(-131.0)), 0.0]])
-    place, time_s, zero = np.zeros(1, np.int32), np.ones(1), np.zeros(1)
+    place = np.zeros(1, np.int32)
+    time_s = np.ones(1)
+    zero = np.zeros(1)
     clear, dim = (
         plan.sources[0].signatures.intensity_w_sr(
             0, place, time_s, zero, plan.sources[0].signatures.aspect_rad(place, time_s, above)

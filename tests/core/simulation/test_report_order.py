@@ -141,7 +141,8 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float
             strict=True,
         )
     )
-    before_ns, late = 0, 0
+    before_ns = 0
+    late = 0
     for tick_ns, (_, given) in zip(ticks_ns, spy.given, strict=True):
         part = [row for row in rows if before_ns <= row[0] < tick_ns]
         due = [row for row in part if row[2] < tick_ns + lag_ns]
@@ -159,7 +160,8 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float
 def test_an_event_has_the_estimate_that_was_available_before_its_report() -> None:
     for lag_s in (0.0, 4.0, 9.3):
         spy, run = tracked(lag_s)
-        found, seen = run.estimates, run.detections
+        found = run.estimates
+        seen = run.detections
         ticks_ns = np.array([round(tick_s * NS) for tick_s, _ in spy.given])
         steps = np.searchsorted(ticks_ns + round(lag_s * NS), seen.reported_ns, side="right")
         in_time = seen.time_ns >= np.concatenate([[0], ticks_ns])[steps]
@@ -241,7 +243,8 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
     plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
     beside = {f"{name}_path": tmp_path / f"e.{name}.jsonl" for name in ("truth", "tracks")}
     deliver(plan, **beside, manifest_path=tmp_path / "e.manifest.json")
-    files, memory = evidence_of_files(tmp_path / "e.jsonl"), evidence_of_run(run_of_plan(plan), plan)
+    files = evidence_of_files(tmp_path / "e.jsonl")
+    memory = evidence_of_run(run_of_plan(plan), plan)
     assert np.allclose(files.time_s, memory.time_s, rtol=0.0, atol=1e-6)
     assert np.all(np.diff(memory.time_s) >= 0.0)
     for name in ("sensor", "track", "target"):

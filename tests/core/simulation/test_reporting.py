@@ -167,7 +167,9 @@ def _paths() -> dict[str, str]:
 def test_the_mean_latency_from_ignition_to_report_is_that_of_the_looks_and_the_stages() -> None:
     """With random scans of period T the first detection is T (1/P - 1/2) after ignition on average, and its report the
     sum of the means later. Reports do not overtake each other: T is far above the spread of the latencies."""
-    period_s, probability, count = 20.0, 0.6, 400
+    period_s = 20.0
+    probability = 0.6
+    count = 400
     stages = {"on_board": {"mean_s": 1.0}, "downlink": {"mean_s": 2.0, "sigma_s": 0.5}, "processing": {"mean_s": 4.0}}
     sensor = {"scan_period_ms": 1e3 * period_s, "detection_probability": {"ICBM": probability}}
     scene = late_scene(*[stages] * 1, targets=1, sensor=sensor, duration_s=230, light_time=False)

@@ -36,7 +36,8 @@ class Spy:
     cadence_s = 1.0
 
     def __init__(self):
-        self.asked, self.shown = [], []
+        self.asked = []
+        self.shown = []
 
     def associate(self, detections):
         self.asked.append(detections)
@@ -78,8 +79,11 @@ class Watched:
     """A tracker that counts its steps; reported `never_idle`, it is stepped at every tick."""
 
     def __init__(self, tracker, never_idle):
-        self._tracker, self._never_idle, self.steps = tracker, never_idle, []
-        self.cadence_s, self.associate = tracker.cadence_s, tracker.associate
+        self._tracker = tracker
+        self._never_idle = never_idle
+        self.steps = []
+        self.cadence_s = tracker.cadence_s
+        self.associate = tracker.associate
 
     def is_idle(self):
         return not self._never_idle and self._tracker.is_idle()
@@ -97,7 +101,8 @@ def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     aim = {"lat_deg": 38.0, "lon_deg": -120.0}
     scene = {**SCENE, "duration_s": 1530.5, "targets": [{**each, "aim": aim} for each in targets], "tracker": tracker}
     plan = compile_plan(scene_from_mapping(scene))
-    runs, steps = [], []
+    runs = []
+    steps = []
     for never_idle, window_s in ((True, None), (False, None), (False, 37.3)):
         watched = Watched(plan.make_tracker(), never_idle)
         runs.append(run_of_plan(evolve(plan, make_tracker=lambda watched=watched: watched), window_s))
@@ -105,7 +110,8 @@ def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     assert len(runs[0].tracks) > 20
     for run in runs[1:]:
         for item in fields(Tracks):
-            one, other = getattr(runs[0].tracks, item.name), getattr(run.tracks, item.name)
+            one = getattr(runs[0].tracks, item.name)
+            other = getattr(run.tracks, item.name)
             assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), item.name
         assert np.array_equal(runs[0].detections.track, run.detections.track)
     assert steps[0] > 1500

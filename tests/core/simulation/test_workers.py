@@ -114,9 +114,11 @@ def test_the_files_are_the_same_with_any_number_of_workers(name: str, count: int
 
 def test_the_columns_in_memory_are_the_same() -> None:
     plan = plan_of({})
-    one, two = opir.run_of_plan(plan), opir.run_of_plan(plan, workers=2)
+    one = opir.run_of_plan(plan)
+    two = opir.run_of_plan(plan, workers=2)
     for column in fields(Detections):
-        mine, theirs = getattr(one.detections, column.name), getattr(two.detections, column.name)
+        mine = getattr(one.detections, column.name)
+        theirs = getattr(two.detections, column.name)
         assert np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
     assert one.manifest == two.manifest
 
@@ -131,7 +133,9 @@ def test_text_without_room_in_the_buffer_is_the_same(monkeypatch: pytest.MonkeyP
 def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
     """Let the worker of the window at 20 s be killed a number of times: before its turn, in it, or after it."""
     flag = Path("deaths")
-    observe, counted, due = Engine.observe, CountDetections._counted, set()
+    observe = Engine.observe
+    counted = CountDetections._counted
+    due = set()
 
     def kill() -> None:
         deaths = len(flag.read_bytes()) if flag.exists() else 0

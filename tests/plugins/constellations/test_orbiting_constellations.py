@@ -164,7 +164,8 @@ def test_a_satellite_flies_its_mean_elements(name):
     model = MODELS[name]
     sensor = model.build(model.config(orbit=OrbitConfig(tle=TLE[name])), SensorContext(id="S", epoch_us=epoch_us))
     for time_s in (0.0, 40_000.0, 90_000.0):
-        day, fraction = 2453911.5, time_s / 86400.0
+        day = 2453911.5
+        fraction = time_s / 86400.0
         error, (x, y, z), _ = satellite.sgp4(day, fraction)
         angle = gmst_rad(day + fraction)
         turned = (math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x, z)

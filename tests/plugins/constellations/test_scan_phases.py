@@ -57,7 +57,8 @@ def test_a_slow_scanner_has_another_first_look_in_each_run():
 
 
 def test_the_mean_latency_is_that_of_random_phases():
-    period_s, ignitions = 0.2, np.arange(10.0)
+    period_s = 0.2
+    ignitions = np.arange(10.0)
     sensor = {"model": "DSP", "detection_probability": {"ICBM": P_D}}
     runs = (first_detections_s(scene(sensor, ignitions.tolist(), seed)) for seed in range(60))
     latency = [np.mean(first - ignitions) for first in runs]

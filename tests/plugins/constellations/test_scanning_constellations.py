@@ -36,7 +36,9 @@ for package in PACKAGES.values():
     if find_spec(package) is None:
         sys.path.append(str(ROOT / "plugins" / package))
 
-SWIR, MWIR, LWIR = ("SWIR", 2.5, 3.0), ("MWIR", 4.0, 5.0), ("LWIR", 8.0, 12.0)
+SWIR = ("SWIR", 2.5, 3.0)
+MWIR = ("MWIR", 4.0, 5.0)
+LWIR = ("LWIR", 8.0, 12.0)
 
 #: Bands, scan pattern, period in ms, probability of detection of an ICBM, susceptibility to false alarms, and
 #: discrimination: opir-simulator paper (2026), tables of sections 3.1 to 3.4.
@@ -139,9 +141,11 @@ def test_what_is_reported_follows_the_matrix(name, true_type):
     rows = 30_000
     sensor = sensor_of(name)
     classifier = confusion_classifier(ConfusionConfig(), every_type([sensor]))
-    index, floats = np.zeros(rows, np.int32), np.zeros(rows)
+    index = np.zeros(rows, np.int32)
+    floats = np.zeros(rows)
     target = np.full(rows, TARGET_TYPES.index(true_type), dtype=np.int32)
-    mask, count = np.ones(rows, np.uint8), np.ones(rows, np.int64)
+    mask = np.ones(rows, np.uint8)
+    count = np.ones(rows, np.int64)
     seen = ClassifierInputs(
         floats, index, target, floats, floats, mask, count, count, index, floats, np.empty((rows, 0))
     )
@@ -212,7 +216,8 @@ def test_a_scene_may_override_a_preset_and_a_fleet():
     head = {"scene": "s", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "targets": []}
     host = Host.of(plugin_of("DSP"), plugin_of("SBIRS-GEO"))
     scene = scene_from_mapping({**head, "sensors": sensors}, host=host)
-    dsp, sbirs = scene.sensors[0].model, scene.sensors[4].model
+    dsp = scene.sensors[0].model
+    sbirs = scene.sensors[4].model
     assert (dsp.config.scan_period_ms, dsp.config.scan_phase) == (10_000.0, "random")
     built = model_of("SBIRS-GEO").build(sbirs.config, SensorContext(id="S", epoch_us=0))
     assert built.detection_probability == {"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.1}

@@ -19,7 +19,8 @@ SCENE = {
     "sensors": [{**SENSOR, "fleet": {"walker": WALKER}}],
     "targets": [],
 }
-PLANES, HEIGHT = "sensors[0].fleet.walker.planes", "sensors[0].fleet.walker.altitude_km"
+PLANES = "sensors[0].fleet.walker.planes"
+HEIGHT = "sensors[0].fleet.walker.altitude_km"
 
 
 class TestCoverage(MetricContract):
@@ -48,7 +49,8 @@ def test_planes_of_a_pattern_vary_its_number_of_sensors(result):
 
 def test_only_five_satellites_high_enough_always_cover_the_earth(result):
     """Four cannot from any finite height; five need 11 550 km (Ballard, 1980)."""
-    always, longest_s = figures(result, "always_covered"), figures(result, "longest_gap_s")
+    always = figures(result, "always_covered")
+    longest_s = figures(result, "longest_gap_s")
     assert [place for place, share in always.items() if share > 1.0 - 1e-9] == [(5, 13_000.0)]
     assert [place for place, gap_s in longest_s.items() if gap_s == 0.0] == [(5, 13_000.0)]
 

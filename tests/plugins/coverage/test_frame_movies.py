@@ -38,8 +38,10 @@ def test_labels_are_the_extents_of_masks(folder):
     for each in whole["annotations"]:
         name = files[each["image_id"]]
         rows, columns = np.nonzero(matplotlib.image.imread(folder / "masks" / name))
-        left, top = columns.min(), rows.min()
-        wide, tall = columns.max() - left + 1, rows.max() - top + 1
+        left = columns.min()
+        top = rows.min()
+        wide = columns.max() - left + 1
+        tall = rows.max() - top + 1
         assert each["bbox"] == [left, top, wide, tall]
         assert each["area"] == len(rows)
         assert left <= each["center"][0] <= left + wide

@@ -31,7 +31,8 @@ def ephemerides(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @cache
 def first_seconds() -> opir_core.Run:
     """Return a run with few detections: the reader takes a millisecond for each line."""
-    run, few = short_run(), slice(0, 900)
+    run = short_run()
+    few = slice(0, 900)
     return evolve(run, detections=run.detections.take(few), truth=run.truth.take(few))
 
 
@@ -123,15 +124,18 @@ def test_objects_and_steps_can_be_chosen(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_measured_angles_are_those_of_the_detections(tmp_path: Path) -> None:
-    rows, run = first_seconds().detections, first_seconds()
-    angles, found = rows.angles(), 0
+    rows = first_seconds().detections
+    run = first_seconds()
+    angles = rows.angles()
+    found = 0
     for segment in tracking_data(tmp_path):
         meta = segment.metadata
         sensor = [each.id for each in run.sensors].index(meta.participant_1)
         track = -1 if meta.participant_2 == "UNCORRELATED" else int(meta.participant_2.removeprefix("TRACK-"))
         mine = np.flatnonzero((rows.sensor == sensor) & (rows.track == track))
         mine = mine[np.argsort(rows.time_ns[mine], kind="stable")]
-        first, second = observations(segment, "angle_1"), observations(segment, "angle_2")
+        first = observations(segment, "angle_1")
+        second = observations(segment, "angle_2")
         np.testing.assert_allclose(first[0], rows.time_s[mine], atol=6e-7)
         np.testing.assert_allclose(first[1], np.degrees(angles.azimuth_rad[mine]), atol=1e-9)
         np.testing.assert_allclose(second[1], np.degrees(angles.elevation_rad[mine]), atol=1e-9)
@@ -148,7 +152,8 @@ def observations(segment: Any, name: str) -> tuple[np.ndarray[Any, Any], list[fl
 @pytest.mark.slow
 def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
     run = first_seconds()
-    rows, first_sensor = run.detections, None
+    rows = run.detections
+    first_sensor = None
     segments = tracking_data(tmp_path, "angles=radec", "objects=targets")
     assert {each.metadata.participant_2 for each in segments} <= {*run.target_ids, "UNCORRELATED"}
     for segment in segments:

@@ -35,7 +35,8 @@ SENSORS = (
     stub_sensor('"quoted"\n\\ \u00c4\u2028', orbital_slot_deg=None, type="H\tEO", bands=()),
 )
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US)
-C2, UDL = ForgeC2Encoder(CONTEXT), UdlEncoder(CONTEXT)
+C2 = ForgeC2Encoder(CONTEXT)
+UDL = UdlEncoder(CONTEXT)
 FORMATS = jsonschema.Draft202012Validator.FORMAT_CHECKER
 SCHEMAS = {each.name: json.loads(each.schema()) for each in opir_event_encoders() if each.schema is not None}
 VALIDATORS = {name: jsonschema.Draft202012Validator(each, format_checker=FORMATS) for name, each in SCHEMAS.items()}

@@ -77,7 +77,8 @@ def test_footprints_on_a_sphere_have_the_area_of_their_caps(
     ring = footprint(at(latitude_deg, longitude_deg, radius_m), half_rad, ellipsoid=SPHERE)
     found = shape(area(ring))
     assert found.is_valid
-    minimum, maximum = found.bounds[0], found.bounds[2]
+    minimum = found.bounds[0]
+    maximum = found.bounds[2]
     assert minimum >= -180.0
     assert maximum <= 180.0
     solid_angle = shapely.transform(shapely.segmentize(found, 0.1), cylinder).area
@@ -224,7 +225,8 @@ def test_czml_is_read_back_with_positions_and_availability(run: opir_core.Run, t
     assert len(by_id) == len(packets)
     assert packets[0].id == "document"
     samples = np.array(by_id["target/T2"].position.cartesian.values).reshape(-1, 4)
-    targets, own = run.plan.targets, run.target_ids.index("T2")
+    targets = run.plan.targets
+    own = run.target_ids.index("T2")
     burning = samples[:, 0] + targets.ignition_s[own] <= targets.burnout_s[own]
     times = samples[burning, 0] + targets.ignition_s[own]
     due = targets.position_ecef_m(np.full(len(times), own, dtype=np.int32), times)

@@ -29,8 +29,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_both_files_give_the_same_run(folder: Path) -> None:
-    columns, lines = opir_core.load_run(folder), opir_core.load_run(folder / "lines")
-    mine, theirs = columns.detections, lines.detections
+    columns = opir_core.load_run(folder)
+    lines = opir_core.load_run(folder / "lines")
+    mine = columns.detections
+    theirs = lines.detections
     assert len(mine) == len(theirs) > 1000
     exact = ("time_ns", "reported_ns", "sensor", "detection_id", "reported_type", "bands", "detection_count", "track")
     for name in exact:

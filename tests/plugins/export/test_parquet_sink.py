@@ -33,7 +33,8 @@ def run_into(path: Path, *settings: str, scene: Path = SCENE) -> int:
 def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     path = tmp_path / "events.parquet"
     assert run_into(path, "duration_s=90", "outputs[0].parquet.row_group_rows=3000") == 0
-    read, due = pl.read_parquet(path), short_run().to_polars()["detections"]
+    read = pl.read_parquet(path)
+    due = short_run().to_polars()["detections"]
     ids = pl.Series("detection_id", [str(UUID(bytes=each)) for each in read["detection_id"]])
     # A file has times as dates alone.
     kept = [name for name in due.columns if name not in {"time_s", "reported_s"}]
@@ -72,7 +73,8 @@ def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
     scene = EXAMPLES / "photons.yaml"
     assert run_into(path, "duration_s=120", "tracker=none", scene=scene) == 0
     run = opir_core.simulate(opir_core.load_scene(scene, overrides=["duration_s=120", "tracker=none"]))
-    rows, read = run.detections, pl.read_parquet(path)
+    rows = run.detections
+    read = pl.read_parquet(path)
     assert read.height == len(rows) > 0
     number = int(rows.sensor[0])
     band = run.sensors[number].bands[0].name

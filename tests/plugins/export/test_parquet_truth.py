@@ -29,7 +29,8 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     settings = ["--set", "duration_s=70", "--set", "tracker=none", "--out", str(tmp_path / "events.jsonl")]
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), *settings]) == 0
     run = opir_core.simulate(scene)
-    read, due = parquet.read_table(path), run.tables()["truth"]
+    read = parquet.read_table(path)
+    due = run.tables()["truth"]
     assert read.column_names == due.column_names
     assert len(read) == len(due) > 1000
     for name in due.column_names:

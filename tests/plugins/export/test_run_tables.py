@@ -44,7 +44,8 @@ def test_each_column_has_a_meaning_and_angles_and_times_have_units(tables: Any) 
 
 
 def test_detections_are_those_of_the_run(run: opir_core.Run, tables: Any) -> None:
-    rows, table = run.detections, tables["detections"]
+    rows = run.detections
+    table = tables["detections"]
     assert table.num_rows == len(rows) > 1000
     assert table["detection_id"].to_pylist() == uuid_text(rows.detection_id)
     assert table["sensor_id"].to_pylist() == [run.sensors[each].id for each in rows.sensor.tolist()]
@@ -67,7 +68,8 @@ def test_unknown_numbers_and_false_alarms_are_null(run: opir_core.Run, tables: A
 
 
 def test_tracks_have_states_and_covariances(run: opir_core.Run, tables: Any) -> None:
-    rows, table = run.tracks, tables["tracks"]
+    rows = run.tracks
+    table = tables["tracks"]
     for place, name in enumerate(("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")):
         assert np.array_equal(table[name].to_numpy(), rows.state[:, place], equal_nan=True), name
     known = int(np.flatnonzero(np.isfinite(rows.state_covariance[:, 0, 0]))[0])
@@ -106,7 +108,8 @@ def test_regions_are_valid_polygons_of_the_right_area(run: opir_core.Run, tables
 
 def test_targets_have_launch_impact_and_first_detection(run: opir_core.Run, tables: Any) -> None:
     table = tables["targets"].to_pylist()
-    truths, seen = run.plan.targets.truth(), run.summary["targets"]
+    truths = run.plan.targets.truth()
+    seen = run.summary["targets"]
     for row, truth, summary in zip(table, truths, seen, strict=True):
         assert (row["target_id"], row["launch_lat_deg"]) == (truth["id"], truth["launch"]["lat_deg"])
         assert row["impact_s"] == truth["impact"]["time_s"]
@@ -114,7 +117,8 @@ def test_targets_have_launch_impact_and_first_detection(run: opir_core.Run, tabl
 
 
 def test_frames_of_pandas_and_polars_have_the_same_values(run: opir_core.Run, tables: Any) -> None:
-    frames, lazy = run.to_pandas(), run.to_polars()
+    frames = run.to_pandas()
+    lazy = run.to_polars()
     assert frames.keys() == lazy.keys() == NAMES
     for name in ("detections", "truth", "tracks", "targets"):
         assert isinstance(frames[name], pd.DataFrame)
@@ -178,7 +182,8 @@ def test_csv_is_read_by_pandas(run: opir_core.Run, tmp_path: Path) -> None:
 def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(run: opir_core.Run, tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
     assert main(["run", str(SCENE), "--set", "duration_s=90", "--out", str(events), "--quiet"]) == 0
-    mine, theirs = opir_core.load_run(events).tables(), run.tables()
+    mine = opir_core.load_run(events).tables()
+    theirs = run.tables()
     for name in ("tracks", "regions", "targets", "sensors"):
         assert mine[name].num_rows == theirs[name].num_rows
     same = ["detection_id", "sensor_id", "target_type", "bands", "track_id"]

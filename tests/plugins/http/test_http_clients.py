@@ -60,7 +60,8 @@ def test_head_and_options_are_answered(stand: Stand, path: str) -> None:
 def test_writes_are_logged_and_refused_requests_at_a_limited_rate(stand: Stand) -> None:
     lines: list[str] = []
     gate: Any = stand.server.config.app
-    before, gate._log = gate._log, RequestLog(lines.append, "secret-name")
+    before = gate._log
+    gate._log = RequestLog(lines.append, "secret-name")
     try:
         stand.ask("PUT", "/config", stand.ask("GET", "/config").json, {"If-Match": "*"})
         assert stand.ask("POST", "/trigger", LAUNCH).status == 202

@@ -92,7 +92,8 @@ def frames_of(stand, count, last=None):
     with socket.create_connection(("127.0.0.1", stand.port), timeout=60) as connection:
         more = "" if last is None else f"Last-Event-ID: {last}\r\n"
         connection.sendall(f"GET /stream HTTP/1.1\r\nHost: localhost\r\n{more}\r\n".encode())
-        text, found = b"", []
+        text = b""
+        found = []
         while len(found) < count:
             text += connection.recv(65536)
             # Chunks are one frame each, with their length in hexadecimal before them.
@@ -125,7 +126,9 @@ def events_of(stand, kinds, last):
     """Return the events of a stream after a number, as its schema has them, until there is one of each kind."""
     connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
     connection.request("GET", "/stream", headers={"Last-Event-ID": str(last)})
-    response, events, fields = connection.getresponse(), [], {}
+    response = connection.getresponse()
+    events = []
+    fields = {}
     while not kinds <= {event["event"] for event in events}:
         key, _, value = response.readline().decode().rstrip("\n").partition(": ")
         if key in ("id", "data"):

@@ -126,7 +126,8 @@ def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch:
 
 def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_not(stand: Stand) -> None:
     answer = stand.ask("GET", "/config")
-    config, tag = answer.json, answer.headers["etag"]
+    config = answer.json
+    tag = answer.headers["etag"]
     fatal = json.loads(json.dumps(config))
     fatal["sensors"][0]["members"][0]["scan_period_ms"] = 1e-6
     refused = stand.ask("PUT", "/config", fatal, {"If-Match": tag})

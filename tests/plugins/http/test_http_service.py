@@ -59,7 +59,9 @@ def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
         until(lambda: running.service.run.status().time_ns * 1e-9 > launched["time_s"] + 60)
         running.service.run._stopping.set()
         until(lambda: not running.service.run._thread.is_alive())
-        reached_ns, run, feed = running.service.run.time_ns, running.service.run, running.service.feed
+        reached_ns = running.service.run.time_ns
+        run = running.service.run
+        feed = running.service.feed
         until(lambda: feed.history.total == run.status().detections)
         lines = running.ask("GET", "/detections?limit=1000").body
     scene = run.scene
@@ -118,7 +120,8 @@ def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
 
 def test_pages_of_detections_follow_one_another_and_filters_hold(stand: Stand) -> None:
     total = stand.service.feed.history.total
-    seen, cursor = [], ""
+    seen = []
+    cursor = ""
     for _ in range(3):
         page = stand.ask("GET", f"/detections?limit=7{cursor}").json
         seen += [event["detection_id"] for event in page["detections"]]
@@ -193,7 +196,9 @@ def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
 
     def events() -> list[tuple[str, Any]]:
         connection.request("GET", path)
-        response, events, kind = connection.getresponse(), list[tuple[str, Any]](), ""
+        response = connection.getresponse()
+        events = list[tuple[str, Any]]()
+        kind = ""
         while len(events) < count or "status" not in {known for known, _ in events}:
             line = response.readline().decode()
             assert line, "the stream has ended"

@@ -17,7 +17,8 @@ from page_browser import viewing
 from opir_core.cli.main import main
 from opir_core.output.saved_runs import load_run
 
-START, END = "2026-04-01T12:00:00Z", "2026-04-01T12:04:00Z"
+START = "2026-04-01T12:00:00Z"
+END = "2026-04-01T12:04:00Z"
 
 
 @pytest.fixture(scope="module")

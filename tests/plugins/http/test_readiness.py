@@ -19,8 +19,11 @@ class RunWithBacklog:
         target = VerticalTargets(*(np.array([value]) for value in (0.0, 5.0, 1.0, 9.0)))
         self.scene = stub_scene()
         self.plan = stub_plan([stub_sensor("A", 0.0)], target, ["T1"], self.scene)
-        self.spooled = self.queued = self.attempts = 0
-        self.state, self.error = "open", None
+        self.spooled = 0
+        self.queued = 0
+        self.attempts = 0
+        self.state = "open"
+        self.error = None
 
     def status(self) -> Any:
         sink = SimpleNamespace(
@@ -68,7 +71,9 @@ def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
 )
 def test_the_reason_and_the_attempts_of_a_sink_are_reported_in_each_state(state: str, reported: str) -> None:
     run: Any = RunWithBacklog()
-    run.state, run.error, run.attempts = state, "no broker", 0 if state == "failed" else 3
+    run.state = state
+    run.error = "no broker"
+    run.attempts = 0 if state == "failed" else 3
     found = service.Service(run, HttpSettings()).health()
     assert (found.ready, found.alive, found.reasons) == (False, True, (reported,))
 
@@ -77,7 +82,9 @@ def test_the_log_says_once_why_a_service_is_not_ready_and_when_it_is_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(health, "LOOK_S", 0.01)
-    said, looks, stopping = list[str](), list[int](), threading.Event()
+    said = list[str]()
+    looks = list[int]()
+    stopping = threading.Event()
     monkeypatch.setattr(health, "warn", said.append)
 
     def found() -> health.Health:
@@ -95,7 +102,8 @@ def test_the_log_has_each_output_once_whatever_its_figures_and_nothing_of_a_run_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(health, "LOOK_S", 0.01)
-    said, stopping = list[str](), threading.Event()
+    said = list[str]()
+    stopping = threading.Event()
     monkeypatch.setattr(health, "warn", said.append)
     lost = "the sink outputs[{}].kafka delivers nothing: no broker{}"
     looks = iter(

@@ -30,7 +30,8 @@ def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) ->
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
         listening.bind(name if kind == "path" else f"\0{name[1:]}")
         listening.settimeout(10.0)
-        run, reasons = Pretended(), list[str]()
+        run = Pretended()
+        reasons = list[str]()
         notifier = Notifier.of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "100000"})
         watchdog = RunWatchdog(run, reasons.append, notifier)
         watchdog.start()
@@ -55,7 +56,8 @@ def test_a_service_manager_that_is_away_or_means_another_process_is_ignored(tmp_
 
 
 def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
-    run, reasons = Pretended(), list[str]()
+    run = Pretended()
+    reasons = list[str]()
     run.now = Progress(9.0, ("slow",))
     watchdog = RunWatchdog(run, reasons.append, Notifier(within_s=0.02))
     watchdog.start()
@@ -65,7 +67,9 @@ def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
 
 
 def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock_s, beats, reasons = [0.0], threading.Semaphore(0), list[str]()
+    clock_s = [0.0]
+    beats = threading.Semaphore(0)
+    reasons = list[str]()
 
     class Watched(Pretended):
         def progress(self) -> Progress:

@@ -106,7 +106,8 @@ def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any)
     """librdkafka's murmur2 partitioner is the oracle: the one that Java clients use."""
     import confluent_kafka
 
-    ours, theirs = broker.topic(), broker.topic()
+    ours = broker.topic()
+    theirs = broker.topic()
     sink = kafka_sink(broker.address, ours, None)
     sink.write(window(len(SENSORS)))
     assert sink.close().delivered == len(SENSORS)

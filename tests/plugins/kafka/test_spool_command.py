@@ -8,7 +8,8 @@ from spool_transports import filled_spool, ids_of, window
 
 from opir_core.cli.main import main
 
-BATCHES, ROWS = 20, 100
+BATCHES = 20
+ROWS = 100
 
 
 @pytest.fixture

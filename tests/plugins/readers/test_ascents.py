@@ -41,8 +41,10 @@ def test_velocities_are_the_slopes_of_positions(settings):
 @pytest.mark.parametrize(("altitude_km", "azimuth_deg"), [(200.0, 90.0), (300.0, 45.0), (250.0, 190.0)])
 def test_the_second_burn_ends_in_a_circular_orbit(altitude_km, azimuth_deg):
     legs = flight(orbit_altitude_km=altitude_km, azimuth_deg=azimuth_deg)
-    place, way = legs[2].position_m[-1], legs[2].velocity_m_s[-1]
-    radius, inertial = np.linalg.norm(place), way + np.cross(OMEGA, place)
+    place = legs[2].position_m[-1]
+    way = legs[2].velocity_m_s[-1]
+    radius = np.linalg.norm(place)
+    inertial = way + np.cross(OMEGA, place)
     assert radius == pytest.approx(6_378_137.0 + altitude_km * 1e3, abs=200.0)
     assert np.linalg.norm(inertial) == pytest.approx(np.sqrt(MU / radius), abs=2.0)
     # In orbit it keeps its distance, on a two-body arc.
@@ -54,7 +56,8 @@ def test_a_gap_is_a_free_fall():
     gap = flight()[1]
     step = gap.time_s[1] - gap.time_s[0]
     fall = np.diff(gap.position_m, 2, axis=0) / step**2
-    place, way = gap.position_m[1:-1], gap.velocity_m_s[1:-1]
+    place = gap.position_m[1:-1]
+    way = gap.velocity_m_s[1:-1]
     turning = -np.cross(OMEGA, np.cross(OMEGA, place)) - 2.0 * np.cross(OMEGA, way)
     pull = -MU * place / np.linalg.norm(place, axis=1)[:, None] ** 3
     np.testing.assert_allclose(fall, pull + turning, atol=1e-3)
@@ -63,7 +66,8 @@ def test_a_gap_is_a_free_fall():
 @pytest.mark.slow
 def test_a_booster_lands_where_it_started():
     legs = flight(flight="booster")
-    start, end = legs[0].position_m[0], legs[-1].position_m[-1]
+    start = legs[0].position_m[0]
+    end = legs[-1].position_m[-1]
     assert [leg.burns for leg in legs] == [True, False, True, False, True, False, True, False]
     assert np.linalg.norm(end - start) < 10e3
     assert abs(height_of(end)) < 50.0

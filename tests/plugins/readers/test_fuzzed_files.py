@@ -75,7 +75,8 @@ def spoilt(text, rng):
             text = mark.join(words)
         else:
             lines = text.split("\n")
-            one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+            one = rng.randrange(len(lines))
+            other = rng.randrange(len(lines))
             if kind == 3:
                 lines[one], lines[other] = lines[other], lines[one]
             elif kind == 4:
@@ -102,7 +103,8 @@ def test_any_text_is_refused_or_read(reader, text):
 @pytest.mark.skipif(not SECONDS, reason="set OPIR_FUZZ_S")
 @pytest.mark.parametrize("reader", READERS, ids=NAMES)
 def test_a_longer_search_finds_nothing_slow_or_large(reader):
-    rng, end_s = random.Random(f"{reader.name} {SECONDS}"), time.monotonic() + SECONDS / len(READERS)
+    rng = random.Random(f"{reader.name} {SECONDS}")
+    end_s = time.monotonic() + SECONDS / len(READERS)
     count = 0
     read(reader, reader.example)  # what it imports is not the file's
     while time.monotonic() < end_s:
@@ -110,7 +112,8 @@ def test_a_longer_search_finds_nothing_slow_or_large(reader):
         tracemalloc.start()
         began_s = time.process_time()
         read(reader, text)
-        took_s, (_, peak) = time.process_time() - began_s, tracemalloc.get_traced_memory()
+        took_s = time.process_time() - began_s
+        (_, peak) = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert took_s < 2.0, text
         assert peak < 20e6 + 500 * len(text), text

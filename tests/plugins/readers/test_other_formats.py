@@ -69,7 +69,8 @@ def oem(frame, system="UTC", ahead_s=0.0):
     ("frame", "other"), [("Fixed", "ITRF"), ("J2000", "EME2000"), ("ICRF", "ICRF"), ("TEMEOfDate", "TEME")]
 )
 def test_an_stk_ephemeris_has_the_states_of_the_oem(frame, other):
-    table, same = stk_table(stk(frame), EPOCH_US), oem_table(oem(other), EPOCH_US, None)
+    table = stk_table(stk(frame), EPOCH_US)
+    same = oem_table(oem(other), EPOCH_US, None)
     np.testing.assert_allclose(table.time_s, [30.5, 40.5, 50.5], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(table.position_m, same.position_m, rtol=0.0, atol=1e-3)
     np.testing.assert_allclose(table.velocity_m_s, same.velocity_m_s, rtol=0.0, atol=1e-6)
@@ -132,7 +133,8 @@ def test_what_is_wrong_with_an_stk_ephemeris_is_reported(text, reported):
 
 @pytest.mark.parametrize(("system", "ahead_s"), [("TAI", 37.0), ("GPS", 18.0), ("TT", 69.184), ("UT1", 0.0)])
 def test_an_oem_in_another_time_system_has_the_same_states(system, ahead_s):
-    table, same = oem_table(oem("ITRF", system, ahead_s), EPOCH_US, None), oem_table(oem("ITRF"), EPOCH_US, None)
+    table = oem_table(oem("ITRF", system, ahead_s), EPOCH_US, None)
+    same = oem_table(oem("ITRF"), EPOCH_US, None)
     np.testing.assert_allclose(table.time_s, same.time_s, rtol=0.0, atol=1e-6)
 
 

@@ -88,7 +88,8 @@ def test_endless_repetitions_are_refused(tmp_path):
 
 def test_broken_parquet_is_refused_whatever_is_broken(tmp_path):
     content = written(tmp_path / "a", {"time_s": [1.0, 11.0], **PLACE_KM}).read_bytes()
-    rng, refused = random.Random(7), 0
+    rng = random.Random(7)
+    refused = 0
     for _ in range(300):
         broken = bytearray(content)
         for _ in range(rng.randint(1, 4)):

@@ -10,7 +10,9 @@ from pyproj import Geod, Transformer
 
 from opir_core.plugin import BadFileError
 
-LAT, LON, GROUND = 32.99, -106.97, 1400.0
+LAT = 32.99
+LON = -106.97
+GROUND = 1400.0
 SITE = SiteConfig(lat_deg=LAT, lon_deg=LON, height_m=GROUND, azimuth_deg=60.0)
 GEOD = Geod(ellps="WGS84")
 TO_ECEF = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
@@ -35,7 +37,8 @@ def true_positions():
 def openrocket(unit="m", factor=1.0, places="local", events=True):
     time, distance, altitude, thrust = flight()
     _, lat, lon = true_positions()
-    east, north = distance * np.sin(np.radians(60.0)), distance * np.cos(np.radians(60.0))
+    east = distance * np.sin(np.radians(60.0))
+    north = distance * np.cos(np.radians(60.0))
     names = f"# Time (s),Altitude ({unit}),Vertical velocity (m/s),Thrust (N)"
     columns = [time, altitude / factor, np.gradient(altitude, time), thrust]
     if places == "local":
@@ -66,11 +69,14 @@ def rocketpy(columns="solution"):
     time, distance, altitude, _ = flight()
     _, lat, lon = true_positions()
     if columns == "solution":
-        east, north = distance * np.sin(np.radians(60.0)), distance * np.cos(np.radians(60.0))
-        table, names = [time, east, north, altitude + GROUND], "Time (s),X (m),Y (m),Z (m),E0,E1,E2,E3,W1 (rad/s)"
+        east = distance * np.sin(np.radians(60.0))
+        north = distance * np.cos(np.radians(60.0))
+        table = [time, east, north, altitude + GROUND]
+        names = "Time (s),X (m),Y (m),Z (m),E0,E1,E2,E3,W1 (rad/s)"
         table += [np.zeros_like(time)] * 5
     else:
-        table, names = [time, lat, lon, altitude], "Time (s), Latitude (°), Longitude (°), Altitude AGL (m)"
+        table = [time, lat, lon, altitude]
+        names = "Time (s), Latitude (°), Longitude (°), Altitude AGL (m)"
     rows = [",".join(f"{value:.9f}" for value in row) for row in np.stack(table, axis=1).tolist()]
     return "\n".join([f"# {names}", *rows, ""])
 

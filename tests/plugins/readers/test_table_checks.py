@@ -40,7 +40,8 @@ def flight(latitude, azimuth, stages):
         return stages[stage][1] * (0.5 + 0.5 * (time_s - ends[stage] + stages[stage][0]) / stages[stage][0])
 
     def rate(time_s, state):
-        r, v = state[:3], state[3:]
+        r = state[:3]
+        v = state[3:]
         tilt = np.radians(min(60.0, 0.6 * time_s))
         gravity = -3.986004418e14 * r / np.linalg.norm(r) ** 3
         thrust = push(time_s) * (np.cos(tilt) * up + np.sin(tilt) * along) + 9.8 * up * (time_s < 60.0)
@@ -55,7 +56,8 @@ def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 
     state, end_s = flight(latitude, azimuth, stages)
     time_s = np.arange(0.0, end_s, step_s)
     position, velocity = np.round(state(time_s).T, decimals).reshape(-1, 2, 3).transpose(1, 0, 2)
-    run, burn = np.zeros(len(time_s), np.intp), np.array([[0.0, time_s[-1]]])
+    run = np.zeros(len(time_s), np.intp)
+    burn = np.array([[0.0, time_s[-1]]])
     return StateTable(time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ"))
 
 

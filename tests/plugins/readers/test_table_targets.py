@@ -105,7 +105,8 @@ def test_states_close_together_do_not_amplify_the_rounding_of_times(tmp_path):
     exact = np.append(np.arange(0.0, 101.0, 5.0), 100.2504)
     rounded = np.round(exact, 3)
     lines = csv_text(exact).splitlines()
-    head, rows = lines[:2], [line.partition(",")[2] for line in lines[2:]]
+    head = lines[:2]
+    rows = [line.partition(",")[2] for line in lines[2:]]
     text = "\n".join([*head, *(f"{time!r},{row}" for time, row in zip(rounded.tolist(), rows, strict=True))])
     targets, _ = flown(tmp_path, text)
     assert largest_error_m(targets, 0.0, 95.0) <= 0.02
@@ -184,7 +185,8 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
 )
 def test_ends_near_the_ground_are_launch_and_impact(tmp_path, heights_m, burning, points):
     # On the equator, where the height is that above the equatorial radius: one degree of longitude a state.
-    angle, radius = np.radians(np.arange(4.0)), 6378137.0 + np.array(heights_m)
+    angle = np.radians(np.arange(4.0))
+    radius = 6378137.0 + np.array(heights_m)
     rows = np.column_stack(
         [10.0 * np.arange(4.0), radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle, burning]
     )
@@ -277,7 +279,8 @@ def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path)
 
 
 def test_segments_of_an_oem_must_meet_and_days_of_the_year_are_read(tmp_path):
-    first, second = oem_text(np.array([0.0, 10.0, 20.0])), oem_text(np.array([20.0, 30.0]))
+    first = oem_text(np.array([0.0, 10.0, 20.0]))
+    second = oem_text(np.array([20.0, 30.0]))
     joined = first + second[second.index("META_START") :]
     targets, _ = flown(tmp_path, joined.replace("2026-04-01T", "2026-091T"))
     assert largest_error_m(targets, 0.0, 30.0) <= 0.02
@@ -302,16 +305,19 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
     """The whole way: a class profile's positions, twice a second, in a file, detected as the profile itself is."""
     overrides = ["outputs=[]", "seed=5", "tracker=none"]
     scene = load_scene(EXAMPLE, overrides=overrides)
-    targets, asked = compile_plan(scene).targets, []
+    targets = compile_plan(scene).targets
+    asked = []
     for row, target in enumerate(scene.targets):
-        ignition, burnout = float(targets.ignition_s[row]), float(targets.burnout_s[row])
+        ignition = float(targets.ignition_s[row])
+        burnout = float(targets.burnout_s[row])
         time_s = np.unique([*np.arange(ignition, burnout, 0.5), burnout])
         position = targets.position_ecef_m(np.full(len(time_s), row, np.int32), time_s)
         lines = [",".join(map(repr, values)) for values in np.column_stack([time_s, position]).tolist()]
         path = tmp_path / f"{target.id}.csv"
         path.write_text(HEAD + "\n".join(lines), encoding="utf-8")
         asked.append(f"{{id: {target.id}, model: table, type: {target.model.config.type}, file: '{path}'}}")
-    own, table = simulate(scene), simulate(load_scene(EXAMPLE, overrides=[*overrides, f"targets=[{', '.join(asked)}]"]))
+    own = simulate(scene)
+    table = simulate(load_scene(EXAMPLE, overrides=[*overrides, f"targets=[{', '.join(asked)}]"]))
     assert own.manifest["files"] == []
     assert [Path(file["path"]).name for file in table.manifest["files"]] == ["T1.csv", "T2.csv", "T3.csv"]
     assert len(own.detections) > 1000
@@ -334,7 +340,8 @@ class TestReadingAtOnce:
     TIMES = np.arange(0.0, 50.0, 0.25)
 
     def lines_read(self, text, monkeypatch):
-        read, row = [], csv_table_module._row
+        read = []
+        row = csv_table_module._row
 
         def counted(columns, layout, cells, line):
             read.append(line)

@@ -139,7 +139,8 @@ def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
 
 def test_what_is_tracked_is_read_back_and_scored_as_the_run(track, folder, tmp_path, capsys):
     track(folder / "events.jsonl", folder / "scene.yaml")
-    own, run = load_run(tmp_path / "tracked.jsonl"), load_run(folder / "events.jsonl")
+    own = load_run(tmp_path / "tracked.jsonl")
+    run = load_run(folder / "events.jsonl")
     np.testing.assert_array_equal(own.truth.target, run.truth.target)
     np.testing.assert_allclose(own.truth.range_m, run.truth.range_m, rtol=0.0, atol=1e3)
     assert [file["path"] for file in own.manifest["files"]] == [str(folder / "events.jsonl")]

@@ -141,7 +141,8 @@ def oem_pair(meta, covariance=True):
 def test_both_forms_of_an_oem_have_the_same_states(tmp_path):
     kvn, xml = oem_pair(META)
     assert reader_of(xml, READERS).name == "oem-xml"
-    ours, other = oem_table(kvn, EPOCH_US, None), oem_xml_table(xml, EPOCH_US, "ONE")
+    ours = oem_table(kvn, EPOCH_US, None)
+    other = oem_xml_table(xml, EPOCH_US, "ONE")
     np.testing.assert_allclose(other.time_s, [0.0, 10.0, 20.0], rtol=0.0, atol=1e-6)
     for name in ("time_s", "position_m", "velocity_m_s", "run", "burns_s"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(other, name))

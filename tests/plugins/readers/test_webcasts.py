@@ -20,7 +20,9 @@ from scipy.integrate import solve_ivp
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 
-OMEGA, MU, RADIUS = 7.292115e-5, 3.986004418e14, 6_371_000.0
+OMEGA = 7.292115e-5
+MU = 3.986004418e14
+RADIUS = 6_371_000.0
 CONFIG = SiteConfig(lat_deg=28.5, lon_deg=-80.6, height_m=5.0, azimuth_deg=60.0)
 BURNS = [(0.0, 150.0), (162.0, 420.0)]
 
@@ -32,12 +34,14 @@ def states():
     the Earth acts across it.
     """
     site = Site.of(CONFIG, "")
-    axes, start = site.axes(), site.position_m()
+    axes = site.axes()
+    start = site.position_m()
     along = math.sin(site.azimuth_rad) * axes[0] + math.cos(site.azimuth_rad) * axes[1]
     omega = np.array([0.0, 0.0, OMEGA])
 
     def rates(time, state):
-        place, velocity = state[:3], state[3:]
+        place = state[:3]
+        velocity = state[3:]
         up = place / np.linalg.norm(place)
         level = along - up * (along @ up)
         level /= np.linalg.norm(level)
@@ -66,7 +70,8 @@ def telemetry(ascent, form="lines", is_rounded=True):
     height = ecef_to_geodetic(place).height_m - CONFIG.height_m
     speed = np.linalg.norm(velocity, axis=1)
     if is_rounded:
-        speed, height = np.round(speed * 3.6) / 3.6, np.round(height, -2)
+        speed = np.round(speed * 3.6) / 3.6
+        height = np.round(height, -2)
     rows = [
         {"time": t, "velocity": round(v, 3), "altitude": round(h / 1e3, 4)}
         for t, v, h in zip(times.tolist(), speed.tolist(), height.tolist(), strict=True)
@@ -98,7 +103,8 @@ def test_the_flight_is_that_of_the_telemetry(ascent, form):
 def test_the_turn_by_the_rotation_of_the_earth_matters(ascent):
     # Along the geodesic of the azimuth it would end ten times as far off as it does.
     times, place, _ = ascent
-    where, distance = ecef_to_geodetic(place[-1:]), None
+    where = ecef_to_geodetic(place[-1:])
+    distance = None
     azimuth, _, distance = Geod(ellps="WGS84").inv(
         CONFIG.lon_deg, CONFIG.lat_deg, *np.degrees([where.longitude_rad[0], where.latitude_rad[0]])
     )[0:3]

@@ -44,7 +44,9 @@ def test_a_constant_model_has_its_probability_and_no_signal() -> None:
 
 def measured_in_reference_band(run: opir.Run, sensor: int, rows: IntArray) -> FloatArray:
     """Return the SNR (n,) that detections of one sensor measured in its reference band; `snr` is of all bands."""
-    plan, found, place = run.plan, run.detections, run.sensors[sensor].radiometer.reference
+    plan = run.plan
+    found = run.detections
+    place = run.sensors[sensor].radiometer.reference
     pair = np.flatnonzero((plan.pairs.sensor == sensor) & (plan.pairs.target == run.truth.target[rows[0]]))
     exposures = plan.look_geometry().exposures(np.repeat(pair, len(rows)), found.scan[rows])
     return found.band_irradiance_w_m2[rows, place] / plan.detection.response(exposures).noise_w_m2[:, place]
@@ -102,9 +104,11 @@ def test_latencies_are_those_of_the_summary_against_the_closed_form() -> None:
     run = example_run("first_light")
     (pair,) = pair_latencies(RunFacts(run))
     assert pair.observed_s == pytest.approx(run.summary["targets"][0]["latency_s"], abs=1e-9)
-    sensor, time_s = run.sensors[0], np.linspace(0.0, 5.0, 50)
+    sensor = run.sensors[0]
+    time_s = np.linspace(0.0, 5.0, 50)
     light_s = run.truth.range_m[0] / 299_792_458.0
-    period_s, chance = sensor.scan.period_ns * 1e-9, sensor.detection_probability["ICBM"]
+    period_s = sensor.scan.period_ns * 1e-9
+    chance = sensor.detection_probability["ICBM"]
     np.testing.assert_allclose(pair.cdf(time_s), latency_cdf(time_s - light_s, period_s, chance, "random"), atol=1e-3)
     data = latency_curves([pair])
     assert data.where(data["series"] == "run")["latency_s"].tolist() == [pair.observed_s]

@@ -42,7 +42,8 @@ def test_the_history_has_the_hypotheses_that_reach_one_percent() -> None:
 
 
 def test_the_plot_has_a_line_for_each_hypothesis_of_a_track() -> None:
-    plots, axes = RunPlots(two_sides()), Figure().add_subplot()
+    plots = RunPlots(two_sides())
+    axes = Figure().add_subplot()
     plots.hypotheses(ax=axes)
     drawn = {line.get_ydata()[0] for line in axes.get_lines() if len(line.get_ydata())}
     assert (drawn, axes.get_title(loc="left") or axes.get_title()) == ({0.9, 0.1}, "T1 (ICBM), track 0")

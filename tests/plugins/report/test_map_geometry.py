@@ -122,7 +122,8 @@ def test_no_coast_is_a_chord_across_an_azimuthal_map() -> None:
 
 @given(latitudes, longitudes, st.floats(0.3, 3.0))
 def test_rings_of_a_region_have_it_on_their_left(latitude: float, longitude: float, radius: float) -> None:
-    outer, hole = cap(latitude, longitude, radius), cap(latitude, longitude, 0.5 * radius)
+    outer = cap(latitude, longitude, radius)
+    hole = cap(latitude, longitude, 0.5 * radius)
     for turned in (1, -1):
         region = ImpactRegion(0.9, 1.0, ((outer[::turned], hole[::turned]),), centre=(latitude, longitude))
         (_, rings), *_ = containment_rings(SimpleNamespace(impact_regions=[(region,)]), 0).values()
@@ -165,7 +166,8 @@ def test_a_clipped_square_is_a_closed_square() -> None:
 
 def test_lines_over_the_antimeridian_reach_both_edges_of_the_world() -> None:
     line = np.radians([[10.0, 170.0], [10.0, -170.0]])
-    parts, east = WorldProjection().lines(line), equal_earth(np.array(10.0), np.array(180.0))[0]
+    parts = WorldProjection().lines(line)
+    east = equal_earth(np.array(10.0), np.array(180.0))[0]
     assert sorted(float(part[0, 0]) for part in parts) == pytest.approx([-190 / 180 * east, 170 / 180 * east])
     assert all(np.abs(np.diff(part[:, 0])).max() < 0.05 for part in parts)
 

@@ -54,7 +54,8 @@ def test_ground_tracks_begin_at_the_launch_and_end_at_the_impact() -> None:
     for truth in run.plan.targets.truth():
         own = tracks.where(tracks["target_id"] == truth["id"])
         for row, point in ((0, truth["launch"]), (-1, truth["impact"])):
-            lat_deg, lon_deg = own["latitude_deg"][row], own["longitude_deg"][row]
+            lat_deg = own["latitude_deg"][row]
+            lon_deg = own["longitude_deg"][row]
             apart = geodesic_inverse(*np.radians([[lat_deg], [lon_deg], [point["lat_deg"]], [point["lon_deg"]]]))
             assert apart.distance_m[0] < 1.0
         assert own["time_s"][~own["is_burning"]].min() > truth["burnout_s"] == own["time_s"][own["is_burning"]].max()
@@ -111,7 +112,8 @@ def test_a_narrow_field_of_regard_bounds_the_view() -> None:
 def test_impacts_and_areas_are_those_of_the_summary() -> None:
     run = scored_run()
     points = impact_points(RunFacts(run))
-    track, truth = run.summary["tracks"][0]["impact"], run.plan.targets.truth()[0]["impact"]
+    track = run.summary["tracks"][0]["impact"]
+    truth = run.plan.targets.truth()[0]["impact"]
     assert points["predicted_latitude_deg"][0] == pytest.approx(track["lat_deg"])
     assert points["predicted_longitude_deg"][0] == pytest.approx(track["lon_deg"])
     assert points["true_longitude_deg"][0] == pytest.approx(truth["lon_deg"])

@@ -19,7 +19,9 @@ from opir_report.saved_study import SavedStudy, read_study
 from pyarrow import parquet
 from scipy.stats import t
 
-PERIOD, COUNT, TARGETS = "sensors[*].scan_period_ms", "sensors.count", "targets"
+PERIOD = "sensors[*].scan_period_ms"
+COUNT = "sensors.count"
+TARGETS = "targets"
 LEVELS = {TARGETS: ["one ICBM", "raid of 8"], PERIOD: [10_000.0, 5000.0, 2000.0], COUNT: [1.0, 2.0, 4.0]}
 RUNS = 4
 
@@ -37,9 +39,12 @@ def noise_s() -> np.ndarray:
 @pytest.fixture
 def planted(tmp_path: Path) -> SavedStudy:
     """Return a study of all combinations whose runs follow the response."""
-    rows, runs, every = [], [], list(product(*LEVELS.values()))
+    rows = []
+    runs = []
+    every = list(product(*LEVELS.values()))
     for number, levels in enumerate(every):
-        knobs, values = dict(zip(LEVELS, levels, strict=True)), warning_s(*levels) + noise_s()
+        knobs = dict(zip(LEVELS, levels, strict=True))
+        values = warning_s(*levels) + noise_s()
         runs += [{"design": number, **knobs, "replicate": run, "warning_time_s": values[run]} for run in range(RUNS)]
         low, high = t.interval(0.95, RUNS - 1, values.mean(), values.std(ddof=1) / RUNS**0.5)
         same = {name: values.mean() - values[0] for name in ("difference", "difference_low_95", "difference_high_95")}
@@ -115,7 +120,8 @@ def test_a_run_counts_only_with_a_value_everywhere(planted: SavedStudy) -> None:
 def test_the_contour_of_a_requirement_is_the_curve_of_the_response(planted: SavedStudy) -> None:
     figure = Figure()
     FigureCanvasAgg(figure)
-    part, pair = parts_of(planted, "warning_time_s")[0], contour_pair(planted, "warning_time_s")
+    part = parts_of(planted, "warning_time_s")[0]
+    pair = contour_pair(planted, "warning_time_s")
     assert pair == (PERIOD, COUNT)
     scale = FigureScale.of(planted, "warning_time_s")
     drawn = draw_contours(figure.add_subplot(), part.runs, pair, scale, planted.requirements)

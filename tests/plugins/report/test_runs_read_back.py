@@ -42,7 +42,8 @@ def differences(ours: Any, theirs: Any, where: str, floor: float = 1e-6) -> list
             d for key in ours.keys() & theirs.keys() for d in differences(ours[key], theirs[key], f"{where}.{key}")
         ]
     if where.endswith(".interval_95"):
-        ours, theirs = scaled_interval(ours), scaled_interval(theirs)
+        ours = scaled_interval(ours)
+        theirs = scaled_interval(theirs)
     if isinstance(ours, list | tuple) and isinstance(theirs, list | tuple):
         if len(ours) != len(theirs):
             return [f"{where}: {len(ours)} and {len(theirs)} values"]
@@ -76,7 +77,8 @@ def test_a_run_read_back_is_scored_and_reported_alike(
     sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
 ) -> None:
     with TemporaryDirectory() as folder:
-        events, path = Path(folder) / "events.jsonl", Path(folder) / "scene.yaml"
+        events = Path(folder) / "events.jsonl"
+        path = Path(folder) / "scene.yaml"
         outputs = [{"jsonl": {"path": str(events)}}]
         scene = {**tracked_scene(sensors, targets, tracker, seed), "outputs": outputs}
         path.write_text(json.dumps(scene))

@@ -91,7 +91,8 @@ def test_what_is_better_is_known_or_not_said(tmp_path: Path) -> None:
 
 
 def test_studies_side_by_side_need_the_same_settings(tmp_path: Path) -> None:
-    first, second = written(tmp_path / "a", "one-knob"), written(tmp_path / "b", "two-knobs")
+    first = written(tmp_path / "a", "one-knob")
+    second = written(tmp_path / "b", "two-knobs")
     with pytest.raises(SceneError, match="vary different settings: one-knob sensors"):
         studies_in([first, second])
     both = studies_in([first, written_again(tmp_path / "c")])

@@ -39,7 +39,8 @@ def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
 def test_the_bound_is_the_published_one(name):
     cases = json.loads((DATA / "reference_cases.json").read_text())["cases"]
     case = next(each for each in cases if each["id"] == name)
-    given, expected = case["inputs"], case["expected"]
+    given = case["inputs"]
+    expected = case["expected"]
     longitude = np.radians(given["sat_lon_deg"])
     sensor = given["sat_radius_m"] * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
     target = np.broadcast_to(np.array(expected["target_ecef_m"]), sensor.shape)
@@ -52,7 +53,8 @@ def test_the_bound_is_the_published_one(name):
 
 def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
     state = np.array([6.9e6, 1.0e6, 2.0e6, -1000.0, 5500.0, 3000.0])
-    looks, tick = np.array([0.0, 40.0, 80.0]), 100.0
+    looks = np.array([0.0, 40.0, 80.0])
+    tick = 100.0
     at, _ = propagate_kepler(state[:3], state[3:], looks)
     sensors = eci_to_ecef(np.array([[4.0e7, 1.0e7, 0.0], [3.0e7, -3.0e7, 0.0], [4.0e7, 0.0, 1.0e7]]), looks)
     sigma = np.full(3, 1e-5)
@@ -107,7 +109,8 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
 
 def test_a_bias_takes_back_what_averaging_gains():
     """Of a target that stands still before two sensors the bound is that of the mean ray and the bias together."""
-    count, bias = 4000, 3e-5
+    count = 4000
+    bias = 3e-5
     target = np.broadcast_to([6.6e6, 0.0, 0.0], (count, 3))
     sensor = np.where(np.arange(count)[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
     turn = np.zeros((count, 4, 3))
@@ -116,10 +119,12 @@ def test_a_bias_takes_back_what_averaging_gains():
     sigma = np.full(count, 2e-5)
     found = state_bound(np.zeros(1), DetectedLooks(np.zeros(count), target, sensor, sigma, turn))
     # A turn about east and north moves what is straight down by the same angle both ways, what is beside it by less.
-    mean, information = np.hypot(2e-5 / np.sqrt(count / 2), bias), np.eye(3) * 1e-12
+    mean = np.hypot(2e-5 / np.sqrt(count / 2), bias)
+    information = np.eye(3) * 1e-12
     for place in sensor[:2]:
         line = target[0] - place
-        unit, distance = line / np.linalg.norm(line), np.linalg.norm(line)
+        unit = line / np.linalg.norm(line)
+        distance = np.linalg.norm(line)
         shifts = distance * bias * np.cross(local_axes(place[None])[0, :2], unit)
         across = np.linalg.svd(unit[None])[2][1:]
         spread = across @ (shifts.T @ shifts) @ across.T + np.eye(2) * (distance * 2e-5) ** 2 / (count / 2)
@@ -144,7 +149,8 @@ def test_biases_of_no_size_leave_the_bounds_as_they_are():
 def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
     sensors = (stub_sensor("A"), stub_sensor("B", line_of_sight_bias_sigma_rad=2e-6))
     random = np.random.default_rng(4)
-    place, number = random.normal(size=(40, 3)) * 1e7 + [4e7, 0.0, 0.0], random.integers(0, 2, 40)
+    place = random.normal(size=(40, 3)) * 1e7 + [4e7, 0.0, 0.0]
+    number = random.integers(0, 2, 40)
     line = -place + random.normal(size=(40, 3)) * 3e6
     line /= np.linalg.norm(line, axis=1)[:, None]
     shifts = np.cross(bias_turns(sensors, number, place), line[:, None])
@@ -159,7 +165,8 @@ def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
 def differences(state, span_s):
     """Return how the state a span later differs with the state, by central differences of two-body propagation."""
     steps = np.array([10.0] * 3 + [0.01] * 3)
-    up, down = state + np.diag(steps), state - np.diag(steps)
+    up = state + np.diag(steps)
+    down = state - np.diag(steps)
     ends = [np.concatenate(propagate_kepler(each[:, :3], each[:, 3:], span_s), axis=1) for each in (up, down)]
     return ((ends[0] - ends[1]) / (2.0 * steps[:, None])).T
 
@@ -169,7 +176,8 @@ def calls_of_bounds(looks):
     time_s = np.linspace(0.0, 60.0, looks)
     target = np.array([6.7e6, 0.0, 0.0]) + time_s[:, None] * np.array([500.0, 3000.0, 0.0])
     sensor = np.tile([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]], (looks // 2, 1))
-    ticks, seen = np.arange(1.0, 61.0), DetectedLooks.unbiased(time_s, target, sensor, np.full(looks, 2e-5))
+    ticks = np.arange(1.0, 61.0)
+    seen = DetectedLooks.unbiased(time_s, target, sensor, np.full(looks, 2e-5))
     calls = 0
 
     def counted(_frame, event, _argument):

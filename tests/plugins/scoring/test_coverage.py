@@ -14,7 +14,8 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
-FIRST_S, LAST_S = 30.0, 80.0
+FIRST_S = 30.0
+LAST_S = 80.0
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 
 #: Two sensors that look from across each other at a target that rises from (6.6e6, 0, 0), m.
 SENSORS = np.array([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 4.0e6]])
-SIGMA_RAD, START_M = 2e-5, np.array([6.6e6, 0.0, 0.0])
+SIGMA_RAD = 2e-5
+START_M = np.array([6.6e6, 0.0, 0.0])
 
 
 def looks(time_s, target):
@@ -44,7 +45,8 @@ def test_the_bound_of_a_target_at_rest_is_that_of_its_looks_together():
 
 
 def test_looks_after_a_tick_do_not_count_and_a_prior_does():
-    times, target = np.arange(0.0, 10.0), np.broadcast_to(START_M, (10, 3))
+    times = np.arange(0.0, 10.0)
+    target = np.broadcast_to(START_M, (10, 3))
     slope = np.broadcast_to(np.eye(3), (10, 3, 3))
     found = parameter_bound(np.array([-1.0, 3.0, 9.0]), looks(times, target), slope, np.array([1e3, 2e3, 3e3]))
     assert np.diagonal(found[0]) == pytest.approx([1e6, 4e6, 9e6], rel=1e-9)
@@ -71,9 +73,11 @@ def test_of_a_free_flight_it_is_the_bound_of_the_states_recursion():
 
 def test_values_that_become_known_count_from_then_on():
     known = KnownValues(np.array([5.0]), np.array([[0.0, 0.0, 1.0 / 10.0]]))
-    times, target = np.arange(0.0, 10.0), np.broadcast_to(START_M, (10, 3))
+    times = np.arange(0.0, 10.0)
+    target = np.broadcast_to(START_M, (10, 3))
     slope = np.broadcast_to(np.eye(3), (10, 3, 3))
-    ticks, sigma = np.array([4.5, 5.0]), np.full(3, 1e9)
+    ticks = np.array([4.5, 5.0])
+    sigma = np.full(3, 1e9)
     with_it, without = (parameter_bound(ticks, looks(times, target), slope, sigma, each) for each in (known, None))
     assert with_it[0] == pytest.approx(without[0], rel=1e-9)
     information = np.linalg.inv(without[1]) + np.diag([0.0, 0.0, 1e-2])
@@ -97,13 +101,15 @@ def test_biases_are_parameters_of_unit_variance():
 
 def test_an_efficient_estimator_reaches_it_and_none_is_below():
     """Least squares by Gauss and Newton, 400 times: errors have the bound's covariance within 4 standard errors."""
-    truth, times = np.array([20.0, 0.01, 0.008]), np.arange(1.0, 61.0)
+    truth = np.array([20.0, 0.01, 0.008])
+    times = np.arange(1.0, 61.0)
     step = np.array([1e-3, 1e-6, 1e-6])
     target = turned(truth[None], times)[0]
     seen = looks(times, target)
     slope = central_slopes(lambda rows: turned(rows, times), truth, step)
     bound = parameter_bound(times[-1:], seen, slope, np.array([1e3, 1.0, 1.0]))[0]
-    rng, runs = np.random.default_rng(11), 400
+    rng = np.random.default_rng(11)
+    runs = 400
 
     def directions(rows):
         line = turned(rows, times) - seen.sensor_ecef_m

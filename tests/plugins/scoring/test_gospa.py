@@ -17,7 +17,9 @@ def points(seed: int, count: int) -> np.ndarray:
 @examples(60)
 @given(st.integers(0, 2**31), counts, counts, counts, st.sampled_from([0.5, 1.0, 2.0]))
 def test_gospa_is_a_metric(seed: int, first: int, second: int, third: int, alpha: float) -> None:
-    a, b, c = points(seed, first), points(seed + 1, second), points(seed + 2, third)
+    a = points(seed, first)
+    b = points(seed + 1, second)
+    c = points(seed + 2, third)
 
     def distance(x: np.ndarray, y: np.ndarray) -> float:
         return gospa(x, y, cutoff=7.0, alpha=alpha).distance

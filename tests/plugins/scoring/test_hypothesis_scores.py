@@ -167,7 +167,8 @@ def test_probabilities_that_are_right_as_often_as_stated_are_reliable():
 
 def test_areas_under_curves_are_those_of_thresholds():
     rng = np.random.default_rng(4)
-    known, unknown = np.round(rng.normal(1.0, 1.0, 60), 1), np.round(rng.normal(0.0, 1.0, 40), 1)
+    known = np.round(rng.normal(1.0, 1.0, 60), 1)
+    unknown = np.round(rng.normal(0.0, 1.0, 40), 1)
     is_right = rng.uniform(size=60) < 0.7
     levels = np.concatenate([[np.inf], np.unique(np.concatenate([known, unknown]))[::-1]])
     true, right, false = (

@@ -128,7 +128,8 @@ def test_a_region_that_is_missing_is_not_scored():
 
 def test_without_regions_ellipses_are_scored():
     # 3 km east and 1 km north of the truth; the ellipse is turned by 30 degrees.
-    turn, sigma = np.radians(30.0), np.array([4000.0, 500.0])
+    turn = np.radians(30.0)
+    sigma = np.array([4000.0, 500.0])
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     covariance = np.full((1, 3, 3), 0.0)
     covariance[0, :2, :2] = axes @ np.diag(sigma**2) @ axes.T
@@ -224,7 +225,8 @@ def test_regions_are_scored_under_the_condition_that_is_true():
     # Regions for a burn that is over miss by 100 km; those for one that goes on hold the impact, with 90 and 95 %.
     over = with_condition(regions_at(20.0, 100e3), "burn over", 0.7)
     on = with_condition(regions_at(20.0), "relights", 0.3, 40.0)
-    before, after = burn_s()[1] - 10.0, burn_s()[1] + 10.0
+    before = burn_s()[1] - 10.0
+    after = burn_s()[1] + 10.0
     reported = [(*over, *on), (*over, *on), regions_at(20.0)]
     evidence = evidence_of(np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=reported)
     scores = impact_scores(evidence, ownership(evidence))
@@ -261,7 +263,8 @@ def test_the_energy_of_an_area_across_the_pole_and_with_a_hole_is_that_of_a_ring
     ring = ImpactRegion(0.95, 0.0, ((ring_of(80e3), ring_of(60e3)),))
     place = np.append(np.radians([89.9, 10.0]), 0.0)
     rng = np.random.default_rng(3)
-    radius, angle = np.sqrt(rng.uniform(60e3**2, 80e3**2, 1500)), rng.uniform(0.0, 2.0 * np.pi, 1500)
+    radius = np.sqrt(rng.uniform(60e3**2, 80e3**2, 1500))
+    angle = rng.uniform(0.0, 2.0 * np.pi, 1500)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     assert region_energy_m((ring,), place) == pytest.approx(radius.mean() - 0.5 * apart.mean(), rel=0.03)

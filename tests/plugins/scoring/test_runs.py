@@ -56,7 +56,8 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     there = scorecard([evidence_of_files(tmp_path / "events.jsonl")]).as_plain()
     for name in ("launches_tracked", "purity", "completeness", "gospa", "seeds"):
         assert there[name] == here[name]
-    ours, theirs = here["stereo"]["by_time"], there["stereo"]["by_time"]
+    ours = here["stereo"]["by_time"]
+    theirs = there["stereo"]["by_time"]
     assert [part["position_m"] for part in ours] == [part["position_m"] for part in theirs]
     # Events tell sensors' errors to a few digits.
     for name in ("position_over_bound", "velocity_over_free_bound"):

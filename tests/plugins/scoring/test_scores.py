@@ -94,7 +94,8 @@ def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
 
 def test_errors_that_depend_on_each_other_widen_the_interval():
     error = np.repeat(RNG.normal(size=20), 50)
-    alone, together = root_mean_square(error), root_mean_square(error, np.repeat(np.arange(20), 50))
+    alone = root_mean_square(error)
+    together = root_mean_square(error, np.repeat(np.arange(20), 50))
     assert alone[0] == together[0]
     assert together[2] - together[1] > 4.0 * (alone[2] - alone[1])
     assert np.isnan(root_mean_square(error, np.zeros(1000, dtype=np.int64))[1:]).all()
@@ -173,7 +174,8 @@ def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
 @pytest.mark.parametrize("clusters", [2, 3, 5, 20])
 def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
     rng = np.random.default_rng(4)
-    held, trials = 0, 1000
+    held = 0
+    trials = 1000
     for _ in range(trials):
         size = np.linalg.norm(rng.normal(size=(clusters, 3)), axis=1)
         ticks = rng.integers(3, 8, clusters)

@@ -22,7 +22,8 @@ from opir_core import SceneError
 from opir_core.cli.main import main
 from opir_core.orbits import CircularConfig, OrbitConfig, orbit_of
 
-CASE, SEED = "clutter", 1
+CASE = "clutter"
+SEED = 1
 HEADER = ("scene", "track", "time_s", *STATE, *COVARIANCE)
 SIGMA = np.array([300.0] * 3 + [20.0] * 3)
 
@@ -188,13 +189,15 @@ def test_energies_of_flights_grow_by_the_work_of_thrust_and_drag_alone() -> None
 
 def test_noise_of_two_widths_informs_as_its_draws_do() -> None:
     """The location of the mixture, by maximum likelihood, has the variance of the Fisher information."""
-    rng, share = np.random.default_rng(3), 0.3
+    rng = np.random.default_rng(3)
+    share = 0.3
     sigma = np.where(rng.uniform(size=(300, 200)) < share, 3.0, 1.0)
     draws = rng.normal(size=(300, 200, 2)) * sigma[:, :, None]
     guess = np.median(draws, axis=1)
     for _ in range(15):  # expectation and maximisation
         square = np.sum((draws - guess[:, None]) ** 2, axis=2)
-        near, far = (1.0 - share) * np.exp(-0.5 * square), share / 9.0 * np.exp(-square / 18.0)
+        near = (1.0 - share) * np.exp(-0.5 * square)
+        far = share / 9.0 * np.exp(-square / 18.0)
         weight = (near + far / 9.0) / (near + far)
         guess = np.sum(draws * weight[:, :, None], axis=1) / weight.sum(axis=1)[:, None]
     assert np.sqrt(200.0 * np.mean(guess**2)) == pytest.approx(efficient_sigma(share), rel=0.08)

@@ -47,12 +47,15 @@ def test_true_states_are_seen_where_the_engine_sees_them():
     """The state at the look, light time undone by its velocity; half the acceleration times its square is left."""
     plan = plan_of()
     run = run_of_plan(plan)
-    target, look, left = run.truth.target, run.detections.time_s, run.truth.emission_time_s
+    target = run.truth.target
+    look = run.detections.time_s
+    left = run.truth.emission_time_s
     where = plan.targets.position_ecef_m
     inside = np.flatnonzero((look > plan.targets.ignition_s[target] + 1.0) & (look < 55.0))
     worst = {True: 0.0, False: 0.0}
     for row in inside.tolist():
-        one, time = target[row : row + 1], look[row : row + 1]
+        one = target[row : row + 1]
+        time = look[row : row + 1]
         velocity = (where(one, time + 0.01) - where(one, time - 0.01)) / 0.02
         sensor = run.detections.sensor_ecef_m[row]
         true = where(one, left[row : row + 1])[0] - sensor
@@ -134,7 +137,8 @@ def test_of_a_particle_filter_the_mean_is_reported():
     """The state vector of particles has them all; the first one is kilometres from their mean."""
     plan = plan_of()
     rng = np.random.default_rng(0)
-    mean, sigma = np.append([-2.7e6, -4.6e6, 3.7e6], np.full(6, 10.0)), np.repeat([1e3, 1e2, 10.0], 3)
+    mean = np.append([-2.7e6, -4.6e6, 3.7e6], np.full(6, 10.0))
+    sigma = np.repeat([1e3, 1e2, 10.0], 3)
     cloud = StateVectors((mean + 1e3 * sigma * rng.normal(size=(200, 9))).T)
     begun = datetime(1970, 1, 1) + timedelta(microseconds=plan.scene.epoch_us)
     weight = rng.uniform(size=200)
@@ -153,8 +157,10 @@ def test_of_a_particle_filter_the_mean_is_reported():
 @pytest.mark.slow
 def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_filter():
     run = run_of_plan(plan_of("tracker=stonesoup"))
-    predictor, updater = ExtendedKalmanPredictor(EarthFixedTransition()), ExtendedKalmanUpdater(use_joseph_cov=True)
-    now, first = None, run.detections.line_of_sight_ecef[:1]
+    predictor = ExtendedKalmanPredictor(EarthFixedTransition())
+    updater = ExtendedKalmanUpdater(use_joseph_cov=True)
+    now = None
+    first = run.detections.line_of_sight_ecef[:1]
     for time, found in OpirDetectionReader.of_run(run):
         for detection in found:
             if now is None:

@@ -75,7 +75,8 @@ def test_details_are_the_scores_of_each_tracker(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys):
-    path, reported = tmp_path / "scene.yaml", []
+    path = tmp_path / "scene.yaml"
+    reported = []
     path.write_text(json.dumps({**SCENE, "duration_s": 35.0}))
     for workers in ("1", "2"):
         words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]

@@ -30,7 +30,8 @@ def test_a_killed_worker_costs_no_result(executor, tmp_path):
 
 
 def test_a_task_that_kills_every_worker_is_lost(executor):
-    results, found = executor.results(doubled_or_always_killed, range(6)), {}
+    results = executor.results(doubled_or_always_killed, range(6))
+    found = {}
     with pytest.raises(LostTasksError) as caught:
         found.update(results)
     assert 3 in caught.value.tasks

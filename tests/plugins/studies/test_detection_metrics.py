@@ -44,7 +44,8 @@ def first_latencies(run):
 
 
 def test_latency_is_that_of_the_first_detections(run):
-    expected, found = first_latencies(run), LatencyMetric().values(run)
+    expected = first_latencies(run)
+    found = LatencyMetric().values(run)
     assert found["detected"] == pytest.approx(np.isfinite(expected).mean()) == 5 / 6
     assert found["latency_s"] == pytest.approx(np.nanmean(expected), abs=1e-8)
     assert found["latency_p90_s"] == pytest.approx(np.nanquantile(expected, 0.9), abs=1e-8)

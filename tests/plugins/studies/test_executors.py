@@ -88,7 +88,8 @@ def test_an_executor_can_be_used_again(executor):
 
 @pytest.mark.slow
 def test_a_task_that_hangs_is_lost_alone_with_its_reason():
-    executor, found = ProcessesExecutor(2, dead_after_s=1.0), {}
+    executor = ProcessesExecutor(2, dead_after_s=1.0)
+    found = {}
     with pytest.raises(LostTasksError, match=r"the tracker 'x': step has not returned for 1\.") as caught:
         found.update(executor.results(doubled_or_hung, range(8)))
     executor.close()

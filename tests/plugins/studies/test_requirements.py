@@ -62,7 +62,8 @@ def test_a_scene_that_ends_with_the_burn_is_reported_to_metrics_of_impacts() -> 
 
 
 def test_wide_tables_are_cut_between_figures() -> None:
-    head, body = ["design", "runs", *(f"figure_{place}" for place in range(9))], [["1", "5", *["x" * 18] * 9]]
+    head = ["design", "runs", *(f"figure_{place}" for place in range(9))]
+    body = [["1", "5", *["x" * 18] * 9]]
     cut = _tables(head, body, 2)
     assert len(cut) == 3
     assert all(len(line.rstrip()) <= 100 for each in cut for line in each.splitlines())
@@ -81,7 +82,8 @@ def test_a_study_writes_its_report(tmp_path, capsys) -> None:
     words = {"study": "s", "scene": "scene.json", "vary": {PERIOD: [5000, 50]}, "runs": 3, "metrics": ["latency"]}
     words |= {"question": "How soon is a launch seen?", "executor": "serial", "requirements": ["latency_s <= 1"]}
     (tmp_path / "study.yaml").write_text(json.dumps(words), encoding="utf-8")
-    page, figures = tmp_path / "page.html", tmp_path / "figures"
+    page = tmp_path / "page.html"
+    figures = tmp_path / "figures"
     command = ["sweep", str(tmp_path / "study.yaml"), "-o", str(tmp_path / "s"), "--report", str(page)]
     assert main([*command, "--figures", str(figures)]) == 0
     lines = capsys.readouterr().out.splitlines()

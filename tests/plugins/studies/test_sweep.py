@@ -121,7 +121,8 @@ def test_the_interval_agrees_with_a_bootstrap():
 @pytest.mark.slow
 def test_a_finished_study_runs_nothing_again(tmp_path, counted):
     sweep(study(), tmp_path)
-    first, count = tables_of(tmp_path), len(counted)
+    first = tables_of(tmp_path)
+    count = len(counted)
     assert count == 12
     sweep(study(), tmp_path)
     assert len(counted) == count

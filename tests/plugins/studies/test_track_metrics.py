@@ -48,7 +48,8 @@ def impact_figures(run, **settings):
 
 
 def test_the_launch_error_is_the_geodesic_to_the_true_point(run):
-    estimate, truth = run.tracks.launch[-1], SCENE["targets"][0]["launch"]
+    estimate = run.tracks.launch[-1]
+    truth = SCENE["targets"][0]["launch"]
     _, _, distance_m = Geod(ellps="WGS84").inv(*np.degrees(estimate[1::-1]), truth["lon_deg"], truth["lat_deg"])
     found = LaunchErrorMetric().values(run)
     assert found["launch_error_m"] == pytest.approx(distance_m, rel=1e-3)
@@ -56,7 +57,8 @@ def test_the_launch_error_is_the_geodesic_to_the_true_point(run):
 
 
 def test_position_errors_are_those_of_the_tracks(run):
-    plan, tick_s = run.plan, run.tracks.tick_s
+    plan = run.plan
+    tick_s = run.tracks.tick_s
     known = (tick_s <= plan.targets.end_s[0]) & np.isfinite(run.tracks.state[:, 0])
     true = plan.targets.position_ecef_m(np.zeros(known.sum(), dtype=np.int32), tick_s[known])
     error_m = np.linalg.norm(run.tracks.state[known, :3] - true, axis=1)

@@ -221,7 +221,8 @@ def test_the_command_refuses_errors_that_it_does_not_know(
 
 @pytest.mark.slow
 def test_replicates_of_a_plan_have_the_answers_of_single_runs() -> None:
-    scene, host = scene_from_mapping({**LIT, "duration_s": 20.0}), Host.discover()
+    scene = scene_from_mapping({**LIT, "duration_s": 20.0})
+    host = Host.discover()
     found, time_s = timed_answers(scene, [4, 5], host)
     for seed, each in zip((4, 5), found, strict=True):
         alone = answers_of(opir.simulate(evolve(scene, seed=seed), host))

@@ -54,7 +54,8 @@ def test_without_a_requirement_the_first_estimate_warns(run, evidence):
 def test_what_is_lost_again_is_no_warning(run, evidence):
     """P(missile) passes the threshold at the 5th estimate, falls once at the 10th and stays from the 11th on."""
     probability = np.full(len(run.tracks), 0.95)
-    probability[:4] = probability[9] = 0.5
+    probability[:4] = 0.5
+    probability[9] = 0.5
     found = times(evidence, probability, missile_probability=0.9)
     assert found.warned_s[0] == run.tracks.available_s[10] - IGNITION_S
 

@@ -27,7 +27,8 @@ def graph(seed: int, height: int, width: int, density: float) -> np.ndarray:
 def tried(weight: np.ndarray) -> np.ndarray:
     """Return marginals by adding up every one-to-one explanation."""
     height, width = weight.shape
-    beta, total = np.zeros_like(weight), 0.0
+    beta = np.zeros_like(weight)
+    total = 0.0
     for explanation in product(range(width + 1), repeat=height):
         used = [column for column in explanation if column < width]
         if len(set(used)) < len(used):
@@ -66,7 +67,9 @@ def test_swaps_are_as_probable_as_trying_every_permutation_says(seed: int, count
 
 
 def test_a_row_has_no_column_that_another_cannot_do_without() -> None:
-    row, column, log = np.array([0, 1, 1]), np.array([0, 0, 1]), np.array([-5.0, 0.0, -8.0])
+    row = np.array([0, 1, 1])
+    column = np.array([0, 0, 1])
+    log = np.array([-5.0, 0.0, -8.0])
     assert np.allclose(swap_probabilities(row, column, log), [1.0, 0.0, 1.0], atol=0.03)
 
 
@@ -121,7 +124,8 @@ def test_belief_propagation_is_exact_without_loops() -> None:
     ratio = 10.0 ** rng.uniform(-8.0, 12.0, len(row))
     weight = np.zeros((5, 5))
     weight[row[:9], column[:9]] = ratio[:9]
-    beta, expected = belief_propagation(row, column, ratio), tried(weight)[row[:9], column[:9]]
+    beta = belief_propagation(row, column, ratio)
+    expected = tried(weight)[row[:9], column[:9]]
     assert np.allclose(beta[:9], expected, rtol=1e-9, atol=1e-12)
     assert np.allclose(beta[9:], ratio[9:] / (1.0 + ratio[9:].sum()), rtol=1e-9)
 
@@ -130,7 +134,8 @@ def test_many_components_are_solved_as_each_alone() -> None:
     rng = np.random.default_rng(7)
     row = np.concatenate([4 * block + np.array([0, 0, 1, 1, 2]) for block in range(300)])
     column = np.concatenate([4 * block + np.array([0, 1, 0, 1, 1]) for block in range(300)])
-    cost, order = rng.normal(size=len(row)) - 1.0, rng.permutation(len(row))
+    cost = rng.normal(size=len(row)) - 1.0
+    order = rng.permutation(len(row))
     together = np.empty(len(row), dtype=bool)
     together[order] = cheapest_assignment(row[order], column[order], cost[order])
     alone = [cheapest_assignment(row[k : k + 5], column[k : k + 5], cost[k : k + 5]) for k in range(0, len(row), 5)]

@@ -40,15 +40,19 @@ def test_events_as_often_as_stated_pass_and_what_is_too_sure_does_not():
 
 
 def test_launches_drawn_of_a_mixture_have_uniform_ranks_in_it_and_not_in_one_that_is_too_wide():
-    rng, launch = np.random.default_rng(4), (0.3, -2.0)
-    middles, chance = 0.5 * (EDGES_S[1:] + EDGES_S[:-1]), np.exp(-EDGES_S[1:] / 4.0)
+    rng = np.random.default_rng(4)
+    launch = (0.3, -2.0)
+    middles = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
+    chance = np.exp(-EDGES_S[1:] / 4.0)
     chance /= chance.sum()
     offset = np.outer([30.0, -20.0, 10.0], middles)
-    right, wide = [], []
+    right = []
+    wide = []
     for number in rng.choice(len(chance), 1000, p=chance):
         first_s = START_S + rng.uniform(*EDGES_S[number : number + 2])
         truth = offset[:, number] + 50.0 * rng.normal(size=3)
-        place, when = ecef(*launch)[:, None] - truth[:, None] + offset, first_s - middles
+        place = ecef(*launch)[:, None] - truth[:, None] + offset
+        when = first_s - middles
         for found, scale in ((right, 1.0), (wide, 3.0)):
             spread = np.tile(np.square(scale * 50.0) * np.eye(3)[:, :, None], len(chance))
             found.append(Mixture(place, spread, when, chance).ranks(launch))

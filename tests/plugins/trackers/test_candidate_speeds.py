@@ -13,7 +13,8 @@ SITE = geodetic_to_ecef(np.radians(40.0), np.radians(10.0), np.float64(0.0))
 UP = SITE / np.linalg.norm(SITE)
 GEO = np.array([4.2164e7, 0.0, 0.0])
 #: Near its apogee, 4 000 km from the axis, where a Molniya orbit moves at 1.5 km/s.
-HEO, HEO_M_S = np.array([2.0e7, 4.0e6, 4.1e7]), np.array([-1.0e3, 1.1e3, 0.0])
+HEO = np.array([2.0e7, 4.0e6, 4.1e7])
+HEO_M_S = np.array([-1.0e3, 1.1e3, 0.0])
 
 
 def candidate(sensor: np.ndarray, sensor_m_s: np.ndarray, height_m: float, climb_m_s: float) -> TrackCandidates:

@@ -35,7 +35,8 @@ def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_reported() -
     nees = {}
     for sigma_s in (0.0, SIGMA_S):
         settings = {"model": "imm", "clock_sigma_s": sigma_s, "cadence_s": 2.0, "regions_every_s": 600.0}
-        run, tracker = opir.run_of_plan(plan(**settings)), plan(**settings).make_tracker()
+        run = opir.run_of_plan(plan(**settings))
+        tracker = plan(**settings).make_tracker()
         off_ns = np.where(run.detections.sensor == 0, np.int64(3e8), np.int64(0))
         late = evolve(run.detections, time_ns=run.detections.time_ns + off_ns)
         late = late.take(np.argsort(late.time_ns, kind="stable"))

@@ -18,7 +18,8 @@ SLOTS: Mapping[int, tuple[float, ...]] = {1: (-100.0,), 2: (-130.0, -40.0)}
 def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
     """Return a run of a launch under a deck of cloud up to 10 km, before heritage DSP."""
     rng = np.random.default_rng(seed)
-    azimuth, latitude = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-20.0, 35.0)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi)
+    latitude = rng.uniform(-20.0, 35.0)
     reach = REACH_DEG[kind]
     aim = {"lat_deg": latitude + reach * np.cos(azimuth), "lon_deg": -85.0 + reach * np.sin(azimuth)}
     launch = {"lat_deg": latitude, "lon_deg": -85.0, "time_s": LAUNCH_S}

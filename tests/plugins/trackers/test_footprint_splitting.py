@@ -73,7 +73,8 @@ def rays_of(aside_sigmas: FloatArray, seen: FloatArray) -> tuple[LinesOfSight, I
     y, z = SIGMA_RAD * (rng.standard_normal((2, len(scan))) + np.stack([aside_sigmas[target], 0.0 * target]))
     along = np.stack([-np.sqrt(1.0 - y * y - z * z), y, z], axis=1)
     origin = np.tile([4.2e7, 0.0, 0.0], (len(scan), 1))
-    sensor, sigma = np.zeros(len(scan), dtype=np.int32), np.full(len(scan), SIGMA_RAD)
+    sensor = np.zeros(len(scan), dtype=np.int32)
+    sigma = np.full(len(scan), SIGMA_RAD)
     return LinesOfSight(0.1 * scan, sensor, scan, origin, along, sigma), target
 
 
@@ -106,12 +107,14 @@ def test_a_spot_beside_a_wide_one_keeps_its_rays() -> None:
 
 
 def test_first_crossings_near_the_ground_are_the_likelier() -> None:
-    up, origin = np.array([1.0, 0.0, 0.0]), 4.2e7 * np.array([[0.87, 0.5, 0.0], [0.87, -0.5, 0.0]])
+    up = np.array([1.0, 0.0, 0.0])
+    origin = 4.2e7 * np.array([[0.87, 0.5, 0.0], [0.87, -0.5, 0.0]])
     gain = []
     for height_m in (0.0, 6e3, -6e3):
         apart = (6378137.0 + height_m) * up - origin
         range_m = np.linalg.norm(apart, axis=1)
-        unit, error = apart / range_m[:, None], np.full(2, 0.5 * SIGMA_RAD)
+        unit = apart / range_m[:, None]
+        error = np.full(2, 0.5 * SIGMA_RAD)
         lines = Directions(np.arange(2), np.arange(2), np.zeros(2), origin, unit, error)
         table, centre = normal_equations(lines, np.arange(2), 2, range_m)
         gain.append(float(SetModel(centre, begin=True).gains(table.sum(axis=0))))

@@ -8,7 +8,9 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
 from opir_core.estimation.motion import BOOST
 
-COUNT, END_S, GATE = 60, 5000.0, 4.5
+COUNT = 60
+END_S = 5000.0
+GATE = 4.5
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.2, 1.7)])
 
 

@@ -37,7 +37,8 @@ def off(sensors: int, height_m: float) -> np.ndarray:
             }
             tracks = opir.simulate(opir.scene_from_mapping(scene)).tracks
             last = np.flatnonzero(np.isfinite(tracks.launch[:, 0]))[-1]
-            place, spread = tracks.launch[last], tracks.launch_covariance[last]
+            place = tracks.launch[last]
+            spread = tracks.launch_covariance[last]
             east = 6.37e6 * np.cos(np.radians(lat)) * (place[1] - np.radians(lon))
             apart = np.array([east, 6.37e6 * (place[0] - np.radians(lat))])
             rows.append([place[2] - 10.0, np.sqrt(spread[2, 2]), apart @ np.linalg.solve(spread[:2, :2], apart)])

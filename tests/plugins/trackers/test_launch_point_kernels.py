@@ -16,8 +16,10 @@ TIMES_S = np.linspace(-80.0, 0.0, 9)
 def places(lowest_m: float, highest_m: float) -> np.ndarray:
     """Return ECEF places all over the Earth, with a pole and the antimeridian."""
     rng = np.random.default_rng(8)
-    latitude, longitude = rng.uniform(-1.57, 1.57, 200), rng.uniform(-np.pi, np.pi, 200)
-    latitude[0], longitude[1] = 0.5 * np.pi - 1e-9, np.pi
+    latitude = rng.uniform(-1.57, 1.57, 200)
+    longitude = rng.uniform(-np.pi, np.pi, 200)
+    latitude[0] = 0.5 * np.pi - 1e-9
+    longitude[1] = np.pi
     return np.asarray(geodetic_to_ecef(latitude, longitude, rng.uniform(lowest_m, highest_m, 200)))
 
 
@@ -48,7 +50,8 @@ def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
     outlook = outlook_of(count)
     weight = taylor_weights(np.tile(TIMES_S, count)).T.reshape(5, count, -1).transpose(1, 0, 2)
     covariance = _covariances(outlook, weight)
-    track, when = np.repeat(np.arange(count), len(TIMES_S)), np.tile(TIMES_S, count)
+    track = np.repeat(np.arange(count), len(TIMES_S))
+    when = np.tile(TIMES_S, count)
     place = outlook.position_roots(track, when)
     # A velocity is the rate of the position.
     later = 0.5 * (outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0))
@@ -61,10 +64,12 @@ def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
 
 def test_noise_gathers_as_that_of_a_chain_of_two_integrators() -> None:
     """∫ of τ²/2 and τ, the ways from a force's noise to position and velocity, run backwards: τ is against them."""
-    covariance, span = np.zeros((6, 6, 2)), np.array([3.0, 50.0])
+    covariance = np.zeros((6, 6, 2))
+    span = np.array([3.0, 50.0])
     _add_noise(covariance, 0.09, span)
     tau = (np.arange(20000) + 0.5) / 20000 * span[:, None]
-    far, fast = tau**2 / 2.0, -tau
+    far = tau**2 / 2.0
+    fast = -tau
     for row, column, sums in ((0, 0, far * far), (0, 3, far * fast), (3, 3, fast * fast)):
         for axis in range(3):
             assert np.allclose(covariance[row + axis, column + axis], 0.09 * sums.mean(axis=1) * span, rtol=1e-6)
@@ -74,7 +79,8 @@ def test_noise_gathers_as_that_of_a_chain_of_two_integrators() -> None:
 
 def test_rows_are_whitened_as_by_a_cholesky_factor() -> None:
     rng = np.random.default_rng(10)
-    side, right = rng.normal(size=(7, 4, 4)) * [1e3, 10.0, 1.0, 30.0], rng.normal(size=(7, 4, 4))
+    side = rng.normal(size=(7, 4, 4)) * [1e3, 10.0, 1.0, 30.0]
+    right = rng.normal(size=(7, 4, 4))
     spread = side.transpose(0, 2, 1) @ side
     rows = np.ascontiguousarray(np.concatenate([spread, right], axis=2).transpose(1, 2, 0))
     log = _whitened(rows, np.full(7, 1e4))

@@ -30,7 +30,8 @@ def risen(since: float) -> np.ndarray:
 
 def prior_of(runs: int, period_s: float) -> LaunchDelayPrior:
     """Return the prior for one sensor that misses nothing, and a motion of which nothing was known."""
-    zero, wide = np.zeros(runs), np.full(runs, 1e9)
+    zero = np.zeros(runs)
+    wide = np.full(runs, 1e9)
     nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
     looks = delays_at_once(np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_))
     return LaunchDelayPrior(looks, nothing, 0.5)
@@ -40,7 +41,8 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     """Its velocity is known, so it gives the time of the launch; what is not known of the place stays."""
     side = np.zeros((1, 12, 12))
     side[0, :3, :3] = 100.0 * np.eye(3)
-    seen, prior = np.array([2.0]), prior_of(1, 0.1)
+    seen = np.array([2.0])
+    prior = prior_of(1, 0.1)
     found = launches(PredictedMeasurements(8.0, risen(8.0)[None], side), seen, prior, 0.0)
     assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
     assert found.place[0, 2] == pytest.approx(0.0, abs=0.1)
@@ -55,10 +57,13 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
 @pytest.mark.parametrize("height_m", [1500.0, 3000.0])
 def test_a_launch_from_high_land_is_no_earlier_launch_from_the_sea(height_m: float) -> None:
     side = np.zeros((1, 12, 12))
-    side[0, :3, :3], side[0, 3:6, 3:6] = 100.0 * np.eye(3), 5.0 * np.eye(3)
+    side[0, :3, :3] = 100.0 * np.eye(3)
+    side[0, 3:6, 3:6] = 5.0 * np.eye(3)
     path = risen(8.0)
     path[0] += height_m * UP
-    known, seen, prior = PredictedMeasurements(8.0, path[None], side), np.array([0.05]), prior_of(1, 0.1)
+    known = PredictedMeasurements(8.0, path[None], side)
+    seen = np.array([0.05])
+    prior = prior_of(1, 0.1)
     found = launches(known, seen, prior, 0.0)
     assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
     assert found.place[0, 2] == pytest.approx(0.0, abs=0.5)
@@ -69,7 +74,10 @@ def test_a_launch_from_high_land_is_no_earlier_launch_from_the_sea(height_m: flo
 @pytest.mark.slow
 def test_launches_are_as_sure_as_they_say() -> None:
     """3000 from half at sea level, half as high as land is, at 1 m/s about rest, seen at once or up to 80 s late."""
-    rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4
+    rng = np.random.default_rng(8)
+    runs = 3000
+    now_s = 90.0
+    pause_s = 0.4
     first_s = np.where(rng.random(runs) < 0.5, rng.uniform(0.0, pause_s, runs), rng.uniform(0.0, 80.0, runs))
     sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
     path = np.tile(risen(now_s), (runs, 1, 1))
@@ -95,7 +103,9 @@ def test_launches_are_as_sure_as_they_say() -> None:
 
 def test_first_detections_at_once_are_the_first_of_periodic_looks() -> None:
     """Two sensors, phases unknown, each look missed by chance: as drawn."""
-    rng, period_s, chance = np.random.default_rng(9), np.array([0.5, 10.0]), np.array([0.6, 0.9])
+    rng = np.random.default_rng(9)
+    period_s = np.array([0.5, 10.0])
+    chance = np.array([0.6, 0.9])
     looks = rng.uniform(size=(20000, 2)) + rng.geometric(chance, (20000, 2)) - 1.0
     drawn = np.min(looks * period_s, axis=1)
     stated = delays_at_once(period_s, chance, np.array([[True, True], [False, True]]))

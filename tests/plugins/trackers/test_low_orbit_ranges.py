@@ -58,7 +58,8 @@ def test_each_launch_of_the_arctic_example_has_one_track() -> None:
 
 def rays(origin_m: np.ndarray, aim_m: np.ndarray) -> LinesOfSight:
     """Return rays of 20 urad from points (n, 3) at a point (3,), half a second apart."""
-    count, along = len(origin_m), aim_m - origin_m
+    count = len(origin_m)
+    along = aim_m - origin_m
     direction = along / np.linalg.norm(along, axis=1)[:, None]
     index = np.zeros(count, dtype=np.int32)
     return LinesOfSight(0.5 * np.arange(count), index, np.arange(count), origin_m, direction, np.full(count, 2e-5))

@@ -16,16 +16,21 @@ from opir_core.cli.main import main
 from opir_core.errors import ModelError, OpirError
 from opir_core.interfaces.contexts import TrackerContext
 
-MU, SPIN, RADIUS_M = 3.986004418e14, np.array([0.0, 0.0, 7.292115e-5]), 6378137.0
+MU = 3.986004418e14
+SPIN = np.array([0.0, 0.0, 7.292115e-5])
+RADIUS_M = 6378137.0
 HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
 
 
 def written(path: Path, stages: list[tuple[float, float, float, float]]) -> Path:
     """Write a table of a flight from the equator, thrust along the velocity: burn, acceleration, ratio, gap."""
-    now, state, rows = 0.0, np.array([RADIUS_M, 0.0, 0.0, 1.0, 0.02, 0.0]), []
+    now = 0.0
+    state = np.array([RADIUS_M, 0.0, 0.0, 1.0, 0.02, 0.0])
+    rows = []
 
     def rates(time_s: float, state: np.ndarray, start: float, first: float, rate: float) -> np.ndarray:
-        place, velocity = state[:3], state[3:]
+        place = state[:3]
+        velocity = state[3:]
         size = first / (1.0 - rate * (time_s - start)) if first else 0.0
         pull = -MU / np.linalg.norm(place) ** 3 * place
         turning = -2.0 * np.cross(SPIN, velocity) - np.cross(SPIN, np.cross(SPIN, place))
@@ -39,7 +44,8 @@ def written(path: Path, stages: list[tuple[float, float, float, float]]) -> Path
                 rates, (now, now + length), state, args=(now, size, rate), t_eval=times, rtol=1e-9, atol=1e-6
             )
             rows += [[time, *column, is_on] for time, column in zip(leg.t, leg.y.T, strict=True)]
-            state, now = leg.y[:, -1], now + length
+            state = leg.y[:, -1]
+            now = now + length
     np.savetxt(path, rows, delimiter=",", header=HEAD, comments="", fmt="%.6f")
     return path
 

@@ -145,7 +145,8 @@ class ShortTruth:
     """A truth file as JSON that loses the last detection."""
 
     def __init__(self, _path: Path, place: Path, _target_ids: Sequence[str], records: Sequence[Any]) -> None:
-        self._place, self._rows = place, list(records)
+        self._place = place
+        self._rows = list(records)
 
     def __enter__(self) -> Self:
         return self

@@ -128,7 +128,8 @@ class Lopsided(OneTrack):
 class Overconfident(OneTrack):
     def tracks(self, tick_s: float, number: Any) -> Tracks:
         tracks = super().tracks(tick_s, number)
-        tracks.state_covariance[:, 0, 1] = tracks.state_covariance[:, 1, 0] = 1.1e6
+        tracks.state_covariance[:, 0, 1] = 1.1e6
+        tracks.state_covariance[:, 1, 0] = 1.1e6
         return tracks
 
 

@@ -46,8 +46,10 @@ def student_tail(x, freedom):
 
 def student_threshold(probability, cells):
     """Return the threshold of a tail of Student's t, by secant steps in logarithms from the float64 answer."""
-    wanted, start = mp.log(probability), mp.mpf(float(detection.cfar_threshold(float(probability), float(cells))))
-    before, now = start, start * (1 + mp.mpf(10) ** -9) + mp.mpf(10) ** -12
+    wanted = mp.log(probability)
+    start = mp.mpf(float(detection.cfar_threshold(float(probability), float(cells))))
+    before = start
+    now = start * (1 + mp.mpf(10) ** -9) + mp.mpf(10) ** -12
     miss_before = mp.log(student_tail(before, cells - 1)) - wanted
     for _ in range(4):
         miss = mp.log(student_tail(now, cells - 1)) - wanted
@@ -59,7 +61,8 @@ def student_threshold(probability, cells):
 
 def noncentral_tail(snr, threshold, cells):
     """Return P(T > t) of the noncentral t: over the χ of the reference cells, by quadrature."""
-    freedom, shift = cells - 1, snr / mp.sqrt(1 + 1 / cells)
+    freedom = cells - 1
+    shift = snr / mp.sqrt(1 + 1 / cells)
 
     def part(s):
         log_density = (freedom - 1) * mp.log(s) - freedom * s * s / 2
@@ -94,7 +97,8 @@ def grid_time(value):
 
 
 def latency_cdf(time, period, probability, random=True):
-    elapsed, step = grid_time(max(time, mp.mpf(0))), grid_time(period)
+    elapsed = grid_time(max(time, mp.mpf(0)))
+    step = grid_time(period)
     whole = mp.floor(elapsed / step)
     certain = cumulative(probability, whole)
     part = elapsed / step - whole if random else mp.mpf(0)
@@ -132,7 +136,8 @@ def ellipse(covariance):
     """Return the 95 % semi-axes of a covariance [a, b, c, d] from its characteristic polynomial."""
     a, b, c, d = covariance
     cross = (b + c) / 2
-    middle, spread = (a + d) / 2, mp.sqrt(((a - d) / 2) ** 2 + cross * cross)
+    middle = (a + d) / 2
+    spread = mp.sqrt(((a - d) / 2) ** 2 + cross * cross)
     radius = mp.sqrt(-2 * mp.log(mp.mpf(1) - mp.mpf(0.95)))
     low = (a * d - cross * cross) / (middle + spread)
     return radius * mp.sqrt(middle + spread), radius * mp.sqrt(max(low, mp.mpf(0)))
@@ -199,7 +204,8 @@ def _roots(rng, n):
 def directed(direction):
     """Return the tangent axes of a direction as 9 numbers (Duff et al. 2017)."""
     x, y, z = direction
-    sign, low = (-1 if z < 0 else 1), 1 + abs(z)
+    sign = -1 if z < 0 else 1
+    low = 1 + abs(z)
     return [1 - x * x / low, -x * y / low, -sign * x, -sign * x * y / low, sign * (1 - y * y / low), -y, x, y, z]
 
 

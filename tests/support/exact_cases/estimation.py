@@ -22,7 +22,8 @@ def direction(place):
 
 
 def great_circle(one, other):
-    a, b = direction(one), direction(other)
+    a = direction(one)
+    b = direction(other)
     # By half angles: exact between near points and between opposite ones.
     return 2 * RADIUS * mp.atan2(norm([x - y for x, y in zip(a, b, strict=True)]), norm([*map(mp.fadd, a, b)]))
 
@@ -51,7 +52,8 @@ def _latitudes(centre, point):
 
 
 def latitude(centre, point):
-    angle, up = norm(point) / RADIUS, direction(centre)
+    angle = norm(point) / RADIUS
+    up = direction(centre)
     east = [-mp.sin(centre[1]), mp.cos(centre[1]), mp.mpf(0)]
     north = [-mp.sin(centre[0]) * mp.cos(centre[1]), -mp.sin(centre[0]) * mp.sin(centre[1]), mp.cos(centre[0])]
     ahead = [(point[0] * e + point[1] * n) / norm(point) for e, n in zip(east, north, strict=True)]

@@ -47,7 +47,8 @@ def falls(rng, n):
 
 def transfers(rng, n):
     """Return ends (n, 3) and durations (n,) of arcs of less than a turn."""
-    first, second = draws.positions(rng, n, 6.4e6, 4e7), draws.positions(rng, n, 6.4e6, 4e7)
+    first = draws.positions(rng, n, 6.4e6, 4e7)
+    second = draws.positions(rng, n, 6.4e6, 4e7)
     beside = rng.random(n) < 0.2
     near = first[beside] * (
         1.0 + draws.log_uniform(rng, int(beside.sum()), 1e-12, 1e-2)[:, None] * rng.normal(size=(int(beside.sum()), 3))
@@ -64,7 +65,8 @@ def lambert_miss(rng, n):
     """Return how far arcs of `lambert` end from where they should, over what rounding the velocity alone does."""
     columns = transfers(rng, n)
     velocity, _ = flight.lambert(*columns)
-    miss, bound = np.zeros(n), np.ones(n)
+    miss = np.zeros(n)
+    bound = np.ones(n)
     for row in range(n):
         if not np.isfinite(velocity[row]).all():
             miss[row] = np.inf
@@ -86,7 +88,8 @@ def kepler_impacts(rng, n):
     """Return how far the heights of impacts are from those asked for, over the bound of the docstring and rounding."""
     columns = falls(rng, n)
     duration, point = flight.kepler_impact(*columns)
-    miss, bound = np.zeros(n), np.ones(n)
+    miss = np.zeros(n)
+    bound = np.ones(n)
     for row in range(n):
         if not np.isfinite(duration[row]):
             continue
@@ -101,7 +104,8 @@ def kepler_impacts(rng, n):
 def launches(rng, n):
     """Return flights of all profiles: launch and aim, ignition, profiles, and the `Aim`."""
     profiles = [flight.boost_profiles()[name] for name in rng.choice(sorted(flight.boost_profiles()), n)]
-    latitude, longitude = draws.latitudes(rng, n), draws.angles(rng, n)
+    latitude = draws.latitudes(rng, n)
+    longitude = draws.angles(rng, n)
     longitude = np.remainder(longitude + np.pi, 2.0 * np.pi) - np.pi
     shortest, longest = (np.array([getattr(p, f"{end}_range_m") for p in profiles]) for end in ("minimum", "maximum"))
     reach = shortest + (longest - shortest) * rng.uniform(0.01, 0.99, n)
@@ -119,7 +123,8 @@ def aims(rng, n):
     place, velocity = boost_states(
         launch, found.azimuth_rad, found.burnout_speed_m_s, found.burnout_flight_path_angle_rad, profiles, burn
     )
-    wanted, miss = geodetic_to_ecef(*goal), np.zeros(n)
+    wanted = geodetic_to_ecef(*goal)
+    miss = np.zeros(n)
     for row in range(n):
         start, speed = ([mp.mpf(str(v)) for v in each[row]] for each in (place, velocity))
         speed = [speed[0] - OMEGA * start[1], speed[1] + OMEGA * start[0], speed[2]]
@@ -158,7 +163,8 @@ def coasts(rng, n, of=flight.coast_ephemeris):
     ephemeris = of(found, tolerance)
     time_s = found.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (found.impact_s - found.burnout_s)
     time_s = np.minimum(time_s, found.impact_s)
-    at, miss = ephemeris.position_m(np.arange(n), time_s), np.zeros(n)
+    at = ephemeris.position_m(np.arange(n), time_s)
+    miss = np.zeros(n)
     for row in range(n):
         start, speed = (
             [mp.mpf(float(v)) for v in each[row]]
@@ -276,7 +282,9 @@ def _circular(rng, n):
 
 def orbit_positions(rng, n):
     """Return the errors of fitted orbits, from now to thirty years ahead, over 1 cm and the rounding of the phase."""
-    columns, miss, bound = _circular(rng, n), np.zeros(n), np.zeros(n)
+    columns = _circular(rng, n)
+    miss = np.zeros(n)
+    bound = np.zeros(n)
     for row, (altitude, tilt, node, latitude, time) in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
         config = orbits.CircularConfig(
             altitude_km=altitude, inclination_deg=tilt, lon_asc_node_deg=node, arg_latitude_deg=latitude

@@ -11,13 +11,17 @@ from opir_core.geometry import sun_series
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 
 with mp.workdps(60):
-    A, F, OMEGA = mp.mpf(EARTH_EQUATORIAL_RADIUS_M), mp.mpf(EARTH_FLATTENING), mp.mpf(EARTH_ROTATION_RAD_S)
-    B, E2 = A * (1 - F), F * (2 - F)
+    A = mp.mpf(EARTH_EQUATORIAL_RADIUS_M)
+    F = mp.mpf(EARTH_FLATTENING)
+    OMEGA = mp.mpf(EARTH_ROTATION_RAD_S)
+    B = A * (1 - F)
+    E2 = F * (2 - F)
 
 
 def turned(vector, angle):
     """Return a vector rotated about z."""
-    c, s = mp.cos(angle), mp.sin(angle)
+    c = mp.cos(angle)
+    s = mp.sin(angle)
     return [c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]]
 
 
@@ -46,11 +50,13 @@ def ecef(latitude, longitude, height):
 
 def geodetic(position):
     """Return latitude, longitude and height of a point more than 100 km from the centre, by Newton's method."""
-    rho, z = mp.hypot(position[0], position[1]), position[2]
+    rho = mp.hypot(position[0], position[1])
+    z = position[2]
     # On the ellipse through (a cos t, b sin t): the zero of the tangential part of the way to the point.
     t = mp.atan2(A * z, B * rho)
     for _ in range(60):
-        sine, cosine = mp.sin(t), mp.cos(t)
+        sine = mp.sin(t)
+        cosine = mp.cos(t)
         value = (A * A - B * B) * sine * cosine - rho * A * sine + z * B * cosine
         step = value / ((A * A - B * B) * (cosine * cosine - sine * sine) - rho * A * cosine - z * B * sine)
         t -= step
@@ -64,7 +70,10 @@ def geodetic(position):
 
 def axes(latitude, longitude):
     """Return east, north and up."""
-    s, c, sl, cl = mp.sin(latitude), mp.cos(latitude), mp.sin(longitude), mp.cos(longitude)
+    s = mp.sin(latitude)
+    c = mp.cos(latitude)
+    sl = mp.sin(longitude)
+    cl = mp.cos(longitude)
     return [-sl, cl, mp.mpf(0)], [-s * cl, -s * sl, c], [c * cl, c * sl, s]
 
 
@@ -73,7 +82,9 @@ def axes_at(position):
 
 
 def pointed(offset, east, north, up):
-    e, n, u = dot(east, offset), dot(north, offset), dot(up, offset)
+    e = dot(east, offset)
+    n = dot(north, offset)
+    u = dot(up, offset)
     return mp.atan2(e, n) % (2 * mp.pi), mp.atan2(u, mp.hypot(e, n)), norm(offset)
 
 
@@ -168,7 +179,8 @@ def sun_eci(epoch, time):
 def discs(position, sun):
     """Return the angular radii of Sun and Earth and their separation, in the space stretched along z."""
     stretch = A / B
-    here, there = [position[0], position[1], position[2] * stretch], [sun[0], sun[1], sun[2] * stretch]
+    here = [position[0], position[1], position[2] * stretch]
+    there = [sun[0], sun[1], sun[2] * stretch]
     away = less(there, here)
     normal = cross(here, away)
     slope = (normal[0] * away[1] - normal[1] * away[0]) / (norm(normal) * norm(away))
@@ -191,8 +203,11 @@ def sunlit_fraction(position, sun):
 
 def intersection(origin, ray, height):
     sides = [A + height, A + height, B + height]
-    o, d = [p / s for p, s in zip(origin, sides, strict=True)], [p / s for p, s in zip(ray, sides, strict=True)]
-    dd, od, oo = dot(d, d), dot(o, d), dot(o, o) - 1
+    o = [p / s for p, s in zip(origin, sides, strict=True)]
+    d = [p / s for p, s in zip(ray, sides, strict=True)]
+    dd = dot(d, d)
+    od = dot(o, d)
+    oo = dot(o, o) - 1
     if dd == 0 or od * od < dd * oo:
         return None
     root = mp.sqrt(od * od - dd * oo)
@@ -208,7 +223,8 @@ def lowest(observer, target):
         place = plus(observer, away, share)
         return dot(axes_at(place)[2], away)
 
-    low, high = mp.mpf(0), mp.mpf(1)
+    low = mp.mpf(0)
+    high = mp.mpf(1)
     if slope(low) >= 0:
         return low, geodetic(observer)[2]
     if slope(high) <= 0:

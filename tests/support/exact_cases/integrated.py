@@ -8,7 +8,8 @@ import numpy as np
 from opir_core.flight.forces import ZonalField
 
 LONG = np.longdouble
-_ORDER, _PANELS = 16, 48
+_ORDER = 16
+_PANELS = 48
 
 
 @cache
@@ -47,7 +48,8 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
     azimuth, speed, elapsed = (np.asarray(v, LONG) for v in (azimuth_rad, speed_m_s, elapsed_s))
     turn = LONG(mp.nstr(mp.pi / 2, 30)) - np.asarray(angle_rad, LONG)
     half_pi = LONG(mp.nstr(mp.pi / 2, 30))
-    a, f = LONG(6378137.0), LONG(1.0 / 298.257223563)
+    a = LONG(6378137.0)
+    f = LONG(1.0 / 298.257223563)
     e2 = f * (2 - f)
     w = 1 - e2 * np.sin(latitude) ** 2
     normal = a / np.sqrt(w)
@@ -79,8 +81,12 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
         swept += (to_node[-1][:, None] * (pace * v * np.sin(lean) / (radius + rise + climb[:-1]))).sum(axis=0)
         rise = rise + climb[-1]
     v, lean = course(elapsed)
-    s, c, sl, cl = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
-    up, east = np.stack([c * cl, c * sl, s]), np.stack([-sl, cl, 0 * sl])
+    s = np.sin(latitude)
+    c = np.cos(latitude)
+    sl = np.sin(longitude)
+    cl = np.cos(longitude)
+    up = np.stack([c * cl, c * sl, s])
+    east = np.stack([-sl, cl, 0 * sl])
     north = np.stack([-s * cl, -s * sl, c])
     heading = np.sin(azimuth) * east + np.cos(azimuth) * north
     launch = np.stack([(normal + height) * c * cl, (normal + height) * c * sl, (normal * (1 - e2) + height) * s])
@@ -94,9 +100,15 @@ def zonal_acceleration(position, names):
     field = ZonalField()
     x, y, z = position
     r = np.sqrt(x * x + y * y + z * z)
-    s, mu, ratio = z / r, LONG(field.mu_m3_s2), LONG(field.radius_m) / r
-    radial, along = -mu / (r * r), np.zeros_like(r)
-    before, now, slope_before, slope = np.ones_like(s), s, np.zeros_like(s), np.ones_like(s)
+    s = z / r
+    mu = LONG(field.mu_m3_s2)
+    ratio = LONG(field.radius_m) / r
+    radial = -mu / (r * r)
+    along = np.zeros_like(r)
+    before = np.ones_like(s)
+    now = s
+    slope_before = np.zeros_like(s)
+    slope = np.ones_like(s)
     for degree in range(2, 5):
         slope_before, slope = slope, slope_before + (2 * degree - 1) * now
         before, now = now, ((2 * degree - 1) * s * now - (degree - 1) * before) / degree
@@ -123,7 +135,8 @@ def propagated(position_m, velocity_m_s, duration_s, names, steps=64):
         table = []
         for count in sequence:
             h = step / count
-            one, two = state, state + h * rate(state)
+            one = state
+            two = state + h * rate(state)
             for _ in range(count - 1):
                 one, two = two, one + 2 * h * rate(two)
             row = [(one + two + h * rate(two)) / 2]

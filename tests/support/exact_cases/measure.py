@@ -99,7 +99,8 @@ def bound_of(
 
     def search(rng: np.random.Generator, draws: int) -> tuple[Sequence[Any], np.ndarray, np.ndarray]:
         inputs = [np.asarray(column) for column in draw(rng, draws)]
-        output, error = _outputs(call(*inputs))[0], np.zeros(draws)
+        output = _outputs(call(*inputs))[0]
+        error = np.zeros(draws)
         for row in range(draws):
             group = _groups(exact(*(exactly(column[row]) for column in inputs)))[0]
             values = [float(value) for value in np.ravel(output[row])]
@@ -135,12 +136,16 @@ def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
     inputs = tuple(np.asarray(column) for column in case.draw(rng, max(4, round(draws * case.share))))
     count = len(inputs[0])
     outputs, raised = _called(case, inputs)
-    error, condition, scaled = np.zeros(count), np.zeros(count), np.zeros(count)
+    error = np.zeros(count)
+    condition = np.zeros(count)
+    scaled = np.zeros(count)
     failed = {row for row, _ in raised}
     with mp.workdps(case.digits):
         for row in range(count):
             if row in failed:
-                error[row] = condition[row] = scaled[row] = np.inf
+                error[row] = np.inf
+                condition[row] = error[row]
+                scaled[row] = error[row]
                 continue
             found = [output[row] for output in outputs]
             error[row], condition[row], scaled[row] = _compared(case, [column[row] for column in inputs], found)
@@ -244,7 +249,8 @@ def _sampled_conditions(
 
     Source: C. S. Kenney and A. J. Laub, SIAM J. Sci. Comput. 15 (1994) 36 (small-sample condition estimation).
     """
-    signs, worst = np.random.default_rng(1), [0.0] * len(exact)
+    signs = np.random.default_rng(1)
+    worst = [0.0] * len(exact)
     for _ in range(case.samples):
         moved = [
             value

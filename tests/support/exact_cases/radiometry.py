@@ -15,8 +15,12 @@ from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_core.interfaces.protocols import Band
 
 with mp.workdps(60):
-    H, K, C = mp.mpf("6.62607015e-34"), mp.mpf("1.380649e-23"), mp.mpf(SPEED_OF_LIGHT_M_S)
-SHORT, MID, LONG = Band("short", 2.0, 2.5), Band("mid", 3.0, 5.0), Band("long", 8.0, 12.0)
+    H = mp.mpf("6.62607015e-34")
+    K = mp.mpf("1.380649e-23")
+    C = mp.mpf(SPEED_OF_LIGHT_M_S)
+SHORT = Band("short", 2.0, 2.5)
+MID = Band("mid", 3.0, 5.0)
+LONG = Band("long", 8.0, 12.0)
 
 
 def first_radiation():
@@ -47,7 +51,8 @@ def tail(x, power):
             mp.bernoulli(n) * x ** (n + power) / (mp.factorial(n) * (n + power)) for n in (0, 1, *range(2, 100, 2))
         )
         return mp.gamma(power + 1) * mp.zeta(power + 1) - mp.fsum(terms)
-    total, n = mp.mpf(0), 1
+    total = mp.mpf(0)
+    n = 1
     while True:
         coefficients = [mp.ff(power, k) / mp.mpf(n) ** (k + 1) * x ** (power - k) for k in range(power + 1)]
         term = mp.exp(-n * x) * mp.fsum(coefficients)
@@ -135,7 +140,9 @@ def ensquared(kind):
 
     def share(sigma, pixel, count):
         with mp.workdps(mp.mp.dps + 50):
-            scale, inner, outer = mp.sqrt(2) * sigma, (count - 1) * pixel / 2, (count + 1) * pixel / 2
+            scale = mp.sqrt(2) * sigma
+            inner = (count - 1) * pixel / 2
+            outer = (count + 1) * pixel / 2
             if kind == "best":
                 return mp.erf(count * pixel / 2 / scale) ** 2
             if kind == "worst":
@@ -187,19 +194,24 @@ def centroid_factor(sigma, pixel):
     width = sigma / pixel
     narrow = min(width, mp.mpf(4))
     reach = int(mp.ceil(9 * max(narrow, 1))) + 2
-    along = across = mp.mpf(0)
+    along = mp.mpf(0)
+    across = along
     for place in _phases():
-        slopes = shares = mp.mpf(0)
+        slopes = mp.mpf(0)
+        shares = slopes
         for k in range(-reach, reach + 1):
-            high, low = (place - k + mp.mpf(1) / 2) / narrow, (place - k - mp.mpf(1) / 2) / narrow
+            high = (place - k + mp.mpf(1) / 2) / narrow
+            low = (place - k - mp.mpf(1) / 2) / narrow
             shares += (mp.ncdf(high) - mp.ncdf(low)) ** 2
             slopes += ((mp.npdf(high) - mp.npdf(low)) / narrow) ** 2
-        along, across = along + 1 / slopes, across + 1 / shares
+        along = along + 1 / slopes
+        across = across + 1 / shares
     return mp.sqrt(along / 32 * across / 32) * max(width / 4, mp.mpf(1)) ** 2 * pixel
 
 
 def matern(distance, scale, exponent):
-    order, far = exponent / 2 - 1, distance / scale
+    order = exponent / 2 - 1
+    far = distance / scale
     if far == 0:
         return mp.mpf(1)
     return 2 ** (1 - order) / mp.gamma(order) * far**order * mp.besselk(order, far)
@@ -220,22 +232,27 @@ def transmittance(height, elevation):
     """Return the interpolation in the fine grid, exactly: linear along slants, cubic with chords' slopes in height."""
     if height >= TOP_M:
         return mp.mpf(1)
-    grid, sine = _grid(), mp.sin(elevation)
+    grid = _grid()
+    sine = mp.sin(elevation)
     if sine < 0:
         radius = mp.mpf(RADIUS_M)
         lowest = height - (radius + height) * (1 - mp.sqrt(1 - sine * sine))
         if lowest < 0:
             return mp.mpf(0)
-        table, high = grid.below, lowest
+        table = grid.below
+        high = lowest
         across = mp.sqrt(max(height - lowest, mp.mpf(0))) * (CLIMBS - 1) / mp.mpf(HIGHEST_ROOT)
     else:
-        table, high = grid.above, height
+        table = grid.above
+        high = height
         across = mp.asinh(sine / mp.mpf(BEND)) * (len(table) - 1) / mp.mpf(HIGHEST_SLANT)
     rows, heights = table.shape
     across = min(max(across, mp.mpf(0)), mp.mpf(rows - 1))
     up = min(max(high * (heights - 1) / mp.mpf(TOP_M), mp.mpf(0)), mp.mpf(heights - 1))
-    row, column = min(int(across), rows - 2), min(int(up), heights - 2)
-    part, rise = across - row, up - column
+    row = min(int(across), rows - 2)
+    column = min(int(up), heights - 2)
+    part = across - row
+    rise = up - column
 
     def at(r, c):
         if c < 0:
@@ -247,7 +264,8 @@ def transmittance(height, elevation):
     before, here, beyond, after = (
         at(row, column + k) * (1 - part) + at(row + 1, column + k) * part for k in (-1, 0, 1, 2)
     )
-    first, last = (beyond - before) / 2, (after - here) / 2
+    first = (beyond - before) / 2
+    last = (after - here) / 2
     cubic = 2 * (here - beyond) + first + last
     value = here + rise * (first + rise * (beyond - here - first - cubic + rise * cubic))
     return min(max(value, mp.mpf(0)), mp.mpf(1))

@@ -12,7 +12,8 @@ def exact_functions(alpha, s):
             return mpmath.mpf(1), s, s * s / 2, s**3 / 6
         k = mpmath.sqrt(abs(alpha))
         cosine, sine = (mpmath.cos, mpmath.sin) if z > 0 else (mpmath.cosh, mpmath.sinh)
-        c, d = cosine(k * s), sine(k * s)
+        c = cosine(k * s)
+        d = sine(k * s)
         return c, d / k, (1 - c) / alpha, (s - d / k) / alpha
 
 
@@ -23,10 +24,13 @@ def exact_anomaly(r, eta, beta, mu, time):
         g = exact_functions(beta, s)
         return r * g[1] + eta * g[2] + mu * g[3] - time, r * g[0] + eta * g[1] + mu * g[2]
 
-    low, high = mpmath.mpf(0), mpmath.cbrt(time / mu)
+    low = mpmath.mpf(0)
+    high = mpmath.cbrt(time / mu)
     while late(high)[0] < 0:
-        low, high = high, 2 * high
-    s, before = (low + high) / 2, mpmath.inf
+        low = high
+        high = 2 * high
+    s = (low + high) / 2
+    before = mpmath.inf
     for _ in range(2000):
         excess, slope = late(s)
         low, high = (s, high) if excess < 0 else (low, s)
@@ -42,7 +46,10 @@ def exact_anomaly(r, eta, beta, mu, time):
 
 def exact_end(state):
     """Return the end position and velocity of (x, y, z, vx, vy, vz, duration, mu), all mpmath numbers."""
-    position, velocity, duration, mu = state[:3], state[3:6], state[6], state[7]
+    position = state[:3]
+    velocity = state[3:6]
+    duration = state[6]
+    mu = state[7]
     if duration == 0:
         return position, velocity
     sense = 1 if duration > 0 else -1
@@ -55,7 +62,9 @@ def exact_end(state):
         time -= period * mpmath.floor(time / period)
     g0, g1, g2, _ = exact_functions(beta, exact_anomaly(r, eta, beta, mu, time)) if time else (1, 0, 0, 0)
     end = r * g0 + eta * g1 + mu * g2
-    f, g = 1 - mu * g2 / r, sense * (r * g1 + eta * g2)
-    f_rate, g_rate = -sense * mu * g1 / (r * end), 1 - mu * g2 / end
+    f = 1 - mu * g2 / r
+    g = sense * (r * g1 + eta * g2)
+    f_rate = -sense * mu * g1 / (r * end)
+    g_rate = 1 - mu * g2 / end
     pairs = list(zip(position, velocity, strict=True))
     return [f * x + g * v for x, v in pairs], [f_rate * x + g_rate * v for x, v in pairs]

@@ -38,8 +38,10 @@ class BandLimits:
 
     def candidates(self) -> list[tuple[float, float]]:
         """Return the bands, by their lower edges; raises `ModelError` if there are none."""
-        edges, rounding = sorted(set(self.edges_um)), 1e-9
-        least, most = self.least_width_um - rounding, self.most_width_um + rounding
+        edges = sorted(set(self.edges_um))
+        rounding = 1e-9
+        least = self.least_width_um - rounding
+        most = self.most_width_um + rounding
         found = [(low, high) for low in edges for high in edges if high > low and least <= high - low <= most]
         if not found:
             raise ModelError("no two of --edges are as far apart as --least-width and --most-width ask")
@@ -70,7 +72,8 @@ def best_bands(bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: i
     """
     bench = _computed(bench)
     chance = _false_alarm_probability(bench)
-    tried, unknown = [], list[tuple[float, float]]()
+    tried = []
+    unknown = list[tuple[float, float]]()
     for edges in limits.candidates():
         try:
             tried.append(_tried(_alone(bench, edges, chance), poses))
@@ -86,7 +89,8 @@ def best_bands(bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: i
 
 def _computed(bench: Bench) -> Bench:
     """Return the bench with all settings, of a sensor whose noise is computed."""
-    whole, name = bench.whole(), bench.sensor.id
+    whole = bench.whole()
+    name = bench.sensor.id
     own = whole.mapping["sensors"][0]
     stated = [key for key in ("nei_w_m2", "nei_w_cm2", "band_nei_w_m2") if own.get(key)]
     if stated or not whole.planes:
@@ -125,7 +129,8 @@ def _tried(bench: Bench, poses: Sequence[Poses]) -> TriedBand:
     """Return what a sensor makes of its worst target."""
     found = [bench.signals(each) for each in poses]
     snr = min(float(_snr_of_rule(bench.sensor, each.snr).min()) for each in found)
-    radiometer, band = bench.sensor.radiometer, bench.sensor.bands[0]
+    radiometer = bench.sensor.radiometer
+    band = bench.sensor.bands[0]
     assert radiometer is not None
     rate = bench.plan.detection.rate_per_scan
     per_day = math.nan if rate is None else float(rate[0]) * _DAY_S / (bench.sensor.scan.period_ns * 1e-9)

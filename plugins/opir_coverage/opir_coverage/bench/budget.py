@@ -131,7 +131,8 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
 
     The last level is the margin: the SNR over the threshold.
     """
-    look, light = budget.signals, budget.light_w_m2[band]
+    look = budget.signals
+    light = budget.light_w_m2[band]
     with np.errstate(divide="ignore", invalid="ignore"):
         intensity = light * look.range_m[0] ** 2 / look.transmittance[0, band]
         left = look.irradiance_w_m2[0, band] / light
@@ -145,7 +146,8 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
         ("background and clutter", budget.nei_w_m2[band] / budget.whole_w_m2[band], f"SNR {look.snr[0, band]:.3g}"),
         ("threshold", 1.0 / threshold, f"{threshold:g} sigma"),
     ]
-    steps, level = [], 0.0
+    steps = []
+    level = 0.0
     for name, gain, words in gains:
         own = 10.0 * float(np.log10(gain)) if gain > 0.0 else -np.inf
         level += own

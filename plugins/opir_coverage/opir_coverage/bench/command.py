@@ -147,8 +147,10 @@ def _bands(arguments: argparse.Namespace) -> BenchResult:
 
 def frame_command(arguments: argparse.Namespace) -> int:
     """Write one simulated frame of a focal plane as a picture and as an array, or movies of frames."""
-    bench, poses = benches_of(arguments)[0], _poses(arguments)
-    band, folder = _band_of(bench, arguments.band), Path(arguments.out)
+    bench = benches_of(arguments)[0]
+    poses = _poses(arguments)
+    band = _band_of(bench, arguments.band)
+    folder = Path(arguments.out)
     if arguments.movie:
         every_s = bench.sensor.scan.period_ns * 1e-9 if arguments.every is None else arguments.every
         if arguments.clips < 1:

@@ -136,7 +136,8 @@ def first_report_s(bench: Bench, name: str, pose: Mapping[str, float], chance: f
     plan = bench.plan
     on_ground = Poses.of(name, **{**pose, "height_m": 0.0})
     place = SeenPoints.of(PosedTargets.of(plan, on_ground).place_m)
-    latitude, longitude = np.arcsin(place.up[:, 2]), np.arctan2(place.up[:, 1], place.up[:, 0])
+    latitude = np.arcsin(place.up[:, 2])
+    longitude = np.arctan2(place.up[:, 1], place.up[:, 0])
     kind = target_class_of(plan, name)
     salvo = Salvo(plan, LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0), 3600.0)
     node_s = np.linspace(0.0, salvo.burn_s, 41)

@@ -22,7 +22,8 @@ from opir_core.plugin import FocalPlaneConfig
 from opir_coverage.bench.stand import Bench, Poses
 
 #: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which one is in its mask.
-_FEWEST, _MASKED = 16, 0.05
+_FEWEST = 16
+_MASKED = 0.05
 #: Pixels along the square that a spot is worked out in; beyond it are less than a hundredth of its light.
 _WIDEST_SPOT = 32
 
@@ -64,10 +65,13 @@ class FocalArray:
             )
         if pixels < _FEWEST:
             raise ModelError(f"--pixels: give at least {_FEWEST}")
-        own, plane = bench.sensor.bands[band], bench.planes[band]
-        middle_um, time_s = 0.5 * (own.lower_um + own.upper_um), plane.integration_time_ms * 1e-3
+        own = bench.sensor.bands[band]
+        plane = bench.planes[band]
+        middle_um = 0.5 * (own.lower_um + own.upper_um)
+        time_s = plane.integration_time_ms * 1e-3
         optics = plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency * plane.fill_factor
-        per_unit, pixel_rad = float(electrons_per_w_m2(middle_um, *optics, time_s)), radiometer.ifov_rad
+        per_unit = float(electrons_per_w_m2(middle_um, *optics, time_s))
+        pixel_rad = radiometer.ifov_rad
         spread = PointSpread.of(middle_um, plane.aperture_m, blur_rad(plane), pixel_rad)
         unlit = unlit_electrons_per_s(plane, own, pixel_rad) * time_s
         behind = _background(bench, poses, band, pixels, spread, rng)
@@ -100,7 +104,8 @@ def frame(bench: Bench, poses: Poses, pixels: int = 128, seed: int = 1, band: in
     """Return a frame of a square of pixels with one posed target in its middle; of a sensor with a focal plane."""
     rng = np.random.default_rng(seed)
     array = FocalArray.of(bench, poses, pixels, band, rng)
-    background, middle = array.background_e(), float(pixels // 2)
+    background = array.background_e()
+    middle = float(pixels // 2)
     target = array.target_e(float(bench.light_w_m2(poses)[0, band]), (middle, middle))
     electrons = array.exposed_e(target + background, rng)
     title = f"{bench.sensor.id}, {array.band}: {poses.target_class} at {1e-3 * poses.height_m[0]:g} km"
@@ -118,13 +123,16 @@ def _spot(pixels: int, spread: PointSpread, place: tuple[float, float]) -> Float
     By a transform over a finer grid that resolves all that the aperture passes.
     """
     wide = min(pixels, _WIDEST_SPOT)
-    fine, whole = math.ceil(spread.most / math.pi), np.round(place).astype(np.int64)
+    fine = math.ceil(spread.most / math.pi)
+    whole = np.round(place).astype(np.int64)
     most = 2.0 * math.pi * fine
     phase = [np.exp(-1j * most * np.fft.fftfreq(wide * fine) * rest) for rest in np.subtract(place, whole).tolist()]
     transfer = _transfer(wide * fine, most, spread) * phase[0][:, None] * phase[1][None, :]
     shares = np.fft.fftshift(np.fft.ifft2(transfer).real[::fine, ::fine]) * fine**2
-    spot, first = np.zeros((pixels, pixels)), whole - wide // 2
-    low, high = np.maximum(first, 0), np.minimum(first + wide, pixels)
+    spot = np.zeros((pixels, pixels))
+    first = whole - wide // 2
+    low = np.maximum(first, 0)
+    high = np.minimum(first + wide, pixels)
     if np.all(low < high):
         own = tuple(slice(one, other) for one, other in zip(low - first, high - first, strict=True))
         spot[low[0] : high[0], low[1] : high[1]] = np.maximum(shares[own], 0.0)
@@ -165,12 +173,14 @@ def _background(
     environment: Any = getattr(model, "environment", None)
     if environment is None or not environment.has_background:
         return np.zeros((pixels, pixels))
-    background, number = environment.background, environment.bands.index(bench.sensor.bands[band])
+    background = environment.background
+    number = environment.bands.index(bench.sensor.bands[band])
     views = environment.views(looks)
     if not background.structures:
         return np.full((pixels, pixels), background.radiances_w_m2_sr([number], views)[0][0])
     radiance, rms, kind = background.structured_radiances_w_m2_sr([number], views)
-    structure, radiometer = background.structures[int(kind[0])], bench.sensor.radiometer
+    structure = background.structures[int(kind[0])]
+    radiometer = bench.sensor.radiometer
     assert radiometer is not None
     range_m = length(*components(views.point_ecef_m - looks.sensor_ecef_m))
     scale = structure.scale_m / (float(range_m[0]) * radiometer.ifov_rad)

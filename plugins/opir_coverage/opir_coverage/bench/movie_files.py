@@ -115,7 +115,8 @@ def _lists(made: Sequence[Clip], name: str) -> Mapping[str, str]:
 
 def _coco(made: Sequence[Clip]) -> Mapping[str, str]:
     """Return the annotations of all frames as COCO has them, with the signal over noise and the place of each."""
-    images, annotations = list[dict[str, Any]](), list[dict[str, Any]]()
+    images = list[dict[str, Any]]()
+    annotations = list[dict[str, Any]]()
     classes = list(dict.fromkeys(clip.target_class for clip in made))
     for number, clip in enumerate(made):
         rows, columns = clip.mask.shape[1:]

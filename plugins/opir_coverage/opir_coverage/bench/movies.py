@@ -53,7 +53,8 @@ class Clip:
 
 
 def _box(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
     (top, bottom), (left, right) = rows[[0, -1]].tolist(), columns[[0, -1]].tolist()
@@ -108,7 +109,8 @@ def _scale(
 ) -> float:
     """Return the factor on a target's light that gives its brightest pixel a signal over noise between limits."""
     wanted = limits[0] * (limits[1] / limits[0]) ** rng.uniform()
-    target, background = array.target_e(light_w_m2, (float(place[0]), float(place[1]))), array.background_e()
+    target = array.target_e(light_w_m2, (float(place[0]), float(place[1])))
+    background = array.background_e()
     at = np.unravel_index(np.argmax(target), target.shape)
     if target[at] <= 0.0:
         raise ModelError("--snr: the target has no light to scale")

@@ -92,7 +92,8 @@ def _draw(axes: Any, plot: BenchPlot) -> None:
         _draw_bars(axes, plot)
     else:
         for number, line in enumerate(plot.lines):
-            hue, dashes = SERIES[number % len(SERIES)], DASHES[number % len(DASHES)]
+            hue = SERIES[number % len(SERIES)]
+            dashes = DASHES[number % len(DASHES)]
             axes.plot(line.x, line.y, color=hue, linestyle=dashes, label=line.label)
     for value, words in plot.levels:
         axes.axhline(value, color=MUTED, linewidth=1.0, linestyle=":", label=words)

@@ -21,7 +21,8 @@ from opir_core.reading import scene_mapping
 from opir_coverage.launches import detection_of, target_class_of
 
 #: The scene time at which posed targets are seen, s, and the least cosine of an angle that turns.
-_NOW_S, _LEAST = 3600.0, 1e-9
+_NOW_S = 3600.0
+_LEAST = 1e-9
 #: Settings of a focal plane that passes the whole light of a target.
 _ALL_LIGHT: Mapping[str, Any] = {"temporal_filter": "none", "well_capacity_e": 1e18, "bits": 64}
 #: What of a scene the bench leaves out.
@@ -204,11 +205,13 @@ class Bench:
         passed = [_transmittance(model, looks, band) for band in self.sensor.bands]
         width = len(self.sensor.bands)
         chance = ndtr(response.probit)
-        snr, noise = response.snr[:, :width], response.noise_w_m2[:, :width]
+        snr = response.snr[:, :width]
+        noise = response.noise_w_m2[:, :width]
         return Signals(chance, looks.range_m, snr, noise, np.stack(passed, axis=1))
 
     def _exposures(self, targets: PosedTargets, poses: Poses) -> Exposures:
-        count, now = len(poses), np.full(len(poses), _NOW_S)
+        count = len(poses)
+        now = np.full(len(poses), _NOW_S)
         sensor_m = np.asarray(self.sensor.orbit.position_ecef_m(now))
         way = sensor_m - targets.place_m
         range_m = length(*way.T)

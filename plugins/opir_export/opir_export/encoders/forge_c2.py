@@ -33,11 +33,13 @@ from opir_core.plugin import Detections, Encoder, EncoderContext, Sensor, Window
 #: Version of the schema, in the headers of messages.
 FORGE_C2_VERSION = "forge-c2-1.0"
 
-_ID, _TIME = b'{"event_id":"', b'","timestamp":"'
+_ID = b'{"event_id":"'
+_TIME = b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":"OPIR","latitude":'
 _M_PER_UM = 1e-6
 #: Range of the largest component of a plausible estimated position, m.
-_NEAREST_M, _FARTHEST_M = 1e6, 1e9
+_NEAREST_M = 1e6
+_FARTHEST_M = 1e9
 _SIGNAL = b',"signal_type":"IR","intensity":'
 
 _json = msgspec.json.Encoder().encode
@@ -50,7 +52,8 @@ class ForgeC2Encoder(Encoder):
     schema_version = FORGE_C2_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
-        self._sensors, self._types = context.sensors, len(context.reported_types)
+        self._sensors = context.sensors
+        self._types = len(context.reported_types)
         self._epoch_us = context.epoch_us
         self._sensor_texts = [_SENSOR % _json(sensor.id) for sensor in context.sensors]
         self._frequency_texts = [text for sensor in context.sensors for text in _frequencies(sensor)]

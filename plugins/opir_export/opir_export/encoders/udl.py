@@ -59,7 +59,8 @@ class UdlEncoder(Encoder):
     schema_version = UDL_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
-        self._sensors, self._count = context.sensors, len(context.reported_types)
+        self._sensors = context.sensors
+        self._count = len(context.reported_types)
         self._epoch_us = context.epoch_us
         self._type_texts = [text for sensor in context.sensors for text in _types(sensor, context.reported_types)]
         self._vector_texts = [
@@ -157,7 +158,8 @@ def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
 
 def _track_columns(window: Window, epoch_us: int) -> list[Column]:
     """Return track number, launch and impact, each encoded once for all detections that share it."""
-    track, estimate = window.detections.track, window.detections.estimate
+    track = window.detections.track
+    estimate = window.detections.estimate
     numbers, of_row = np.unique(track, return_inverse=True)
     names = [b"" if number < 0 else b',"trackId":"%d"' % number for number in numbers.tolist()]
     columns: list[Column] = [Looked(names, of_row)]

@@ -30,7 +30,9 @@ from opir_export.settings import MapConfig
 Packet = Mapping[str, Any]
 
 #: Colours, red, green, blue and opacity: those of Okabe and Ito.
-_FLIGHT, _SENSOR, _PREDICTION = (213, 94, 0, 255), (0, 114, 178, 255), (204, 121, 167, 255)
+_FLIGHT = (213, 94, 0, 255)
+_SENSOR = (0, 114, 178, 255)
+_PREDICTION = (204, 121, 167, 255)
 _FAINT = 60
 #: Degree of the interpolation between positions: flights bend.
 _DEGREE = 3

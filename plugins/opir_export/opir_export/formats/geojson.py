@@ -125,14 +125,16 @@ def cut_line(places: FloatArray) -> list[FloatArray]:
     along = places.copy()
     along[:, 0] = np.unwrap(places[:, 0], period=2.0 * _HALF_TURN_DEG)
     turn = np.floor((along[:, 0] + _HALF_TURN_DEG) / (2.0 * _HALF_TURN_DEG)).astype(np.int64)
-    parts, start = list[FloatArray](), 0
+    parts = list[FloatArray]()
+    start = 0
     before: FloatArray = along[:0]
     for place in np.flatnonzero(np.diff(turn)).tolist():
         edge = 2.0 * _HALF_TURN_DEG * max(turn[place], turn[place + 1]) - _HALF_TURN_DEG
         share = (edge - along[place, 0]) / (along[place + 1, 0] - along[place, 0])
         crossing = along[place] + share * (along[place + 1] - along[place])
         parts.append(_moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place]))
-        before, start = crossing[np.newaxis], place + 1
+        before = crossing[np.newaxis]
+        start = place + 1
     parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
     return [part for part in parts if _has_length(part)] or parts[-1:]
 

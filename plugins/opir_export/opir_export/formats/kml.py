@@ -23,7 +23,8 @@ from opir_export.scenery.map_features import (
 )
 from opir_export.settings import MapConfig
 
-_KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
+_KML = "http://www.opengis.net/kml/2.2"
+_GX = "http://www.google.com/kml/ext/2.2"
 #: Colours of lines and areas, aabbggrr: those of Okabe and Ito.
 _STYLES = {
     "flight": ("ff005ed5", "00000000"),
@@ -81,7 +82,8 @@ def _add_sensor(folder: Any, run: Any, path: SensorPath, config: MapConfig) -> N
 
 
 def _add_flight(folder: Any, run: Any, flight: Flight) -> None:
-    times, places = timestamps(run, flight.time_s), flight.geodetic_deg()
+    times = timestamps(run, flight.time_s)
+    places = flight.geodetic_deg()
     place = _placemark(folder, flight.target_id, "flight", flight.target_type)
     _add_track(place, times, places)
     for name, row in (("launch", 0), ("impact", -1)):

@@ -30,7 +30,8 @@ class OemFolder:
 
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the messages of a run into a folder, and return the files."""
-        scene, files = run.plan.scene, []
+        scene = run.plan.scene
+        files = []
         with OutputFiles(folder=path) as output:
             for name, ephemerides in groupby(self._ephemerides(run), lambda each: each.file_name):
                 lines = header("OEM", "2.0", scene.epoch_us, [f"truth of the scene {scene.name}, simulated by opir"])

@@ -35,7 +35,8 @@ class TdmFile:
 
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the message of a run, and return its file."""
-        epoch_us, rows = run.plan.scene.epoch_us, run.detections
+        epoch_us = run.plan.scene.epoch_us
+        rows = run.detections
         since_us = np.rint(rows.time_ns / _NS_PER_US).astype(np.int64)
         angles_deg = _angles_deg(rows, epoch_us, self.config.angles)
         code, names = self._objects(run)

@@ -33,7 +33,9 @@ def footprint(
     nadir = -position_ecef_m / np.linalg.norm(position_ecef_m)
     tangents = _tangents(nadir)
     # With axes scaled to 1 the ellipsoid is a sphere, and lines stay lines.
-    sensor, down, across = position_ecef_m / axes_m, nadir / axes_m, tangents / axes_m
+    sensor = position_ecef_m / axes_m
+    down = nadir / axes_m
+    across = tangents / axes_m
     nadir_angle_rad = np.minimum(_horizon_rad(sensor, down, across), half_angle_rad)
     if minimum_elevation_rad > 0.0:
         nadir_angle_rad = _elevated(sensor, down, across, axes_m, nadir_angle_rad, minimum_elevation_rad)
@@ -59,7 +61,8 @@ def _horizon_rad(sensor: FloatArray, down: FloatArray, across: FloatArray) -> Fl
     quadratic equation in tan(angle), with one positive root.
     """
     outside = sensor @ sensor - 1.0
-    along, beside = sensor @ down, across @ sensor
+    along = sensor @ down
+    beside = across @ sensor
     constant = along * along - outside * (down @ down)
     linear = along * beside - outside * (across @ down)
     square = beside * beside - outside * np.einsum("ki,ki->k", across, across)
@@ -69,9 +72,11 @@ def _horizon_rad(sensor: FloatArray, down: FloatArray, across: FloatArray) -> Fl
 
 def _ground(sensor: FloatArray, down: FloatArray, across: FloatArray, nadir_angle_rad: FloatArray) -> FloatArray:
     """Return the nearer intersections (k, 3) of lines of sight with the unit sphere."""
-    cosine, sine = np.cos(nadir_angle_rad)[:, np.newaxis], np.sin(nadir_angle_rad)[:, np.newaxis]
+    cosine = np.cos(nadir_angle_rad)[:, np.newaxis]
+    sine = np.sin(nadir_angle_rad)[:, np.newaxis]
     direction = cosine * down + sine * across
-    length2, along = np.einsum("ki,ki->k", direction, direction), direction @ sensor
+    length2 = np.einsum("ki,ki->k", direction, direction)
+    along = direction @ sensor
     # Rounding may leave the horizon's own lines a little outside.
     root = np.sqrt(np.maximum(along * along - length2 * (sensor @ sensor - 1.0), 0.0))
     points: FloatArray = sensor + ((-along - root) / length2)[:, np.newaxis] * direction
@@ -87,7 +92,8 @@ def _elevated(
     minimum_elevation_rad: float,
 ) -> FloatArray:
     """Return the largest nadir angles (k,) at which the sensor stands high enough above the ground's horizon."""
-    low, high = np.zeros_like(largest_rad), largest_rad
+    low = np.zeros_like(largest_rad)
+    high = largest_rad
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         point = _ground(sensor, down, across, middle)
@@ -95,6 +101,7 @@ def _elevated(
         sight = (sensor - point) * axes_m
         lengths = np.linalg.norm(up, axis=1) * np.linalg.norm(sight, axis=1)
         is_high = np.einsum("ki,ki->k", up, sight) >= np.sin(minimum_elevation_rad) * lengths
-        low, high = np.where(is_high, middle, low), np.where(is_high, high, middle)
+        low = np.where(is_high, middle, low)
+        high = np.where(is_high, high, middle)
     # Where even the largest angle is high enough, the interval has shrunk to it.
     return low

@@ -75,9 +75,11 @@ class Prediction:
 
 def flights(run: Any, step_s: float) -> Iterator[Flight]:
     """Yield the true flights of a run's launches, with points every `step_s` and at ignition, burnout and the end."""
-    targets, truths = whole_flights(run.plan), run.plan.targets.truth()
+    targets = whole_flights(run.plan)
+    truths = run.plan.targets.truth()
     for row, name in enumerate(targets.ids):
-        start_s, burnout_s = float(targets.ignition_s[row]), float(targets.burnout_s[row])
+        start_s = float(targets.ignition_s[row])
+        burnout_s = float(targets.burnout_s[row])
         end_s = min(float(targets.end_s[row]), burnout_s + _LONGEST_S)
         time_s = np.append(_steps(start_s, burnout_s, step_s), _steps(burnout_s, end_s, step_s)[1:])
         position_m = targets.position_ecef_m(np.full(len(time_s), row, dtype=np.int32), time_s)
@@ -116,7 +118,8 @@ def predictions(run: Any, which: str) -> Iterator[Prediction]:
 
 def _changes(rows: Tracks, known: Any) -> Any:
     """Return those rows of a track whose regions, or impact without any, differ from the row before."""
-    regions, impact = rows.impact_regions[known], rows.impact[known]
+    regions = rows.impact_regions[known]
+    impact = rows.impact[known]
     changed = np.ones(len(known), dtype=np.bool_)
     for place in range(1, len(known)):
         same_point = np.array_equal(impact[place], impact[place - 1], equal_nan=True)

@@ -12,7 +12,8 @@ from opir_core.plugin import REPORTED_TYPES, Band, Detections, EncoderContext, S
 from opir_core.random_streams import uuid_characters, uuid_text
 from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known
 
-_UTC, _ID_BYTES = "UTC", 16
+_UTC = "UTC"
+_ID_BYTES = 16
 
 
 def detection_columns(run: Any) -> Iterator[TableColumn]:
@@ -44,7 +45,8 @@ def columns_of_detections(rows: Detections, origin: EncoderContext, *, in_file: 
     for axis, letter in enumerate("xyz"):
         position_m = rows.sensor_ecef_m[:, axis]
         yield TableColumn(f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF")
-    irradiances, shares = rows.band_irradiance_w_m2, rows.type_probability
+    irradiances = rows.band_irradiance_w_m2
+    shares = rows.type_probability
     if in_file or irradiances.shape[1]:
         yield from _irradiances(rows.sensor, irradiances, origin.sensors)
     if in_file or shares.shape[1]:
@@ -53,7 +55,8 @@ def columns_of_detections(rows: Detections, origin: EncoderContext, *, in_file: 
 
 def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iterator[TableColumn]:
     """Yield what a report says: sensor, times, type, confidence, bands, track."""
-    epoch_us, sensors = origin.epoch_us, origin.sensors
+    epoch_us = origin.epoch_us
+    sensors = origin.sensors
     yield TableColumn("sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor")
     if not in_file:
         yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")

@@ -13,11 +13,13 @@ _ANGLES = (("lat_deg", "deg", "geodetic latitude"), ("lon_deg", "deg", "longitud
 
 def target_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `targets` of a run: the truth of each target, and what the run saw of it."""
-    targets, summary = run.plan.targets, run.summary
+    targets = run.plan.targets
+    summary = run.summary
     seen_of = {row["source_id"]: row for row in summary["sources"]} | {
         row["target_id"]: row for row in summary["targets"]
     }
-    seen, truths = [seen_of[name] for name in targets.ids], targets.truth()
+    seen = [seen_of[name] for name in targets.ids]
+    truths = targets.truth()
     yield TableColumn("target_id", texts(targets.ids), "", "the target")
     yield TableColumn("target_type", texts(targets.class_names), "", "target class, or type of another hot source")
     yield TableColumn("profile", texts([_word(row.get("profile")) for row in truths]), "", "boost profile")

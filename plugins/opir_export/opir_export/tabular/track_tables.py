@@ -34,7 +34,8 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
     yield TableColumn("burnout_s", numbers(rows.burnout[:, 6]), "s", "scene time of burnout")
     yield from _point("impact", rows.impact, rows.impact_covariance)
     yield TableColumn("impact_method", names(rows.impact_method, IMPACT_METHODS), "", "how the impact was predicted")
-    sigmas, levels = lists(rows.impact_sigmas), ", ".join(f"{100 * each:g} %" for each in TRACK_CONTAINMENTS)
+    sigmas = lists(rows.impact_sigmas)
+    levels = ", ".join(f"{100 * each:g} %" for each in TRACK_CONTAINMENTS)
     yield TableColumn("impact_sigmas", sigmas, "sigma", f"radii of the ellipses that contain the impact: {levels}")
     for place, name in enumerate(REPORTED_TYPES):
         share = rows.type_probability[:, place]

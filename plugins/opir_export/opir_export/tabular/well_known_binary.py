@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 _LITTLE_ENDIAN = 1
-_POLYGON, _MULTI_POLYGON = 3, 6
-_HEAD, _COUNT, _POINT = 9, 4, 16
+_POLYGON = 3
+_MULTI_POLYGON = 6
+_HEAD = 9
+_COUNT = 4
+_POINT = 16
 
 
 def well_known_binary(geometry: Mapping[str, Any]) -> bytes:
@@ -29,7 +32,8 @@ def text_of_binary(shape: bytes) -> str:
     _, kind, count = unpack_from("<BII", shape)
     if kind == _POLYGON:
         return f"POLYGON {_rings_text(shape, 0)[0]}"
-    at, parts = _HEAD, list[str]()
+    at = _HEAD
+    parts = list[str]()
     for _ in range(count):
         words, at = _rings_text(shape, at)
         parts.append(words)
@@ -39,7 +43,8 @@ def text_of_binary(shape: bytes) -> str:
 def _rings_text(shape: bytes, at: int) -> tuple[str, int]:
     """Return the rings of the polygon at a place as text, and the place after it."""
     _, _, count = unpack_from("<BII", shape, at)
-    at, rings = at + _HEAD, list[str]()
+    at = at + _HEAD
+    rings = list[str]()
     for _ in range(count):
         (length,) = unpack_from("<I", shape, at)
         points = np.frombuffer(shape, dtype="<f8", count=2 * length, offset=at + _COUNT).reshape(-1, 2)

@@ -10,7 +10,8 @@ from opir_photons.classification.type_densities import TypeDensities, looks_resp
 from opir_photons.detection.snr import SnrDetection
 
 #: Measurements of each synthetic source; numbers of detections, in geometric steps, at which each is classified.
-_DRAWS, _COUNTS = 2, 6
+_DRAWS = 2
+_COUNTS = 6
 
 
 def source_detections(
@@ -21,15 +22,18 @@ def source_detections(
     Each is repeated, block by block, for `_COUNTS` numbers of detections so far, up to those of the longest launch.
     """
     response, seen = looks_response(detection, number, sensor, shining)
-    receiver, width = detection.receivers[number], bank.width
+    receiver = detection.receivers[number]
+    width = bank.width
     row = np.tile(np.arange(len(seen)), _DRAWS)
-    noise, exposures = response.noise_w_m2[row, :width], shining.exposures.take(row)
+    noise = response.noise_w_m2[row, :width]
+    exposures = shining.exposures.take(row)
     snr = response.snr[row, :width]
     measured = snr + ndtri(low_discrepancy_points(len(row), width))
     slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
     found = np.flatnonzero(seen[row] & receiver.rule.passes(measured, slopes))
     counts = np.geomspace(bank.rates.needed, max(bank.most_looks, bank.rates.needed), _COUNTS)
-    count, found = np.repeat(np.ceil(counts), len(found)), np.tile(found, _COUNTS)
+    count = np.repeat(np.ceil(counts), len(found))
+    found = np.tile(found, _COUNTS)
     none = np.zeros(len(found), dtype=np.int64)
     exposures = exposures.take(found)
     inputs = ClassifierInputs(
@@ -51,7 +55,8 @@ def source_detections(
 
 def least_log_odds(log_odds: FloatArray, kind: IntArray, probability: float) -> float:
     """Return the log odds (n,) that a detection of any kind exceeds, at any number so far, with this probability."""
-    worst, kinds = log_odds.reshape(_COUNTS, -1).max(axis=0), kind[: len(kind) // _COUNTS]
+    worst = log_odds.reshape(_COUNTS, -1).max(axis=0)
+    kinds = kind[: len(kind) // _COUNTS]
     limits = [
         float(np.quantile(worst[kinds == code], 1.0 - probability, method="higher"))
         for code in range(len(KINDS))

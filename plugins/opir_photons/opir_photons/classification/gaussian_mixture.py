@@ -79,7 +79,8 @@ class Mixture:
     def _of_rows(
         self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float
     ) -> tuple[FloatArray, FloatArray]:
-        bands, size = signal.shape[1], signal.shape[1] + 1
+        bands = signal.shape[1]
+        size = signal.shape[1] + 1
         work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
         work[:, :size] = self.covariance[:, :, place]
         band = np.arange(bands)
@@ -96,14 +97,16 @@ class Mixture:
 
     def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
         """Return the log density of one variable given those before it, and condition those after it on it."""
-        pivot, residual = np.maximum(work[row, row], _LEAST_VARIANCE), work[row, -1]
+        pivot = np.maximum(work[row, row], _LEAST_VARIANCE)
+        residual = work[row, -1]
         factors = work[row + 1 :, row] / pivot
         work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
         return -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
 
     def by_class(self, log_densities: FloatArray) -> FloatArray:
         """Return ln of the sums (n, classes) of densities (n, K)."""
-        starts, widths = self.edges[:-1], self.edges[1:] - self.edges[:-1]
+        starts = self.edges[:-1]
+        widths = self.edges[1:] - self.edges[:-1]
         most = np.maximum.reduceat(log_densities, starts, axis=1)
         at = np.where(most > -np.inf, most, 0.0)
         shares = np.exp(log_densities - np.repeat(at, widths, axis=1))

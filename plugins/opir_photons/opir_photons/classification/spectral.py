@@ -122,7 +122,8 @@ def _log_rates(bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> F
     """Return ln of the rates (n, hypotheses) of events like rows of one bank, from apparent intensities: irradiance
     times range².
     """
-    place, area = elevation_bin(seen.elevation_sine[rows]), np.square(seen.range_m[rows])[:, None]
+    place = elevation_bin(seen.elevation_sine[rows])
+    area = np.square(seen.range_m[rows])[:, None]
     intensity = seen.band_irradiance_w_m2[rows, : bank.width] * area
     variance = np.square(seen.band_noise_w_m2[rows, : bank.width] * area)
     return bank.log_rates(place, intensity, variance, seen.detection_count[rows].astype(np.float64))

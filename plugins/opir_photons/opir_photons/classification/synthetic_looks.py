@@ -46,7 +46,8 @@ MOMENTS = 40
 DRAWS = 4
 
 #: Least sine of the elevation, and longest range of a launch, m.
-LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
+LOWEST_SINE = 0.02
+_FARTHEST_M = 1.5e7
 
 #: Least range where a profile has no limit of its own, m.
 _LEAST_M = 5e4
@@ -65,7 +66,8 @@ class ClassFlight(NamedTuple):
 
 def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[ClassFlight, ...], list[list[int]]]:
     """Return the distinct flights of classes, and of each class the numbers of its flights."""
-    flights, numbers = list[ClassFlight](), list[list[int]]()
+    flights = list[ClassFlight]()
+    numbers = list[list[int]]()
     for kind in classes:
         own = [ClassFlight(profile, kind.after_burnout, kind.plume(profile.name)) for profile in kind.profiles]
         flights += [flight for flight in own if flight not in flights]
@@ -190,7 +192,8 @@ def synthetic_launches(
     good = np.flatnonzero(np.isfinite(path.burnout_speed_m_s))
     number = np.repeat(np.arange(len(flights)), launches)
     count = np.bincount(number[good], minlength=len(flights))
-    launch, number = np.repeat(good, MOMENTS), np.repeat(number[good], MOMENTS)
+    launch = np.repeat(good, MOMENTS)
+    number = np.repeat(number[good], MOMENTS)
     step_s = path.burnout_s[launch] / MOMENTS
     time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
     profile = np.repeat(np.arange(len(flights), dtype=np.int32), launches)
@@ -216,9 +219,11 @@ def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> 
     angle_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
     falls = np.flatnonzero([isinstance(flight.after_burnout, Ballistic) for flight in flown])
     if len(falls):
-        fallen, from_site = [profiles[row] for row in falls.tolist()], Geodetic(*(column[falls] for column in site))
+        fallen = [profiles[row] for row in falls.tolist()]
+        from_site = Geodetic(*(column[falls] for column in site))
         shot = aim(from_site, _aims(from_site, fallen, drawn[falls]), 0.0, fallen)
-        azimuth_rad[falls], angle_rad[falls] = shot.azimuth_rad, shot.burnout_flight_path_angle_rad
+        azimuth_rad[falls] = shot.azimuth_rad
+        angle_rad[falls] = shot.burnout_flight_path_angle_rad
         speed_m_s[falls] = np.where(shot.converged, shot.burnout_speed_m_s, np.nan)
     range_m = _ranges_m(profiles, drawn[:, 0])
     for row, flight in enumerate(flown):
@@ -264,7 +269,8 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     shown_m2 = area * np.exp(sigma * ndtri(drawn[:, 5]))
     peak = [shown_m2 * band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
     place_m = geodetic_to_ecef(site.latitude_rad, site.longitude_rad, height_m)
-    rows, none = np.arange(len(number)), np.zeros(len(number))
+    rows = np.arange(len(number))
+    none = np.zeros(len(number))
     return SyntheticLooks(
         exposures=_exposures(rows, none, place_m, sensor_m),
         signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
@@ -347,7 +353,9 @@ def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor
 def _targets(paths: "SyntheticPaths", ignition_s: FloatArray) -> Targets:
     """Return the columns of targets that a radiometric environment needs, ignited at times (n,)."""
     count = len(ignition_s)
-    code, none = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8), np.zeros(count, dtype=np.int32)
-    forever, place = np.full(count, math.inf), np.arange(count, dtype=np.int32)
+    code = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8)
+    none = np.zeros(count, dtype=np.int32)
+    forever = np.full(count, math.inf)
+    place = np.arange(count, dtype=np.int32)
     # Only positions are asked for.
     return Targets((), code, ignition_s, forever, forever, (cast(Trajectories, paths),), none, place)

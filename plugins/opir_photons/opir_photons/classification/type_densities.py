@@ -38,7 +38,8 @@ _EDGES = np.array([0.15, 0.35, 0.65])
 _FEW = 50
 
 #: Parts of a burn, and step of the logarithm of brightness: each combination is one component.
-_STRETCHES, _STEP_LOG = 8, 0.7
+_STRETCHES = 8
+_STEP_LOG = 0.7
 
 #: Weight of the class's spread in a component's covariance, in looks.
 _SMOOTHING = 4.0
@@ -54,7 +55,8 @@ _LEAST_COUNT = 0.5
 _UNINFORMATIVE = 0.01
 
 #: Hot sources of each kind; least mean number of seconds or sources that a flight or kind is reported for.
-_SOURCES, _LEAST_SHARE = 768, 1e-9
+_SOURCES = 768
+_LEAST_SHARE = 1e-9
 
 #: Rounding step of the logarithm of satellite radii: satellites of one fleet share their densities.
 _HEIGHT_STEP = 0.05
@@ -62,7 +64,8 @@ _HEIGHT_STEP = 0.05
 #: Slack of P_d of synthetic looks.
 _SLACK = 1e-3
 
-_NS_PER_S, SECONDS_PER_DAY = 1e9, 86_400.0
+_NS_PER_S = 1e9
+SECONDS_PER_DAY = 86_400.0
 
 #: Looks at launches and at sources, by the satellite's distance from the Earth's centre, m.
 LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
@@ -138,7 +141,8 @@ class EventRates:
         chance: FloatArray,
     ) -> "EventRates":
         """Return the rates of a sensor that sees flights for (flights,) s, and sources with mean P_d (kinds,)."""
-        per_s, false = _NS_PER_S / period_ns, detection.rate_per_scan[number]
+        per_s = _NS_PER_S / period_ns
+        false = detection.rate_per_scan[number]
         launched = prior.share * (config.launches_per_day / SECONDS_PER_DAY * seen_s * per_s)
         others = np.array([_in_view(config, kind) for kind in KINDS]) * chance * per_s
         rates = np.concatenate([launched, np.zeros((len(launched), len(KINDS) + 2))], axis=1)
@@ -271,11 +275,15 @@ def _measured(
     Shares are those of looks with M - 1 detections in the N - 1 scans before: others are not reported.
     """
     response, seen = looks_response(detection, number, sensor, looks)
-    exposures, width = looks.exposures, len(sensor.bands)
-    noise, area = response.noise_w_m2[:, :width], np.square(exposures.range_m)[:, None]
-    place, stretch = elevation_bin(exposures.elevation_sine), _stretch(looks)
+    exposures = looks.exposures
+    width = len(sensor.bands)
+    noise = response.noise_w_m2[:, :width]
+    area = np.square(exposures.range_m)[:, None]
+    place = elevation_bin(exposures.elevation_sine)
+    stretch = _stretch(looks)
     parts = list[_Samples]()
-    receiver, (needed, scans) = detection.receivers[number], detection.confirmation[number].tolist()
+    receiver = detection.receivers[number]
+    (needed, scans) = detection.confirmation[number].tolist()
     for factor in factors:
         snr = response.snr[:, :width] * factor[exposures.target]
         slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
@@ -303,7 +311,8 @@ def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[Fl
         return np.ones_like(chance), np.ones_like(chance)
     looks = (step_s / period_s).reshape(-1, MOMENTS)
     hit = chance.reshape(-1, MOMENTS)
-    mean, variance = looks * hit, looks * hit * (1.0 - hit)
+    mean = looks * hit
+    variance = looks * hit * (1.0 - hit)
     before = [np.cumsum(column, axis=1) - 0.5 * column for column in (mean, variance)]
     # The first look is uniform over a period, a look uniform over its step of the burn.
     blur = np.square(looks * hit) / 12.0 + 1.0 / 12.0

@@ -11,13 +11,15 @@ import numpy as np
 from opir_core.arrays import FloatArray
 
 #: Least and largest intensity, W/sr: decades below and above those of all classes and sources; notional.
-LEAST_W_SR, MOST_W_SR = 1.0, 1e9
+LEAST_W_SR = 1.0
+MOST_W_SR = 1e9
 
 #: Length of the range of intensities in their logarithm.
 _LENGTH = float(np.log(MOST_W_SR / LEAST_W_SR))
 
 #: Intensities below this share of the noise count as 0; from this many deviations on, noise is a small correction.
-_DARK, _BRIGHT = 0.01, 8.0
+_DARK = 0.01
+_BRIGHT = 8.0
 
 #: Least share of objects that are detected again: those of more than a day.
 _LEAST_LASTING = 1e-3
@@ -58,6 +60,7 @@ def log_uniform_in_noise(measured: FloatArray, variance: FloatArray) -> FloatArr
 @cache
 def _log_integral() -> tuple[FloatArray, FloatArray]:
     """Return ln ∫ exp(u t - t²/2) dt/t, t from 0.01 on, at u from -8 to 8 (n,)."""
-    u, log_t = np.linspace(-_BRIGHT, _BRIGHT, 321), np.linspace(np.log(_DARK), np.log(40.0), 4001)
+    u = np.linspace(-_BRIGHT, _BRIGHT, 321)
+    log_t = np.linspace(np.log(_DARK), np.log(40.0), 4001)
     t = np.exp(log_t)
     return u, np.log(np.trapezoid(np.exp(u[:, None] * t - 0.5 * t * t), log_t, axis=1))

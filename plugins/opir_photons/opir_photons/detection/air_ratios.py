@@ -17,8 +17,10 @@ from opir_core.plugin import Paths, Transmittance
 from opir_photons.detection.radiometric_columns import checked_transmittances
 
 #: Elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere; heights, uniform in their square root.
-_ELEVATIONS, _BEND = 24, 0.05
-_HEIGHTS, _TOP_M = 41, 100e3
+_ELEVATIONS = 24
+_BEND = 0.05
+_HEIGHTS = 41
+_TOP_M = 100e3
 
 #: Least transmittance of the reference band: a plume dimmed a thousandfold there is far below any threshold.
 _FAINTEST = 1e-3

@@ -151,11 +151,13 @@ class RatioGates(Gates):
         margins = self.margins(snr, slopes)
         least = margins.min(axis=1)
         open_ = _undecided(margins, least, slack)
-        log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
+        log_hit = log_ndtr(least)
+        log_miss = log_ndtr(-least)
         if slack >= LEAST_SLACK:
             chance = fast_probability(self, snr[open_], slopes[open_], margins[open_])
             with np.errstate(divide="ignore"):
-                log_hit[open_], log_miss[open_] = np.log(chance), np.log1p(-chance)
+                log_hit[open_] = np.log(chance)
+                log_miss[open_] = np.log1p(-chance)
             return log_hit, log_miss
         steepest = self._steepest(margins, slopes)
         for start in range(0, len(open_), _ROWS):
@@ -252,7 +254,8 @@ class RatioGates(Gates):
         self, snr: FloatArray, slopes: FloatArray, steepest: FloatArray, slack: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
-        log_hit, log_missed = np.empty(len(snr)), np.full(len(snr), -np.inf)
+        log_hit = np.empty(len(snr))
+        log_missed = np.full(len(snr), -np.inf)
         for rows, count in by_steepness(steepest):
             density = GateDensity(self, snr[rows], slopes[rows])
             panels = density.panels(count, -np.inf if slack else 0.0)

@@ -28,7 +28,8 @@ def cfar_false_alarm_probability(threshold: ArrayLike, cells: ArrayLike) -> Floa
 
 def cfar_probability_of_detection(snr: ArrayLike, threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
     """Return the probabilities of detection of signals, with a threshold on Student's t and N = `cells` cells."""
-    count, limit = np.asarray(cells, dtype=np.float64), np.asarray(threshold, dtype=np.float64)
+    count = np.asarray(cells, dtype=np.float64)
+    limit = np.asarray(threshold, dtype=np.float64)
     shift = np.asarray(snr, dtype=np.float64) / np.sqrt(1.0 + 1.0 / count)
     # The upper tail as the lower one of the mirrored distribution: no digit is lost where it is small.
     found = nctdtr(count - 1.0, -shift, -limit)

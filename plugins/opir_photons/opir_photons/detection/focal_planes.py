@@ -40,7 +40,8 @@ from opir_photons.radiometry.pixel_filters import filter_weights, noise_gain
 from opir_photons.radiometry.point_spread import PointSpread
 
 #: Logarithms of the ranges, m, of a clutter table: its middle, and half its width, for scenes 10 km to 1e6 km away.
-_MIDDLE, _HALF = 0.5 * math.log(1e9 * 1e4), 0.5 * math.log(1e9 / 1e4)
+_MIDDLE = 0.5 * math.log(1e9 * 1e4)
+_HALF = 0.5 * math.log(1e9 / 1e4)
 #: Degree of a clutter table: to within 2e-4 of the amplitude.
 _DEGREE = 24
 #: Thresholds, standard deviations, at which a CFAR loss is worked out: a P_fa of 0.16 to 8e-24.
@@ -123,7 +124,8 @@ class FocalPlaneTerms:
         """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in noise (n, B), W/m²."""
         best = np.full(len(snr), np.inf)
         for band in range(snr.shape[1]):
-            signal, one = np.maximum(snr[:, band], _LEAST), self.spot_rad[band] ** 2
+            signal = np.maximum(snr[:, band], _LEAST)
+            one = self.spot_rad[band] ** 2
             # One electron places a spot: the brightest pixel holds more.
             white = np.minimum(np.square(self.centroid_rad[band] / signal), one)
             photons = one * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], _LEAST)
@@ -159,7 +161,8 @@ def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background:
 
 @lru_cache(maxsize=64)
 def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[Structure, ...]) -> FocalPlaneTerms:
-    pixel, planes = radiometer.ifov_rad, radiometer.focal_planes
+    pixel = radiometer.ifov_rad
+    planes = radiometer.focal_planes
     frames = _frames(planes[0], pixel)
     each = [_BandTerms.of(plane, band, pixel) for plane, band in zip(planes, bands, strict=True)]
     per_unit, passed, noise = np.array([(one.per_unit, one.passed, one.noise) for one in each]).T
@@ -206,7 +209,8 @@ class _BandTerms:
     @classmethod
     def of(cls, plane: FocalPlaneConfig, band: Band, pixel: float) -> "_BandTerms":
         """Return the terms of a focal plane in a band, for pixels of an angular width."""
-        middle_um, time_s = 0.5 * (band.lower_um + band.upper_um), plane.integration_time_ms * 1e-3
+        middle_um = 0.5 * (band.lower_um + band.upper_um)
+        time_s = plane.integration_time_ms * 1e-3
         blur = blur_rad(plane)
         sigma = float(blurred_sigma_rad(airy_sigma_rad(middle_um, plane.aperture_m), blur))
         weights = filter_weights(plane.spatial_filter, plane.core_pixels, sigma, pixel)

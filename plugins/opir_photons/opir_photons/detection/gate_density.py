@@ -65,7 +65,8 @@ class Panels:
         rows = np.arange(len(panel))
         before = np.where(panel > 0, passed[rows, panel - 1], 0.0)
         inside = values.reshape(len(panel), -1, ORDER)[rows, panel]
-        start, width = self.edges[rows, panel], self.edges[rows, panel + 1] - self.edges[rows, panel]
+        start = self.edges[rows, panel]
+        width = self.edges[rows, panel + 1] - self.edges[rows, panel]
         with np.errstate(invalid="ignore", divide="ignore"):
             place = _solved(inside, (wanted - before) / (0.5 * width))
         return start + width * 0.5 * (place + 1.0)
@@ -80,19 +81,22 @@ class Panels:
 
 def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return the points in [-1, 1] up to which the integral of values (n, ORDER) is `wanted` (n,)."""
-    low, high = np.full(len(wanted), -1.0), np.ones(len(wanted))
+    low = np.full(len(wanted), -1.0)
+    high = np.ones(len(wanted))
     coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         is_below = legendre.legval(middle, coefficients, tensor=False) < wanted
-        low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
+        low = np.where(is_below, middle, low)
+        high = np.where(is_below, high, middle)
     return 0.5 * (low + high)
 
 
 #: Standard deviations beyond which a normal tail is below the last bit of 1.
 FAR = 9.0
 #: Panels for gates no steeper than the noise, and most doublings for steeper ones.
-_PANELS, _MOST_DOUBLINGS = 3, 5
+_PANELS = 3
+_MOST_DOUBLINGS = 5
 MOST_PANELS = _PANELS << _MOST_DOUBLINGS
 LOG_HALF = float(np.log(0.5))
 
@@ -119,9 +123,11 @@ def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
     result = np.where(low < high, 0.0, -np.inf)
     near_edge = np.nonzero((low < high) & ((low > -FAR) | (high < FAR)))
-    low, high = low[near_edge], high[near_edge]
+    low = low[near_edge]
+    high = high[near_edge]
     is_left = low + high < 0.0
-    near, far = np.where(is_left, high, -low), np.where(is_left, low, -high)
+    near = np.where(is_left, high, -low)
+    far = np.where(is_left, low, -high)
     log_near = log_ndtr(near)
     fall = np.full(len(near), -np.inf)
     close = np.flatnonzero(far > np.minimum(near, 0.0) - FAR)
@@ -134,9 +140,12 @@ def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
 #: Decrease of a density's logarithm beyond which the rest is negligible.
 _DROP = 39.0
 #: Largest number of panels; then panels are divided at gate crossings, at these margins in standard deviations.
-_FINEST, _CROSSING = MOST_PANELS, np.arange(-9.0, 10.0, 3.0)
+_FINEST = MOST_PANELS
+_CROSSING = np.arange(-9.0, 10.0, 3.0)
 #: Golden-section steps of the search for the peak; the second number for wide search intervals.
-_SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
+_SECTIONS = 36
+_MOST_SECTIONS = 80
+_WIDE = 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
 #: Halvings of the distance within which a density becomes negligible.
 _REACHES = 40
@@ -246,7 +255,8 @@ class GateDensity:
 
     def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parts of the intervals (n,) that contain the peak."""
-        inner, outer = high - (high - low) * _GOLDEN, low + (high - low) * _GOLDEN
+        inner = high - (high - low) * _GOLDEN
+        outer = low + (high - low) * _GOLDEN
         base, gates = self.logarithms(np.stack([inner, outer], axis=1))
         # If both logarithms are -inf, the larger y is the better one.
         is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])

@@ -131,8 +131,10 @@ def fast_probability(rule: Gates, snr: FloatArray, slopes: FloatArray, margins: 
 
 def looks_of(rule: Gates, snr: FloatArray, slopes: FloatArray, near: BoolArray) -> GateLooks:
     """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 · others)."""
-    reference, expected = snr[:, rule.reference], snr[:, rule.others].T
-    lower, upper = slopes[:, : len(expected)].T, slopes[:, len(expected) :].T
+    reference = snr[:, rule.reference]
+    expected = snr[:, rule.others].T
+    lower = slopes[:, : len(expected)].T
+    upper = slopes[:, len(expected) :].T
     low = np.where(near[:, 1::3].T, lower, 0.0)
     high = np.where(near[:, 2::3].T & np.isfinite(upper), upper, 0.0)
     shut, open_ = (np.maximum(expected + far, rule.coincidence) for far in (-_FAR, _FAR))
@@ -156,7 +158,8 @@ def panels_of(looks: GateLooks) -> GatePanels:
     cuts = np.clip(np.concatenate([looks.low_from, looks.high_until]), looks.start, looks.stop)
     edges = np.sort(np.concatenate([looks.start[None], cuts, looks.stop[None]]), axis=0)
     panel, row = np.nonzero(edges[1:] > edges[:-1])
-    first, last = edges[panel, row], edges[panel + 1, row]
+    first = edges[panel, row]
+    last = edges[panel + 1, row]
     middle = 0.5 * (first + last)
     moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
     slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
@@ -165,7 +168,9 @@ def panels_of(looks: GateLooks) -> GatePanels:
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     """Return the integrals (p,) over panels in which the same sides vary."""
-    first, last, reference = panels.first, panels.last, panels.looks.reference[panels.row]
+    first = panels.first
+    last = panels.last
+    reference = panels.looks.reference[panels.row]
     passing = ndtr(panels.looks.expected[:, panels.row] - rule.coincidence)
     is_moving = panels.moves[:, 0].reshape(2, -1).any(axis=0)
     if np.any(is_moving):
@@ -181,7 +186,8 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
 
 def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
     """Return the density (m, p) at nodes (m, p) of signals with other bands inside the gates with a varying side."""
-    looks, row = panels.looks, panels.row
+    looks = panels.looks
+    row = panels.row
     off = nodes - looks.reference[row]
     density: FloatArray = np.exp(-0.5 * off * off) * (0.5 / np.pi) ** 0.5
     lows, highs = panels.moves[:, 0].reshape(2, -1)

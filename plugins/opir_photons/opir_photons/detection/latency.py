@@ -31,7 +31,8 @@ def cumulative_probability(detection_probability: ArrayLike, looks: ArrayLike) -
 
     Source: opir-simulator paper (2026), section 4.2.
     """
-    log_miss, count = _log_miss(detection_probability), np.asarray(looks, dtype=np.float64)
+    log_miss = _log_miss(detection_probability)
+    count = np.asarray(looks, dtype=np.float64)
     with np.errstate(invalid="ignore"):
         exponent = np.where(count == 0.0, 0.0, np.where(count >= 0.0, count, np.nan) * log_miss)
     return np.asarray(-np.expm1(exponent))
@@ -52,7 +53,8 @@ def latency_cdf(
     """
     _require_phase(scan_phase)
     time, period, probability = _columns(time_s, scan_period_s, detection_probability)
-    elapsed, step = np.rint(np.maximum(time, 0.0) * _NS), np.rint(period * _NS)
+    elapsed = np.rint(np.maximum(time, 0.0) * _NS)
+    step = np.rint(period * _NS)
     with np.errstate(invalid="ignore", divide="ignore"):
         whole = np.where(np.isinf(elapsed), np.inf, np.floor(elapsed / step))
         part = np.where(np.isinf(elapsed), 0.0, elapsed / step - whole)

@@ -50,7 +50,8 @@ def _near(
 ) -> tuple[IntArray, Exposures, FloatArray]:
     """Return the looks at targets that shone near by a lag earlier: rows, those targets then, angles moved, rad."""
     assert plane.frames is not None
-    targets, past_s = environment.targets, looks.emission_time_s - plane.frames.lag_s
+    targets = environment.targets
+    past_s = looks.emission_time_s - plane.frames.lag_s
     ignition_s = targets.ignition_s[looks.target]
     has_shone = (targets.type_code[looks.target] >= len(TARGET_TYPES)) & (ignition_s <= _STEADY_S)
     rows = np.flatnonzero((past_s > ignition_s) | has_shone)

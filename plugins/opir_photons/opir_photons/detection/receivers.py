@@ -95,7 +95,8 @@ def calibrated(
 
 def _turn(misses: Callable[[float], bool]) -> float:
     """Return the point at which a condition becomes true, by bisection."""
-    low, high = -_DECADES, _DECADES
+    low = -_DECADES
+    high = _DECADES
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if misses(middle) else (middle, high)
@@ -169,7 +170,8 @@ def noise_chance(receiver: Receiver) -> float:
 
 def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
     """Return the receivers of sensors; those of one kind are calibrated once."""
-    receivers, known = list[Receiver](), dict[tuple[Any, ...], Radiometer]()
+    receivers = list[Receiver]()
+    known = dict[tuple[Any, ...], Radiometer]()
     for sensor in sensors:
         receiver = _receiver(sensor, environment)
         if config.calibrate == "paper":

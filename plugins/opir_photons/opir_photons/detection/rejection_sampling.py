@@ -38,7 +38,8 @@ def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray
     """
     is_high = lower > 0.0
     # Positive bounds are mirrored, so that probabilities are lower tails, which have logarithms.
-    low, high = np.where(is_high, -upper, lower), np.where(is_high, -lower, upper)
+    low = np.where(is_high, -upper, lower)
+    high = np.where(is_high, -lower, upper)
     log_high = log_ndtr(high)
     share = np.exp(np.minimum(log_ndtr(low) - log_high, 0.0))
     level = np.where(is_high, 1.0 - uniforms, uniforms)
@@ -52,7 +53,8 @@ def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray
 LEAST_PASSING = 1.0 / 2048.0
 
 #: Tries per round times the acceptance rate, and rounds; one row in exp(_TRIES · _TURNS) is left after all.
-_TRIES, _TURNS = 0.75, 24
+_TRIES = 0.75
+_TURNS = 24
 
 #: Most proposals at once.
 _MOST_AT_ONCE = 1 << 15

@@ -18,14 +18,16 @@ def scan_correlation(
     The mean over bands, for the cell straight below the sensor at the scene's start; 0 without a focal plane or a
     background with structure.
     """
-    background, plane = environment.background, receiver.plane
+    background = environment.background
+    plane = receiver.plane
     if plane is None or not background.structures:
         return np.zeros(len(interval_s))
     start = np.zeros(1)
     at_m = sensor.orbit.position_ecef_m(start)
     view = views(at_m, -at_m, start, environment.epoch_us)
     radiance, rms, number = background.structured_radiances_w_m2_sr(receiver.bands.tolist(), view)
-    range_m, pixel_sr = length(*components(view.point_ecef_m - at_m)), receiver.radiometer.ifov_rad**2
+    range_m = length(*components(view.point_ecef_m - at_m))
+    pixel_sr = receiver.radiometer.ifov_rad**2
     clutter = plane.clutter_w_m2_sr(rms, number, range_m)[:, 0] * pixel_sr
     counts = np.array([receiver.count_w_m2(place) for place in range(len(receiver.bands))])
     photons = photon_noise_w_m2(radiance[:, 0] * pixel_sr, counts)

@@ -76,8 +76,10 @@ class MeasuredColumns:
         error: LineOfSightError,
     ) -> None:
         """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the noise (n, B)."""
-        width, best = measured.shape[1], rule.strength(measured, slopes)
-        self.bands[rows], self.snr[rows] = rule.confirming(measured), best
+        width = measured.shape[1]
+        best = rule.strength(measured, slopes)
+        self.bands[rows] = rule.confirming(measured)
+        self.snr[rows] = best
         self.sigma_rad[rows] = error.sigma_rad(measured, noise, best)
         for band in range(width):
             self.irradiance_w_m2[rows, band] = measured[:, band] * noise[:, band]
@@ -174,12 +176,16 @@ class SnrDetection(DetectionProbability):
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            receiver, spread = self.receivers[number], self._line_of_sight_error(number)
-            rule, width, failed = receiver.rule, len(receiver.bands), []
+            receiver = self.receivers[number]
+            spread = self._line_of_sight_error(number)
+            rule = receiver.rule
+            width = len(receiver.bands)
+            failed = []
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
-                measured, snr = rng.take(part).normals("measurement", width), response.snr[part, :width]
+                measured = rng.take(part).normals("measurement", width)
+                snr = response.snr[part, :width]
                 measured += snr
                 slopes = receiver.slopes(snr, noise, response.sine(part))
                 again = np.flatnonzero(~rule.passes(measured, slopes))
@@ -189,7 +195,8 @@ class SnrDetection(DetectionProbability):
             if len(left):
                 # The bits of a uniform number are exact on every platform, those of a normal number are not.
                 seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
-                snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
+                snr = response.snr[left, :width]
+                noise = response.noise_w_m2[left, :width]
                 slopes = receiver.slopes(snr, noise, response.sine(left))
                 measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
                 found.put(left, measured, noise, rule, slopes, spread)
@@ -216,10 +223,13 @@ class SnrDetection(DetectionProbability):
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
         """Return the irradiances (B, n) of targets at the aperture, W/m²; 0 beyond a sensor's bands."""
-        paths, aspect = self.environment.paths(exposures), self.environment.aspect_rad(exposures)
+        paths = self.environment.paths(exposures)
+        aspect = self.environment.aspect_rad(exposures)
         irradiance = np.zeros((self.width, len(exposures)))
         for number, rows in rows_of_kind:
-            looks, path, bands = exposures.take(rows), paths.take(rows), self.receivers[number].bands.tolist()
+            looks = exposures.take(rows)
+            path = paths.take(rows)
+            bands = self.receivers[number].bands.tolist()
             intensity = self.environment.intensities_w_sr(bands, looks, path.height_m, aspect[rows])
             checked_intensities(intensity, len(bands), len(looks))
             shining = as_slice_if_consecutive(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
@@ -236,7 +246,8 @@ class SnrDetection(DetectionProbability):
             plane = self.receivers[number].plane
             if plane is None or plane.frames is None:
                 continue
-            looks, own = exposures.take(rows), signal[:, rows]
+            looks = exposures.take(rows)
+            own = signal[:, rows]
 
             def irradiance_of(earlier: Exposures, number: int = number) -> FloatArray:
                 return self._irradiance_w_m2(earlier, [(number, slice(0, len(earlier)))])
@@ -249,7 +260,8 @@ class SnrDetection(DetectionProbability):
         sigma_rad = np.empty(len(sensor))
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
             width = len(self.receivers[number].bands)
-            snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
+            snr = response.snr[rows, :width]
+            noise = response.noise_w_m2[rows, :width]
             with np.errstate(divide="ignore"):
                 sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(snr, noise, snr.max(axis=1))
         return sigma_rad
@@ -276,7 +288,8 @@ class SnrDetection(DetectionProbability):
 
     def shortfall_text(self, look: Exposures) -> str:
         """Return by how much a look is below its threshold: the signal is that of one band with the same P_d."""
-        receiver, response = self.receivers[self.alike[look.sensor[0]]], self.response(look)
+        receiver = self.receivers[self.alike[look.sensor[0]]]
+        response = self.response(look)
         assert response.probit is not None
         threshold = receiver.radiometer.threshold
         if response.snr.max() >= threshold:
@@ -298,8 +311,10 @@ class SnrDetection(DetectionProbability):
         has_background = self.environment.has_background
         view = self.environment.views(exposures) if has_background else None
         for number, rows in rows_of_kind:
-            receiver, pixel_sr = self.receivers[number], self.ifov_rad[number] ** 2
-            width, behind = len(receiver.bands), np.zeros((len(receiver.bands), 1))
+            receiver = self.receivers[number]
+            pixel_sr = self.ifov_rad[number] ** 2
+            width = len(receiver.bands)
+            behind = np.zeros((len(receiver.bands), 1))
             if view is not None:
                 radiance, clutter = self._background(receiver, view.take(rows), exposures.sensor_ecef_m[rows])
                 behind = radiance * pixel_sr
@@ -311,7 +326,8 @@ class SnrDetection(DetectionProbability):
 
     def _background(self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
-        background, bands = self.environment.background, receiver.bands.tolist()
+        background = self.environment.background
+        bands = receiver.bands.tolist()
         if receiver.plane is None or not background.structures:
             return checked_radiances_and_clutter(background, bands, view)
         radiance, rms, structure = background.structured_radiances_w_m2_sr(bands, view)
@@ -356,7 +372,8 @@ def _blind_sensors(sensors: Sequence[Sensor], environment: RadiometricEnvironmen
     blind = [sensor for sensor in sensors if sensor.type == "DSP" and _is_long_wave(sensor)]
     if not blind or not environment.has_background:
         return ()
-    ids, first = [sensor.id for sensor in blind], blind[0]
+    ids = [sensor.id for sensor in blind]
+    first = blind[0]
     listed = ids[0] if len(ids) == 1 else f"{ids[0]} and {len(ids) - 1} more"
     words = (
         f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
@@ -384,12 +401,15 @@ def _confirmed(
 
     Confirmation gates and the correlation of clutter are those at the range straight down.
     """
-    confirmed, again = np.ones(len(sensors)), np.empty(len(sensors))
+    confirmed = np.ones(len(sensors))
+    again = np.empty(len(sensors))
     for number, (sensor, receiver) in enumerate(zip(sensors, receivers, strict=True)):
-        radiometer, chance = receiver.radiometer, float(chances[number])
+        radiometer = receiver.radiometer
+        chance = float(chances[number])
         needed, scans = radiometer.confirmation
         height_m = float(heights_m(sensor.orbit.position_ecef_m(np.zeros(1)))[0])
-        period_s, speed_m_s = sensor.scan.period_ns * 1e-9, radiometer.confirmation_speed_m_s
+        period_s = sensor.scan.period_ns * 1e-9
+        speed_m_s = radiometer.confirmation_speed_m_s
         back = np.arange(1.0, max(scans, 2))
         radius = gate_radius_cells(back, period_s, radiometer.ifov_rad, height_m, speed_m_s)
         correlation = scan_correlation(sensor, receiver, environment, period_s * back)

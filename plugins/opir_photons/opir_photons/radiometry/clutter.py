@@ -31,7 +31,8 @@ def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayL
     integral of P over the plane of wavenumbers, over (2π)². Source: P. Guttorp and T. Gneiting, Biometrika 93 (2006)
     989.
     """
-    outer, power = np.asarray(scale, dtype=np.float64), np.asarray(exponent, dtype=np.float64)
+    outer = np.asarray(scale, dtype=np.float64)
+    power = np.asarray(exponent, dtype=np.float64)
     scaled = np.asarray(wavenumber, dtype=np.float64) * outer
     return np.asarray(2.0 * np.pi * (power - 2.0) * np.square(outer) * (1.0 + scaled * scaled) ** (-0.5 * power))
 
@@ -128,7 +129,8 @@ class SpatialTransfer:
             common = self.weight * moved
         else:
             both = 2.0 * self._frame(frames, time)
-            early, late = self._frame(frames, time - frames.lag_s), self._frame(frames, time + frames.lag_s)
+            early = self._frame(frames, time - frames.lag_s)
+            late = self._frame(frames, time + frames.lag_s)
             common = self.weight * moved * (both - early - late)
         field = structure_spectrum(self.wavenumber, scale, exponent)
         left = max(float(self.variance(scale, exponent, frames)), np.finfo(np.float64).tiny)

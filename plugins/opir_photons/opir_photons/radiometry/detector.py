@@ -7,14 +7,18 @@ from opir_core.arrays import FloatArray
 from opir_photons.radiometry.planck import band_photon_radiance
 
 #: Charge of the electron, C, and Boltzmann's constant, J/K (exact in the SI of 2019).
-ELECTRON_C, BOLTZMANN_J_K = 1.602176634e-19, 1.380649e-23
+ELECTRON_C = 1.602176634e-19
+BOLTZMANN_J_K = 1.380649e-23
 
 #: Rule 07: W. E. Tennant et al., J. Electron. Mater. 37 (2008) 1406; "Rule 07 revisited", 39 (2010) 1030. Current
 #: density, A/cm², the factor of the exponent, and the wavelengths, um, and the power of the correction for short
 #: cut-offs, as `rule07_dark_current` of the open program lentil and others quote them from the paper of 2008, which was
 #: not at hand. One has -1.162972237 for the factor: 1 % less current at 10 um and 77 K.
-_DENSITY_A_CM2, _FACTOR = 8367.00001853855, -1.16239134096245
-_SCALE_UM, _THRESHOLD_UM, _POWER = 0.200847413564122, 4.63513642316149, 0.544071281108481
+_DENSITY_A_CM2 = 8367.00001853855
+_FACTOR = -1.16239134096245
+_SCALE_UM = 0.200847413564122
+_THRESHOLD_UM = 4.63513642316149
+_POWER = 0.544071281108481
 #: Photon energy times wavelength, eV um, as in Rule 07.
 _EV_UM = 1.24
 
@@ -28,7 +32,8 @@ def dark_current_density_a_cm2(cutoff_um: ArrayLike, temperature_k: ArrayLike) -
     Cut-off wavelengths, µm, and detector temperatures, K, broadcast. Fitted to data with λ T from 400 to 1700 µm K; the
     dark current of a real array is rarely below it.
     """
-    cutoff, temperature = np.asarray(cutoff_um, dtype=np.float64), np.asarray(temperature_k, dtype=np.float64)
+    cutoff = np.asarray(cutoff_um, dtype=np.float64)
+    temperature = np.asarray(temperature_k, dtype=np.float64)
     short = np.maximum(_SCALE_UM / cutoff - _SCALE_UM / _THRESHOLD_UM, 0.0)
     effective_um = cutoff / (1.0 - short**_POWER)
     with np.errstate(divide="ignore", over="ignore", under="ignore"):
@@ -56,7 +61,8 @@ def warm_optics_photons_per_s(
 
     They fill the cone of the f-number f, of projected solid angle π / (4 f² + 1); all else that the pixel sees is cold.
     """
-    speed, pitch = np.asarray(f_number, dtype=np.float64), np.asarray(pitch_m, dtype=np.float64)
+    speed = np.asarray(f_number, dtype=np.float64)
+    pitch = np.asarray(pitch_m, dtype=np.float64)
     cone = np.pi / (4.0 * speed * speed + 1.0)
     radiance = band_photon_radiance(temperature_k, lower_um, upper_um)
     return np.asarray(np.asarray(emissivity, dtype=np.float64) * radiance * cone * pitch * pitch)

@@ -90,7 +90,8 @@ def _bands(rows: list[_Row]) -> Iterator[Band]:
 def _sky_table(band: Band, rows: list[_Row]) -> SkyTable:
     night = {float(row["look_deg"]): _radiance(row) for row in rows if row["day_night"] == "night"}
     by_sun = {(float(row["look_deg"]), _sun_sine(row)): _radiance(row) for row in rows if row["day_night"] == "day"}
-    looks, suns = sorted({look for look, _ in by_sun}), sorted({sun for _, sun in by_sun})
+    looks = sorted({look for look, _ in by_sun})
+    suns = sorted({sun for _, sun in by_sun})
     # By night LOWTRAN's surface is black and by day it emits 0.9: in long waves day would be the colder (-3.6 K).
     added = [[0.0, *(max(by_sun[look, sun] - night[look], 0.0) for sun in suns)] for look in looks]
     return SkyTable(
@@ -197,9 +198,11 @@ class EarthBackground(Background):
         is_cloudy = np.isfinite(top_m)
         clear, cloudy = (as_slice_if_consecutive(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
         if np.any(is_cloudy):
-            high, sun = _SkyPlaces(top_m[cloudy]), _SkyPlaces(view.sun_elevation_sine[cloudy])
+            high = _SkyPlaces(top_m[cloudy])
+            sun = _SkyPlaces(view.sun_elevation_sine[cloudy])
             radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
-        low, sun = _SkyPlaces(view.elevation_sine[clear]), _SkyPlaces(view.sun_elevation_sine[clear])
+        low = _SkyPlaces(view.elevation_sine[clear])
+        sun = _SkyPlaces(view.sun_elevation_sine[clear])
         radiance[:, clear] = [_sky_radiance(self.skies[band], low, sun) for band in bands]
         if self.sea is not None:
             radiance[:, clear] += self.sea.radiances_w_m2_sr(bands, view.take(clear))
@@ -226,9 +229,11 @@ class _SkyPlaces:
 def earth_background(config: EarthConfig, context: BackgroundContext) -> Background:
     """Return the background of a climate and sky; `ModelError` for a band that the table does not have."""
     require_known_bands(config.bands, context.bands, context.path)
-    skies, clouds = sky_tables(config.climate, config.sky), cloud_tables(config.cloud_albedo)
+    skies = sky_tables(config.climate, config.sky)
+    clouds = cloud_tables(config.cloud_albedo)
     parts = [_parts(band, config.bands, [table.band for table in skies], context.path) for band in context.bands]
-    atmosphere, wind_m_s = context.make_atmosphere(), config.sea_wind_m_s
+    atmosphere = context.make_atmosphere()
+    wind_m_s = config.sea_wind_m_s
     sea = None if wind_m_s is None else SeaGlint.of(context.bands, wind_m_s, atmosphere, context.epoch_us)
     return EarthBackground(
         skies=tuple(tuple((factor, skies[number]) for factor, number in own) for own in parts),
@@ -283,8 +288,10 @@ def _between(
 ) -> FloatArray:
     """Return a table (x, y), linear between its points and constant beyond."""
     (row, across), (column, up) = of_row, of_column
-    flat, at = table.ravel(), row * table.shape[1] + column
-    lower, upper = _along(flat, at, up), _along(flat, at + table.shape[1], up)
+    flat = table.ravel()
+    at = row * table.shape[1] + column
+    lower = _along(flat, at, up)
+    upper = _along(flat, at + table.shape[1], up)
     return lower * (1.0 - across) + upper * across
 
 

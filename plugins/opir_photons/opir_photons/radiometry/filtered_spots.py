@@ -23,7 +23,8 @@ from opir_photons.radiometry.clutter import FrameDifference
 from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
 
 #: Steps of a table of responses to displaced spots, and pixels beyond the filter at which it ends.
-_STEPS, _BEYOND = 2000, 3.0
+_STEPS = 2000
+_BEYOND = 3.0
 
 
 @frozen(eq=False)

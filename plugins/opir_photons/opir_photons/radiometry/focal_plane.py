@@ -29,7 +29,8 @@ _PHASES = (np.arange(32) + 0.5) / 64.0
 #: Gauss-Legendre quadrature over [0, 1].
 _NODES, _WEIGHTS = (0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]]))
 #: Widths, in pixels: beyond the first all phases are alike, beyond the second a spot is a wider one in larger pixels.
-_ALIKE, _SMOOTH = 1.5, 4.0
+_ALIKE = 1.5
+_SMOOTH = 4.0
 
 
 def _floats(*values: ArrayLike) -> list[FloatArray]:
@@ -85,7 +86,8 @@ def ensquared_energy(
     the share is the `mean` of all places, the `best`, at the centre, or the `worst`, at a corner.
     """
     sigma, pixel, count = _floats(sigma_rad, pixel_rad, pixels)
-    inner, outer = 0.5 * (count - 1.0) * pixel, 0.5 * (count + 1.0) * pixel
+    inner = 0.5 * (count - 1.0) * pixel
+    outer = 0.5 * (count + 1.0) * pixel
     scale = math.sqrt(2.0) * sigma
     if phase == "best":
         share = erf(0.5 * count * pixel / scale)
@@ -189,9 +191,11 @@ def _bound(snr: float, width: float, signal: float) -> float:
         larger = width / _SMOOTH
         return larger * _bound(snr / larger, _SMOOTH, signal)
     share, slope = _shares(np.array([width]))
-    share, slope = share[0], slope[0]
+    share = share[0]
+    slope = slope[0]
     if width > _ALIKE:
-        share, slope = share[:1], slope[:1]
+        share = share[:1]
+        slope = slope[:1]
     # Over rows, columns, phases along and phases across; in units of the noise of a pixel.
     both = share[:, None, :, None] * share[None, :, None, :]
     steep = slope[:, None, :, None] * share[None, :, None, :]
@@ -240,7 +244,8 @@ def _shares(width: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the shares of a spot in rows of pixels, and their slopes, (…, phases, rows), for widths in pixels."""
     reach = math.ceil(7.0 * float(np.max(width, initial=1.0))) + 1
     narrow = np.asarray(width)[..., None, None]
-    off, step = (_PHASES[:, None] - np.arange(-reach, reach + 1)) / narrow, 0.5 / narrow
+    off = (_PHASES[:, None] - np.arange(-reach, reach + 1)) / narrow
+    step = 0.5 / narrow
     share = 0.5 * (erf((off + step) / math.sqrt(2.0)) - erf((off - step) / math.sqrt(2.0)))
     return share, (_density(off + step) - _density(off - step)) / narrow
 

@@ -32,7 +32,8 @@ def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
     after.append(2.0 * after[0] - rise[-1])
     slopes = np.vstack([*before, rise, *after])
     bend = np.abs(np.diff(slopes, axis=0))
-    left, right = bend[2:], bend[:-2]
+    left = bend[2:]
+    right = bend[:-2]
     total = left + right
     is_straight = total <= 1e-9 * np.abs(bend).max()
     weighted = (left * slopes[1:-2] + right * slopes[2:-1]) / np.where(is_straight, 1.0, total)
@@ -54,8 +55,10 @@ def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]
 
     The rows of one sky are consecutive, below a line of names.
     """
-    text, beginning = table.read_text(encoding="utf-8"), f"\n{climate},{aerosol},"
-    first, last = text.find(beginning), text.rfind(beginning)
+    text = table.read_text(encoding="utf-8")
+    beginning = f"\n{climate},{aerosol},"
+    first = text.find(beginning)
+    last = text.rfind(beginning)
     if first < 0:
         return {}
     head = text.find("\natmosphere,aerosol,") + 1
@@ -89,7 +92,8 @@ class LimbTable:
 
         `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid of `long_paths`.
         """
-        lowest, lowest_m = np.unique(self.lowest_m), np.linspace(0.0, TOP_M, depth.shape[1])
+        lowest = np.unique(self.lowest_m)
+        lowest_m = np.linspace(0.0, TOP_M, depth.shape[1])
         predicted = predicted_depth(depth, self.lowest_m, self.height_m)
         log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED))
         whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
@@ -130,7 +134,8 @@ BEND = 0.05
 HIGHEST_SLANT = math.asinh(1.0 / BEND)
 
 #: Climbs from the lowest height to the start of a path: square roots, uniform from 0 to that of the highest, √m.
-CLIMBS, HIGHEST_ROOT = 81, math.sqrt(TOP_M)
+CLIMBS = 81
+HIGHEST_ROOT = math.sqrt(TOP_M)
 
 #: Refractive index of air at the ground, less 1: in the infrared, at 7 °C (Edlén, Metrologia 2 (1966), 71).
 _REFRACTIVITY = 2.8e-4
@@ -158,7 +163,8 @@ def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
     Along a ray index, distance from the Earth's centre and sine of the zenith angle have a constant product (Bouguer);
     the refractivity falls with the scale height.
     """
-    radius, index = RADIUS_M + lowest_m, _REFRACTIVITY * np.exp(-height_m / SCALE_HEIGHT_M)
+    radius = RADIUS_M + lowest_m
+    index = _REFRACTIVITY * np.exp(-height_m / SCALE_HEIGHT_M)
     turn = np.asarray(lowest_m + 0.0 * height_m)
     for _ in range(_STEPS):
         turn = lowest_m - radius * (_REFRACTIVITY * np.exp(-turn / SCALE_HEIGHT_M) - index)
@@ -200,7 +206,8 @@ def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: in
 
 def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     turn_m, corner, across, up = places
-    flat, heights = depth.ravel(), depth.shape[1]
+    flat = depth.ravel()
+    heights = depth.shape[1]
     # Bilinear between four corners, in order: here, higher, steeper, both.
     here, higher, steeper, both = (flat.take(corner + step) for step in (0, 1, heights, heights + 1))
     lower = here + across * (steeper - here)

@@ -39,7 +39,8 @@ from opir_photons.row_slices import as_slice_if_consecutive
 GRID_SHAPE = (125, 401)
 
 #: Bounds of optical depth: τ from 1e-26 to almost 1.
-_LEAST, _MOST = 1e-12, 60.0
+_LEAST = 1e-12
+_MOST = 60.0
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_band_transmittance.csv"
 
@@ -72,7 +73,8 @@ def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, Node
     number = np.array([places[name] for name in cells["band"]])
     order = np.lexsort((zenith_deg, height_km, number))
     heights, angles = (np.array(sorted(set(own.tolist()))) for own in (height_km, zenith_deg))
-    limbs, by_band = limb_tables(climate, aerosol, suffix), values[order].reshape(len(bands), len(heights), -1)
+    limbs = limb_tables(climate, aerosol, suffix)
+    by_band = values[order].reshape(len(bands), len(heights), -1)
     return {
         band.name: NodeTable(band, heights * 1e3, np.radians(angles), own, limbs[band.name])
         for band, own in zip(bands, by_band, strict=True)
@@ -189,13 +191,15 @@ def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: Fl
     cosine = np.sqrt((1.0 - elevation_sine) * (1.0 + elevation_sine))
     # 1 - cosine without cancellation.
     drop_m = (RADIUS_M + height_m) * (elevation_sine * elevation_sine / (1.0 + cosine))
-    lowest_m, climb = height_m - drop_m, np.sqrt(drop_m) * ((CLIMBS - 1) / HIGHEST_ROOT)
+    lowest_m = height_m - drop_m
+    climb = np.sqrt(drop_m) * ((CLIMBS - 1) / HIGHEST_ROOT)
     return np.where(lowest_m < 0.0, 0.0, _within(grids, lowest_m, climb))
 
 
 def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArray) -> FloatArray:
     """Return values (bands, n) of extended grids: cubic along heights from 0 to the top, linear across."""
-    rows, heights = grids[0].shape[0], grids[0].shape[1] - 2
+    rows = grids[0].shape[0]
+    heights = grids[0].shape[1] - 2
     across = np.clip(across, 0.0, rows - 1.0)
     up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
     row = np.minimum(across.astype(np.int64), rows - 2)
@@ -216,7 +220,8 @@ def _extended_grid(grid: BandGrid) -> BandGrid:
 
 def _extended(grid: FloatArray) -> FloatArray:
     """Return a grid with one more column at both ends, extrapolated linearly."""
-    before, after = 2.0 * grid[:, 0] - grid[:, 1], 2.0 * grid[:, -1] - grid[:, -2]
+    before = 2.0 * grid[:, 0] - grid[:, 1]
+    after = 2.0 * grid[:, -1] - grid[:, -2]
     return np.concatenate([before[:, None], grid, after[:, None]], axis=1)
 
 
@@ -225,15 +230,19 @@ def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, i
 
     The cubics have the slopes of neighbouring chords (Catmull and Rom, 1974), so that the interpolation has no kinks.
     """
-    flat, width, taps = grid.ravel(), grid.shape[1], []
+    flat = grid.ravel()
+    width = grid.shape[1]
+    taps = []
     for place in range(4):
-        lower, upper = flat.take(at + place), flat.take(at + (width + place))
+        lower = flat.take(at + place)
+        upper = flat.take(at + (width + place))
         upper -= lower
         upper *= across
         upper += lower
         taps.append(upper)
     before, here, beyond, after = taps
-    rise, bend = 0.5 * (beyond - before), 0.5 * (after - here)
+    rise = 0.5 * (beyond - before)
+    bend = 0.5 * (after - here)
     cubic = 2.0 * (here - beyond) + rise + bend
     into[:] = here + up * (rise + up * (beyond - here - rise - cubic + up * cubic))
 

@@ -42,7 +42,8 @@ def filter_weights(kind: str, pixels: int, sigma_rad: float, pixel_rad: float) -
 
 def mean_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
     """Return the mean shares (m, m) of a spot's energy in the pixels of a square about it, over sub-pixel phases."""
-    place, spread = _places(width), sigma_rad / pixel_rad
+    place = _places(width)
+    spread = sigma_rad / pixel_rad
     if spread > _WIDE:
         along = _of_wide_spot(place, spread)
     else:

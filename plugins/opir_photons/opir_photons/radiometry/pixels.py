@@ -22,7 +22,8 @@ def brightness_temperature_k(radiance_w_m2_sr: ArrayLike, band: Band) -> FloatAr
     """
     radiance = np.asarray(radiance_w_m2_sr, dtype=np.float64)
     edges = (band.lower_um, band.upper_um)
-    wanted, temperature = np.log(np.where(radiance > 0.0, radiance, np.nan)), np.full(radiance.shape, 300.0)
+    wanted = np.log(np.where(radiance > 0.0, radiance, np.nan))
+    temperature = np.full(radiance.shape, 300.0)
     for _ in range(_STEPS):
         black = band_radiance(temperature, *edges)
         per_inverse = -np.square(temperature) * band_radiance_slope(temperature, *edges) / black

@@ -87,7 +87,8 @@ def grey_body_intensity(
 
 
 def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> FloatArray:
-    temperature, wavelength = np.asarray(temperature_k, dtype=np.float64), np.asarray(wavelength_um, dtype=np.float64)
+    temperature = np.asarray(temperature_k, dtype=np.float64)
+    wavelength = np.asarray(wavelength_um, dtype=np.float64)
     x = SECOND_RADIATION_UM_K / (wavelength * np.where(temperature < 0.0, np.nan, temperature))
     # In this order, with e⁻ˣ as a square, no factor leaves the range of floats before the result does.
     falling = np.exp(-0.5 * x)
@@ -97,8 +98,10 @@ def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
 def _integral(temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike, power: int) -> FloatArray:
     """Return ∫ xᵖ / (eˣ - 1) dx over a band for p = 2, 3 and, for p = 4, ∫ x⁴ eˣ / (eˣ - 1)² dx."""
-    lower, upper = np.asarray(lower_um, dtype=np.float64), np.asarray(upper_um, dtype=np.float64)
-    short, long = np.minimum(lower, upper), np.maximum(lower, upper)
+    lower = np.asarray(lower_um, dtype=np.float64)
+    upper = np.asarray(upper_um, dtype=np.float64)
+    short = np.minimum(lower, upper)
+    long = np.maximum(lower, upper)
     invalid = (short < 0.0) | (temperature < 0.0) | np.isnan(short + long + temperature)
     start = np.minimum(SECOND_RADIATION_UM_K / (long * temperature), _FARTHEST)
     # The difference of the ends, x(short) - x(long), without cancellation.
@@ -122,7 +125,8 @@ def _integrand(x: FloatArray, power: int) -> FloatArray:
 
 
 #: Bounds of the temperature, K.
-COLDEST_K, HOTTEST_K = 50.0, 20_000.0
+COLDEST_K = 50.0
+HOTTEST_K = 20_000.0
 
 #: Bisections of the interval of 1/T, to 1e-4 of it, before Newton's steps.
 _HALVINGS = 16
@@ -159,7 +163,8 @@ def two_colour_temperature(
     """
     if not (shorter.lower_um < longer.lower_um and shorter.upper_um < longer.upper_um):
         raise ValueError(f"band {shorter.name} does not lie at shorter wavelengths than {longer.name}")
-    first, second = np.asarray(shorter_w, dtype=np.float64), np.asarray(longer_w, dtype=np.float64)
+    first = np.asarray(shorter_w, dtype=np.float64)
+    second = np.asarray(longer_w, dtype=np.float64)
     wanted = np.log(np.where(first > 0.0, first, np.nan)) - np.log(np.where(second > 0.0, second, np.nan))
     temperature = _inverted(np.atleast_1d(wanted), shorter, longer).reshape(wanted.shape)
     relative = np.asarray(shorter_variance) / first**2 + np.asarray(longer_variance) / second**2
@@ -175,7 +180,8 @@ def _inverted(wanted: FloatArray, shorter: Band, longer: Band) -> FloatArray:
     for _ in range(_HALVINGS):
         middle = 0.5 * (cold + hot)
         is_colder = wanted < _log_ratio(1.0 / middle, shorter, longer)
-        cold, hot = np.where(is_colder, cold, middle), np.where(is_colder, middle, hot)
+        cold = np.where(is_colder, cold, middle)
+        hot = np.where(is_colder, middle, hot)
     temperature = 2.0 / (cold + hot)
     for _ in range(_STEPS):
         miss = wanted - _log_ratio(temperature, shorter, longer)

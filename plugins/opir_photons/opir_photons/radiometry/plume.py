@@ -42,11 +42,13 @@ WATER_UM = (5.0, 7.7)
 #: Centres, 1/cm, and strengths, m²/(g cm), of the bands near 6.3 and 2.7 µm: H₂O 41.2; H₂O 25.9 with CO₂ 4.0 at 2.44 g
 #: for each of H₂O, as hydrocarbons burn. Of thin gas. As recalled from D. K. Edwards, Advances in Heat Transfer 12
 #: (1976) 115, which was not at hand: to be taken as notional.
-_WATER, _NEAR_2_7 = (1600.0, 41.2), (3760.0, 25.9 + 2.44 * 4.0)
+_WATER = (1600.0, 41.2)
+_NEAR_2_7 = (3760.0, 25.9 + 2.44 * 4.0)
 
 #: Temperature of the gases over that in afterburning, by altitude, km: without it, and expanding into ever thinner air,
 #: they cool to about 1000 K. Notional.
-_COOLING_KM, _COOLING = (40.0, 60.0, 75.0, 90.0), (1.0, 0.8, 0.65, 0.5)
+_COOLING_KM = (40.0, 60.0, 75.0, 90.0)
+_COOLING = (1.0, 0.8, 0.65, 0.5)
 
 #: The most stages of a plume.
 _MOST_STAGES = 8
@@ -138,7 +140,8 @@ class PlumeSignatures(Signatures):
 
     def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
         """Return the factors of altitude (3, n) of gases, water and particles."""
-        factors, shape = np.empty((3, len(target))), self.shape[target]
+        factors = np.empty((3, len(target)))
+        shape = self.shape[target]
         for number, (points_m, *own) in enumerate(self.shapes):
             rows = slice(None) if len(self.shapes) == 1 else np.flatnonzero(shape == number)
             factors[:, rows] = [np.interp(altitude_m[rows], points_m, each) for each in own]
@@ -262,7 +265,8 @@ def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: fl
 
 def water_intensity_w_sr(swir_w_sr: float, band: Band, gas_k: float) -> float:
     """Return the intensity, W/sr, of hot water near 6.3 µm in a band, by what the gases have in SWIR."""
-    gas, swir = GAS_BANDS_UM["SWIR"], Band("SWIR", *plume_table()["bands_um"]["SWIR"])
+    gas = GAS_BANDS_UM["SWIR"]
+    swir = Band("SWIR", *plume_table()["bands_um"]["SWIR"])
     near_2_7 = swir_w_sr * _radiance(gas_k, gas) / _radiance(gas_k, _overlap(gas, swir))
     share = _radiance(gas_k, _overlap(WATER_UM, band)) / _radiance(gas_k, WATER_UM)
     return max(near_2_7 * _water_ratio(gas_k) * share, 0.0)

@@ -20,7 +20,8 @@ _LEAST = 1e-9
 #: Wavenumber, per pixel, up to which panels are even in logarithm.
 EVEN = 0.25
 #: A Gaussian transfer beyond this many widths is no part of a result; the least blur that is resolved, pixels.
-_FAR, _LEAST_BLUR = 6.0, 0.05
+_FAR = 6.0
+_LEAST_BLUR = 0.05
 #: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
 _MOST_PANELS = 1500
 
@@ -58,7 +59,8 @@ def filter_transfer(
     """
     count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
     angle = np.pi * np.arange(count) / count
-    x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
+    x = wavenumber[:, None] * np.cos(angle)
+    y = wavenumber[:, None] * np.sin(angle)
     place = np.arange(len(weights)) - 0.5 * (len(weights) - 1)
     along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
     return np.asarray(((along @ weights) * across).sum(axis=-1)), x, y
@@ -70,5 +72,6 @@ def radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
     low = np.geomspace(_LEAST, EVEN, 2 * folds + 1)
     panels = min(math.ceil((most - EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)
     edges = np.concatenate([low, np.linspace(EVEN, most, panels + 1)[1:]])
-    half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+    half = 0.5 * np.diff(edges)[:, None]
+    middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
     return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel()

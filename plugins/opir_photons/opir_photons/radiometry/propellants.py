@@ -22,7 +22,9 @@ from opir_photons.radiometry.planck import planck_radiance
 _TABLE = Path(__file__).parents[1] / "data" / "propellants.json"
 
 #: Wavelengths over which the continuum is integrated, µm, and their number: logarithmic, 1e-6 of the total lies beyond.
-_SHORTEST_UM, _LONGEST_UM, _NODES = 0.3, 100.0, 4001
+_SHORTEST_UM = 0.3
+_LONGEST_UM = 100.0
+_NODES = 4001
 
 #: Nodes of a quadrature over one band, in which the continuum is smooth.
 _BAND_NODES, _BAND_WEIGHTS = np.polynomial.legendre.leggauss(48)

@@ -71,7 +71,8 @@ class SeaGlint:
         if not len(rows):
             return radiance
         view = view.take(rows)
-        point, to_sensor = view.point_ecef_m, -view.line_of_sight_ecef
+        point = view.point_ecef_m
+        to_sensor = -view.line_of_sight_ecef
         sun = sun_ecef_m(view.time_s, self.epoch_us)
         to_sun = (sun - point) / length(*components(sun - point))[:, None]
         bisector = to_sun + to_sensor
@@ -80,7 +81,8 @@ class SeaGlint:
         mirrored = reflectance(np.minimum(dot(to_sun, bisector) / size, 1.0), WATER_INDEX)
         share = 0.25 * slope_density(tilt, self.slope_variance) / view.elevation_sine
         share = mirrored * np.minimum(share, 1.0 / SUN_SOLID_ANGLE_SR)
-        ground, above = np.zeros(len(rows)), point + _ABOVE_THE_AIR_M * to_sensor
+        ground = np.zeros(len(rows))
+        above = point + _ABOVE_THE_AIR_M * to_sensor
         down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
         up = Paths(ground, view.elevation_sine, point, above, view.time_s)
         air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(bands, up)

@@ -82,7 +82,8 @@ def glint_signatures(
     config: GlintConfig, emitters: Emitters, position_ecef_m: FloatArray, context: SourceContext
 ) -> GlintSignatures:
     """Return the signatures of patches of water at positions (n, 3)."""
-    sun_k, share = emitters["temperature_k"], emitters["emissivity"]
+    sun_k = emitters["temperature_k"]
+    share = emitters["emissivity"]
     light = [solar_irradiance(band.lower_um, band.upper_um, sun_k) * share for band in context.bands]
     return GlintSignatures(
         sunlight_w_m2=np.maximum(np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0),
@@ -193,7 +194,8 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     """Return bolides: flashes that move straight down through the air."""
     emitters = emitters_of(config, context, is_brief=True)
     start, axes = _starts(emitters)
-    descent, heading = np.radians(emitters["descent_deg"]), np.radians(emitters["heading_deg"])
+    descent = np.radians(emitters["descent_deg"])
+    heading = np.radians(emitters["heading_deg"])
     level = np.cos(descent)
     local = vector(level * np.sin(heading), level * np.cos(heading), -np.sin(descent))
     (east, north, down) = components(local)

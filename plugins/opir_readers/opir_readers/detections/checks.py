@@ -29,7 +29,8 @@ def within_scene(rows: Sequence[Row], when_ns: IntArray, scene: Scene) -> Sequen
     is_in = (when_ns >= 0) & (when_ns <= round(scene.duration_s * _NS))
     if not is_in.any():
         times = SceneTimes(scene.epoch_us, scene.duration_s)
-        first, last = float(when_ns.min()) / _NS, float(when_ns.max()) / _NS
+        first = float(when_ns.min()) / _NS
+        last = float(when_ns.max()) / _NS
         begin, end, own, late = (moment_text(scene.epoch_us * 1e-6 + at) for at in (0.0, scene.duration_s, first, last))
         scale = scale_text(first, times) if "time_s" in rows[0] else "; set the scene's epoch"
         raise BadFileError(
@@ -68,7 +69,8 @@ def _many(columns: RunColumns, plan: Plan, is_odd: BoolArray, words: str) -> Ite
     """Yield, for each sensor with many odd lines of sight, how many and the first."""
     sensor = columns.detections.sensor
     for number in np.unique(sensor[is_odd]).tolist():
-        own, odd = int(np.count_nonzero(sensor == number)), np.flatnonzero(is_odd & (sensor == number))
+        own = int(np.count_nonzero(sensor == number))
+        odd = np.flatnonzero(is_odd & (sensor == number))
         if len(odd) >= _MANY * own:
             where = place_of(columns.rows[int(odd[0])])
             count = f"as {len(odd) - 1} others of {number_of('detection', own)}" if len(odd) > 1 else "alone"

@@ -66,7 +66,9 @@ def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> Run
     sensor = _sensors(rows, plan.sensors, names)
     when = times_ns(rows, plan.scene.epoch_us)
     order = np.lexsort((sensor, when))
-    rows, sensor, when = [rows[place] for place in order.tolist()], sensor[order], when[order]
+    rows = [rows[place] for place in order.tolist()]
+    sensor = sensor[order]
+    when = when[order]
     origin = _positions(rows, sensor, when, plan.sensors)
     reported = _reported_ns(rows, when, plan.scene.epoch_us)
     detections = Detections(

@@ -104,7 +104,8 @@ def _tracked(
 
 def tracked_windows(plan: Plan, columns: RunColumns) -> Iterator[Window]:
     """Yield the windows of a run whose detections are given: with the tracks of the plan's tracker."""
-    engine, reports = Engine(plan), ReportOrder(plan)
+    engine = Engine(plan)
+    reports = ReportOrder(plan)
     empty = Tracks.empty()
     seen = Window(0.0, plan.scene.duration_s, 0, columns.detections, columns.truth, empty, empty)
     yield reports.take(engine.track(seen, plan.end_ns), plan.end_ns)
@@ -122,7 +123,8 @@ def _text(
     files: Mapping[str, Path],
 ) -> str:
     """Return what was read and found, as sentences and tables."""
-    scene, found = plan.scene, columns.detections
+    scene = plan.scene
+    found = columns.detections
     epoch = timestamp_text(np.array([scene.epoch_us]))[0]
     head = (
         f"{arguments.file}: {grouped(len(found))} detections ({reader.name}), {found.time_ns[0] / _NS:.3f} to"

@@ -21,7 +21,8 @@ _DEFAULT_TRACKER = "imm"
 
 #: How long before the first detection a scene starts that names no epoch, and after the last one it ends, s: launches
 #: may be earlier, and a burnout shows by the silence after it.
-_LEAD_S, _TAIL_S = 60, 60
+_LEAD_S = 60
+_TAIL_S = 60
 
 _NS = 1_000_000_000
 

@@ -43,7 +43,9 @@ def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
 
 
 def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
-    segments, block, others = list[TdmSegment](), "", Counter[str]()
+    segments = list[TdmSegment]()
+    block = ""
+    others = Counter[str]()
     for number, line in enumerate(text.split("\n"), 1):
         words = line.split()
         if not words or words[0] == "COMMENT" or (not segments and words[0] != "META_START"):
@@ -78,7 +80,8 @@ def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
 def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     if not segment.angles:
         return
-    kind, system = _kind(segment), segment.meta.get("TIME_SYSTEM", "UTC").upper()
+    kind = _kind(segment)
+    system = segment.meta.get("TIME_SYSTEM", "UTC").upper()
     if system not in SYSTEMS:
         raise BadFileError(
             f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of {', '.join(SYSTEMS)}"
@@ -103,8 +106,11 @@ def _of_gimbals(kind: str, x_deg: float, y_deg: float) -> list[float]:
 
     X turns from the zenith towards east (XEYN) or south (XSYE), Y from there towards north or east.
     """
-    x, y = math.radians(x_deg), math.radians(y_deg)
-    first, second, up = math.cos(y) * math.sin(x), math.sin(y), math.cos(y) * math.cos(x)
+    x = math.radians(x_deg)
+    y = math.radians(y_deg)
+    first = math.cos(y) * math.sin(x)
+    second = math.sin(y)
+    up = math.cos(y) * math.cos(x)
     east, north = (first, second) if kind == "XEYN" else (second, -first)
     return [math.degrees(math.atan2(east, north)) % 360.0, math.degrees(math.asin(max(min(up, 1.0), -1.0)))]
 

@@ -17,14 +17,16 @@ def segments_of_xml(text: str) -> tuple[list[TdmSegment], Counter[str]]:
     """Return the segments of a message, and how many values of other kinds than angles it has."""
     root = xml_root(text)
     messages = [root] if root.name == "tdm" else list(root.all("tdm"))
-    segments, others = list[TdmSegment](), Counter[str]()
+    segments = list[TdmSegment]()
+    others = Counter[str]()
     for node in (segment for message in messages for segment in message.all("segment")):
         segments.append(_segment(node, others))
     return segments, others
 
 
 def _segment(node: XmlNode, others: Counter[str]) -> TdmSegment:
-    meta, data = node.child("metadata"), node.child("data")
+    meta = node.child("metadata")
+    data = node.child("data")
     if meta is None or data is None:
         raise BadFileError(f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}")
     segment = TdmSegment(meta.line, {each.name: each.text for each in meta.children if each.name != "COMMENT"})

@@ -94,7 +94,9 @@ def _day(text: str) -> np.datetime64:
 
 
 def _seconds(minute: str, second: str | None) -> int:
-    hours, minutes, seconds = int(minute[:2]), int(minute[3:]), int((second or ":0")[1:])
+    hours = int(minute[:2])
+    minutes = int(minute[3:])
+    seconds = int((second or ":0")[1:])
     if hours > 23 or minutes > 59 or seconds > 59:
         raise ValueError
     return 3600 * hours + 60 * minutes + seconds

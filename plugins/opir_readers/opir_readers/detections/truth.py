@@ -45,7 +45,8 @@ def _nearest(detections: Detections, plan: Plan) -> IndexArray:
         _, _, angle = _looks(detections, plan, rows, np.full(len(rows), number, dtype=np.int32))
         off = angle / sigma[rows]
         nearer = rows[off < least[rows]]
-        target[nearer], least[nearer] = number, off[off < least[rows]]
+        target[nearer] = number
+        least[nearer] = off[off < least[rows]]
     return target
 
 
@@ -60,8 +61,10 @@ def _looks(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return ranges, m, times of emission, s, and angles between line of sight and target, rad; inf where there is no
     target."""
-    time_s, origin = detections.time_s[rows], detections.sensor_ecef_m[rows]
-    first, last = plan.targets.ignition_s[target], plan.targets.end_s[target]
+    time_s = detections.time_s[rows]
+    origin = detections.sensor_ecef_m[rows]
+    first = plan.targets.ignition_s[target]
+    last = plan.targets.end_s[target]
     emission_s = np.clip(time_s, first, last)
     for _ in range(2 if plan.scene.light_time else 1):
         offset = plan.targets.position_ecef_m(target, emission_s) - origin

@@ -19,7 +19,8 @@ LEAST_THRUST_M_S2 = 2.0
 AIRLESS_M = 60_000.0
 
 #: Half of the time over which accelerations are averaged, s, and the shortest burns and gaps that are separated, s.
-_HALF_S, _SHORTEST_S = 1.0, 3.0
+_HALF_S = 1.0
+_SHORTEST_S = 3.0
 
 
 def with_burns_of_acceleration(table: StateTable) -> StateTable:
@@ -49,7 +50,8 @@ def is_thrusting(table: StateTable) -> BoolArray:
 def _specific_force(table: StateTable) -> tuple[FloatArray, FloatArray]:
     """Return accelerations without gravity, m/s², and unit vectors of the velocity, (n, 3), at the states."""
     curve = interpolant([table])
-    force, axis = np.zeros_like(table.position_m), np.zeros_like(table.position_m)
+    force = np.zeros_like(table.position_m)
+    axis = np.zeros_like(table.position_m)
     for rows in runs(table):
         time_s = table.time_s[rows]
         if len(rows) < 2:
@@ -67,8 +69,10 @@ def _specific_force(table: StateTable) -> tuple[FloatArray, FloatArray]:
 
 def _rotating(position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
     """Return by how much accelerations in space exceed those over the turning Earth: Coriolis and centripetal."""
-    x, y = position_m[:, 0], position_m[:, 1]
-    vx, vy = velocity_m_s[:, 0], velocity_m_s[:, 1]
+    x = position_m[:, 0]
+    y = position_m[:, 1]
+    vx = velocity_m_s[:, 0]
+    vy = velocity_m_s[:, 1]
     omega = EARTH_ROTATION_RAD_S
     return np.stack([-2 * omega * vy - omega**2 * x, 2 * omega * vx - omega**2 * y, np.zeros_like(x)], axis=1)
 
@@ -85,10 +89,12 @@ def _gravity(position_m: FloatArray) -> FloatArray:
 def burns_s(time_s: FloatArray, is_burning: BoolArray) -> FloatArray:
     """Return burns (k, 2) from states that thrust; short burns and short gaps are taken for noise."""
     edge = np.diff(np.concatenate([[0], is_burning.astype(np.int8), [0]]))
-    starts, ends = np.flatnonzero(edge > 0), np.flatnonzero(edge < 0) - 1
+    starts = np.flatnonzero(edge > 0)
+    ends = np.flatnonzero(edge < 0) - 1
     spans: list[list[float]] = []
     for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
-        start, end = _edge_s(time_s, first, first - 1), _edge_s(time_s, last, last + 1)
+        start = _edge_s(time_s, first, first - 1)
+        end = _edge_s(time_s, last, last + 1)
         if spans and start - spans[-1][1] < _SHORTEST_S:
             spans[-1][1] = end
         else:

@@ -136,7 +136,8 @@ def _heights(values: Mapping[str, FloatArray], ground_m: float) -> FloatArray:
 
 
 def _require_degrees(columns: NamedColumns) -> None:
-    latitude, longitude = columns.values["lat"], columns.values["lon"]
+    latitude = columns.values["lat"]
+    longitude = columns.values["lon"]
     # RocketPy names the unit of latitudes, or none: degrees either way.
     for row in np.flatnonzero((np.abs(latitude) > 0.5 * np.pi) | (np.abs(longitude) > 2.0 * np.pi)).tolist():
         raise BadFileError(f"line {columns.line_of(row)}: latitude and longitude are no place on the Earth")
@@ -160,7 +161,8 @@ def _burns(text: str, columns: NamedColumns) -> FloatArray | None:
 def _of_events(text: str) -> list[tuple[float, float]]:
     """Return burns from the events IGNITION (or LAUNCH) and BURNOUT, in order of time."""
     events = [(float(time.replace(",", ".")), name) for name, time in _EVENT.findall(text) if _is_number(time)]
-    spans, lit = [], list[float]()
+    spans = []
+    lit = list[float]()
     for time, name in sorted(events, key=lambda event: event[0]):
         if name == "IGNITION" or (name == "LAUNCH" and not lit):
             lit.append(time)

@@ -93,8 +93,10 @@ def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
 
     Each run is smoothed on its own. Raises `BadFileError` for runs with few states.
     """
-    position, velocity = np.empty_like(table.position_m), np.empty_like(table.position_m)
-    left, outliers = 0.0, 0
+    position = np.empty_like(table.position_m)
+    velocity = np.empty_like(table.position_m)
+    left = 0.0
+    outliers = 0
     for rows in runs(table):
         if len(rows) < _FEWEST:
             raise BadFileError(
@@ -105,7 +107,8 @@ def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
             fit = smoothing_spline(table.time_s[rows], table.position_m[rows, axis], noise_m)
             position[rows, axis] = fit.at(table.time_s[rows])
             velocity[rows, axis] = fit.at(table.time_s[rows], 1)
-            left, outliers = left + fit.residual**2 * len(rows), outliers + fit.outliers
+            left = left + fit.residual**2 * len(rows)
+            outliers = outliers + fit.outliers
     rms = (left / (3.0 * len(table.time_s))) ** 0.5
     more = f", {outliers} coordinates left out" if outliers else ""
     note = f"smoothed to a noise of {noise_m:g} m: {rms:.3g} m rms are left per axis{more}"

@@ -27,10 +27,13 @@ from opir_readers.flights.smoothing import Smoothed, rounding_sigma, smoothing_s
 from opir_readers.states import MOST_BURNS
 
 _HEAD = 4000
-_EARTH_RADIUS_M, _GRAVITY_M_S2 = 6_371_000.0, 9.81
+_EARTH_RADIUS_M = 6_371_000.0
+_GRAVITY_M_S2 = 9.81
 
 #: The fewest values, and the least noise that is assumed, m and m/s: no webcast is better.
-_FEWEST, _LEAST_HEIGHT_M, _LEAST_SPEED_M_S = 20, 1.0, 0.05
+_FEWEST = 20
+_LEAST_HEIGHT_M = 1.0
+_LEAST_SPEED_M_S = 0.05
 
 #: The longest time that a row stands for, s: what is between is as long as the splines make it, not as the file.
 _MOST_S_A_ROW = 30.0
@@ -173,7 +176,8 @@ def _of_csv(text: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     if min(places.values()) < 0:
         raise BadFileError("line 1: names no time, speed and altitude")
     values = np.array([[_cell(row, place) for place in places.values()] for row in rows[1:]]).reshape(-1, 3)
-    speed, altitude = names[places["speed"]], names[places["altitude"]]
+    speed = names[places["speed"]]
+    altitude = names[places["altitude"]]
     is_km = altitude.endswith("_km") or (
         altitude == "altitude" and np.nanmax(np.abs(values[:, 2]), initial=0.0) < 5000.0
     )
@@ -194,9 +198,13 @@ def _cell(row: Sequence[str], place: int) -> float:
 def _in_order(time_s: FloatArray, speed: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the rows with all three numbers, each time once."""
     good = np.isfinite(time_s) & (np.isfinite(speed) | np.isfinite(height))
-    time_s, speed, height = time_s[good], speed[good], height[good]
+    time_s = time_s[good]
+    speed = speed[good]
+    height = height[good]
     order = np.unique(time_s, return_index=True)[1]
-    time_s, speed, height = time_s[order], speed[order], height[order]
+    time_s = time_s[order]
+    speed = speed[order]
+    height = height[order]
     if np.count_nonzero(np.isfinite(speed)) < _FEWEST or np.count_nonzero(np.isfinite(height)) < _FEWEST:
         raise BadFileError(f"has {len(time_s)} rows with time, speed and altitude; at least {_FEWEST} are needed")
     if time_s[-1] - time_s[0] > _MOST_S_A_ROW * len(time_s):
@@ -216,7 +224,8 @@ def _fits(
     speed_noise_m_s: float | None,
 ) -> tuple[tuple[Smoothed, Smoothed], tuple[str, ...]]:
     """Return the splines of speed and height, and notes for the user."""
-    fits, words = [], []
+    fits = []
+    words = []
     for name, unit, values, given, least in (
         ("speed", "m/s", speed, speed_noise_m_s, _LEAST_SPEED_M_S),
         ("altitude", "m", height, height_noise_m, _LEAST_HEIGHT_M),
@@ -236,7 +245,8 @@ def _fits(
 
 def _grid(time_s: FloatArray, events: Mapping[str, float]) -> FloatArray:
     """Return the times of the states: every second, and those of the events."""
-    first, last = float(time_s[0]), float(time_s[-1])
+    first = float(time_s[0])
+    last = float(time_s[-1])
     count = max(math.ceil((last - first) / _STEP_S), 2)
     inside = [time for time in events.values() if first < time < last]
     grid = np.unique(np.concatenate([np.linspace(first, last, count + 1), inside]))
@@ -287,7 +297,9 @@ def _ground_track(
     Over the rotating Earth the heading of what no side force acts on turns by the Coriolis acceleration across it,
     2 Ω (v sin φ - climb cos φ cos ψ) / v, and by the convergence of meridians, v sin ψ tan φ / r.
     """
-    latitude, longitude, heading = site.latitude_rad, site.longitude_rad, site.azimuth_rad
+    latitude = site.latitude_rad
+    longitude = site.longitude_rad
+    heading = site.azimuth_rad
     track = [(latitude, longitude, heading)]
     step = float(time_s[1] - time_s[0])
     for v, up, h in zip(level[:-1].tolist(), climb[:-1].tolist(), height[:-1].tolist(), strict=True):
@@ -308,14 +320,16 @@ def _ground_track(
 
 def _radii(latitude: float, height: float) -> tuple[float, float]:
     """Return the radii of curvature of meridian and prime vertical at a height, m."""
-    a, e2 = EARTH_EQUATORIAL_RADIUS_M, EARTH_ECCENTRICITY_SQUARED
+    a = EARTH_EQUATORIAL_RADIUS_M
+    e2 = EARTH_ECCENTRICITY_SQUARED
     w = 1.0 - e2 * math.sin(latitude) ** 2
     return a * (1.0 - e2) / w**1.5 + height, a / math.sqrt(w) + height
 
 
 def _is_thrusting(time_s: FloatArray, fits: tuple[Smoothed, Smoothed]) -> BoolArray:
     """Return when (n,) the speed changes as with an engine: gravity slows the climb, and drag only what is low."""
-    speed, height = np.maximum(fits[0].at(time_s), 1.0), fits[1].at(time_s)
+    speed = np.maximum(fits[0].at(time_s), 1.0)
+    height = fits[1].at(time_s)
     gravity = _GRAVITY_M_S2 * (_EARTH_RADIUS_M / (_EARTH_RADIUS_M + height)) ** 2
     along = fits[0].at(time_s, 1) + gravity * np.clip(fits[1].at(time_s, 1) / speed, -1.0, 1.0)
     is_moving = fits[0].at(time_s) > 3.0
@@ -324,7 +338,8 @@ def _is_thrusting(time_s: FloatArray, fits: tuple[Smoothed, Smoothed]) -> BoolAr
 
 def _burns_of_events(events: Mapping[str, float], grid: FloatArray) -> FloatArray | None:
     """Return the burns (k, 2) that events tell, None where they tell none."""
-    first, last = float(grid[0]), float(grid[-1])
+    first = float(grid[0])
+    last = float(grid[-1])
     spans = []
     for start, end in _BURNS:
         if end in events and (not start or start in events):

@@ -19,7 +19,8 @@ from opir_readers.xml_nodes import root_name, xml_root
 Elements = Mapping[str, Any]
 
 _NEEDED = ("MEAN_MOTION", "ECCENTRICITY", "INCLINATION")
-_FIRST, _SECOND = re.compile(r"1 [ \dA-Z][ \d]{4}"), re.compile(r"2 [ \dA-Z][ \d]{4}")
+_FIRST = re.compile(r"1 [ \dA-Z][ \d]{4}")
+_SECOND = re.compile(r"2 [ \dA-Z][ \d]{4}")
 _COLUMNS = 69
 
 
@@ -144,7 +145,8 @@ def tle_elements(text: str) -> Sequence[Elements]:
 def _sets(text: str) -> Iterator[Elements]:
     lines = [(number, line.rstrip()) for number, line in enumerate(text.split("\n"), 1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
-    name, place = "", 0
+    name = ""
+    place = 0
     while place < len(lines):
         number, line = lines[place]
         if not _FIRST.match(line):
@@ -156,7 +158,8 @@ def _sets(text: str) -> Iterator[Elements]:
         if place + 1 == len(lines) or not _SECOND.match(lines[place + 1][1]):
             raise BadFileError(f"line {number}: the first line of elements has no second one below it")
         yield _set(name, (number, line), lines[place + 1])
-        name, place = "", place + 2
+        name = ""
+        place = place + 2
 
 
 def _set(name: str, first: tuple[int, str], second: tuple[int, str]) -> Elements:
@@ -197,6 +200,7 @@ def _epoch_text(text: str) -> str:
     """Return the epoch of a TLE as a date: the year's last two digits, 57 to 99 of the last century, and its day."""
     from datetime import datetime, timedelta
 
-    year, day = int(text[:2]), float(text[2:])
+    year = int(text[:2])
+    day = float(text[2:])
     start = datetime(year + (1900 if year >= 57 else 2000), 1, 1)
     return (start + timedelta(days=day - 1.0)).isoformat()

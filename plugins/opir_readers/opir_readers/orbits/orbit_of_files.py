@@ -102,7 +102,8 @@ class EphemerisMotion:
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities (n, 3) at scene times (n,)."""
-        first, last = float(self.table.time_s[0]), float(self.table.time_s[-1])
+        first = float(self.table.time_s[0])
+        last = float(self.table.time_s[-1])
         before, after = (min(_BEYOND_S, float(step)) for step in np.diff(self.table.time_s)[[0, -1]])
         outside = np.flatnonzero((time_s < first - before) | (time_s > last + after))
         if len(outside):

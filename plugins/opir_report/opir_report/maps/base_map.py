@@ -21,11 +21,13 @@ _KM_PER_DEG = 111.195
 #: Closed curves with no more points enclose nothing.
 _FEWEST = 3
 #: Points of a line of the graticule, and places across a map at which the graticule's extent is found.
-_LINE_POINTS, _SAMPLES = 121, 25
+_LINE_POINTS = 121
+_SAMPLES = 25
 #: A map with more parallels has labels on them where the left edge has hardly any.
 _FEW_PARALLELS = 4
 #: Least distance of the labels below a map, as a share of its width; below one of the whole Earth, whose pole is short.
-_APART, _APART_WORLD = 0.2, 0.17
+_APART = 0.2
+_APART_WORLD = 0.17
 
 
 @cache
@@ -75,8 +77,10 @@ def _world_graticule(axes: Axes, projection: WorldProjection) -> None:
     """Draw meridians and parallels, labelled below the map and left of it."""
     axes.grid(False)
     first = np.ceil((projection.longitude_deg - 180.0) / 60.0) * 60.0
-    meridians, parallels = np.arange(first, first + 359.0, 60.0), np.arange(-60.0, 61.0, 30.0)
-    along, around = np.linspace(-90.0, 90.0, _LINE_POINTS), projection.longitude_deg + np.linspace(-179.9, 179.9, 361)
+    meridians = np.arange(first, first + 359.0, 60.0)
+    parallels = np.arange(-60.0, 61.0, 30.0)
+    along = np.linspace(-90.0, 90.0, _LINE_POINTS)
+    around = projection.longitude_deg + np.linspace(-179.9, 179.9, 361)
     for longitude in meridians:
         _draw_grid(axes, projection, along, np.full(len(along), longitude))
     for latitude in parallels:
@@ -115,8 +119,10 @@ def drawn_region(
     `ratio` is width over height, `parts` the most meridians of the graticule.
     """
     flat = projection.points(places[:, 0], places[:, 1])
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    middle, span = 0.5 * (low + high), 1.25 * (high - low)
+    low = flat.min(axis=0)
+    high = flat.max(axis=0)
+    middle = 0.5 * (low + high)
+    span = 1.25 * (high - low)
     width = max(float(span[0]), ratio * float(span[1]), least_km)
     half = 0.5 * np.array([width, width / ratio])
     (west, south), (east, north) = middle - half, middle + half
@@ -186,11 +192,13 @@ def _seen(
     places = np.degrees(projection.places(np.stack([each.ravel() for each in across], axis=1)))
     centre_deg = np.degrees(projection.centre[1])
     east = np.mod(places[:, 1] - centre_deg + 180.0, 360.0) - 180.0
-    low, high = float(east.min()) + centre_deg, float(east.max()) + centre_deg
+    low = float(east.min()) + centre_deg
+    high = float(east.max()) + centre_deg
     pole = projection.points(np.radians(np.array([90.0, -90.0])), np.zeros(2))
     has_pole = (pole[:, 0] > x[0]) & (pole[:, 0] < x[1]) & (pole[:, 1] > y[0]) & (pole[:, 1] < y[1])
     if has_pole.any():
-        low, high = -180.0, 180.0 - 2.0 * step_deg
+        low = -180.0
+        high = 180.0 - 2.0 * step_deg
     bottom = -90.0 if has_pole[1] else float(places[:, 0].min())
     top = 90.0 if has_pole[0] else float(places[:, 0].max())
     return _multiples(bottom, top, step_deg), _multiples(low, high, step_deg)

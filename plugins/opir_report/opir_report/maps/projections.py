@@ -13,7 +13,8 @@ from opir_core.arrays import FloatArray
 from opir_report.maps.clipping import clipped, dense
 from opir_report.maps.spheres import EARTH_RADIUS_KM, area_sr, latitudes_longitudes, refined, turns, unit_vectors
 
-_HALF_TURN_DEG, _POLE_DEG = 180.0, 90.0
+_HALF_TURN_DEG = 180.0
+_POLE_DEG = 90.0
 _SPHERE_SR = 4.0 * np.pi
 #: Areas between this one and zero come from rounding, sr.
 _ROUNDING_SR = 1e-3
@@ -21,9 +22,11 @@ _ROUNDING_SR = 1e-3
 _STEP_DEG = 2.0
 #: Longest step on an azimuthal map, Earth's radii, and the halvings that reach it: near the point opposite to the
 #: centre a short edge goes far around the map.
-_LONGEST_STEP, _HALVINGS = 0.2, 40
+_LONGEST_STEP = 0.2
+_HALVINGS = 40
 #: The polynomial of the Equal Earth projection, and half the root of 3.
-_EQUAL_EARTH, _HALF_ROOT_3 = (1.340264, -0.081106, 0.000893, 0.003796), 0.5 * np.sqrt(3.0)
+_EQUAL_EARTH = (1.340264, -0.081106, 0.000893, 0.003796)
+_HALF_ROOT_3 = 0.5 * np.sqrt(3.0)
 
 
 def equal_earth(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -122,7 +125,8 @@ def _background(rings: Sequence[FloatArray], flat_sr: float, edge: Callable[[int
 
 def _repeated(line: FloatArray) -> list[FloatArray]:
     """Return a line moved by whole turns to each place where it meets the map."""
-    west, east = float(line[:, 0].min()), float(line[:, 0].max())
+    west = float(line[:, 0].min())
+    east = float(line[:, 0].max())
     first = int(np.ceil((-_HALF_TURN_DEG - east) / (2 * _HALF_TURN_DEG)))
     last = int(np.floor((_HALF_TURN_DEG - west) / (2 * _HALF_TURN_DEG)))
     return [line + np.array([2 * _HALF_TURN_DEG * turn, 0.0]) for turn in range(first, last + 1)]
@@ -133,7 +137,8 @@ class RegionProjection:
 
     def __init__(self, latitude_rad: float, longitude_rad: float) -> None:
         self.centre = latitude_rad, longitude_rad
-        sine, cosine = np.sin(latitude_rad), np.cos(latitude_rad)
+        sine = np.sin(latitude_rad)
+        cosine = np.cos(latitude_rad)
         east = np.array([-np.sin(longitude_rad), np.cos(longitude_rad), 0.0])
         up = np.array([cosine * np.cos(longitude_rad), cosine * np.sin(longitude_rad), sine])
         self._axes = np.stack([east, np.cross(up, east), up])

@@ -42,7 +42,8 @@ def refined(line: FloatArray, step_rad: float = 0.02) -> FloatArray:
 def cap(latitude_rad: float, longitude_rad: float, radius_rad: float, points: int = 181) -> FloatArray:
     """Return the edge (points, 2) of a spherical cap about a centre, closed."""
     bearing = -np.linspace(0.0, _TURN, points)
-    sine, cosine = np.sin(radius_rad), np.cos(radius_rad)
+    sine = np.sin(radius_rad)
+    cosine = np.cos(radius_rad)
     latitude = np.arcsin(
         np.clip(np.sin(latitude_rad) * cosine + np.cos(latitude_rad) * sine * np.cos(bearing), -1.0, 1.0)
     )

@@ -20,7 +20,8 @@ _CONDITIONS = (
 
 def method_section(study: SavedStudy) -> ReportSection:
     """Return the section."""
-    definition, first = study.definition, study.rows(next(iter(study.units)))
+    definition = study.definition
+    first = study.rows(next(iter(study.units)))
     seeds = f"seeds {first['first_seed'].min()} to {first['last_seed'].max()}" if len(first) else "-"
     counts = sorted({int(each) for each in first["runs"].tolist()})
     runs = grouped(counts[0]) if len(counts) == 1 else f"{grouped(counts[0])} to {grouped(counts[-1])}"

@@ -35,7 +35,8 @@ def response_section(study: SavedStudy) -> ReportSection | None:
         return None
     parts: list[ReportFigure] = []
     for each in figures:
-        draw, words = partial(main_effects_figure, study=study, figure=each), f"{words_of(study, each)}: {_MAIN}"
+        draw = partial(main_effects_figure, study=study, figure=each)
+        words = f"{words_of(study, each)}: {_MAIN}"
         parts.append(figure_of(f"main-effects-{each}", draw, 3.4, (words, words), main_effect_rows(study, each)))
     if interaction_pairs(study, figures[0]):
         parts.append(_interactions(study, figures[0]))

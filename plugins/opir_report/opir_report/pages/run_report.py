@@ -22,7 +22,8 @@ def write_run_report(run: Run, path: Path, *, with_data: bool = True) -> list[Pa
 def run_page(run: Run) -> ReportPage:
     """Return the page of a run."""
     plots = RunPlots(run)
-    counts, scene = run.summary["counts"], run.plan.scene
+    counts = run.summary["counts"]
+    scene = run.plan.scene
     names = ("sensors", "targets", "detections", "looks", "tracks")
     totals = ", ".join(f"{grouped(counts[name])} {name}" for name in names)
     subtitle = f"{totals}; {scene.duration_s:g} s, seed {scene.seed}"

@@ -23,7 +23,8 @@ from opir_report.plots.timeline import detection_counts, timeline
 from opir_report.run_plots import MAP_IN, WORLD_IN, RunPlots, timeline_height_in
 
 #: Targets with a map of their impact, and with plots of their signal.
-_IMPACTS_SHOWN, _SIGNALS_SHOWN = 6, 2
+_IMPACTS_SHOWN = 6
+_SIGNALS_SHOWN = 2
 #: Rows of a table.
 _ROWS_SHOWN = 20
 
@@ -71,7 +72,8 @@ def figure_of(
 
 def map_section(plots: RunPlots) -> ReportSection:
     """Return the maps."""
-    run, count = plots.facts.run, len(plots.facts.ids)
+    run = plots.facts.run
+    count = len(plots.facts.ids)
     alt = f"Map of {count} launches with ground tracks, impacts and predicted impact regions"
     launches = figure_of(
         "launches", lambda figure: plots.map(figure.add_subplot()), MAP_IN, (alt, _LAUNCHES), plots.ground_tracks
@@ -172,7 +174,8 @@ def identity_section(plots: RunPlots) -> ReportSection | None:
     """Return what tracks may be, and the other hot sources, if the tracker weighs hypotheses or there are sources."""
     facts = plots.facts
     parts: list[ReportFigure | ReportTable] = []
-    data, shown = hypothesis_history(facts), weighed_tracks(facts)
+    data = hypothesis_history(facts)
+    shown = weighed_tracks(facts)
     if len(data):
 
         def draw(figure: Figure) -> None:
@@ -235,7 +238,8 @@ def track_section(plots: RunPlots) -> ReportSection | None:
 
 def provenance_section(plots: RunPlots) -> ReportSection:
     """Return what the run was made of."""
-    manifest, scene = plots.facts.run.manifest, plots.facts.plan.scene
+    manifest = plots.facts.run.manifest
+    scene = plots.facts.plan.scene
     versions = ", ".join(f"{name} {version}" for name, version in manifest["versions"].items())
     rows = [
         ("scene", scene.name),

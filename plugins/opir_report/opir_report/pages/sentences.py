@@ -55,8 +55,11 @@ def range_sentence(study: SavedStudy, figure: str) -> str:
     """Return where the mean of a figure is lowest and highest."""
     rows = study.rows(figure)
     rows = rows.where(np.isfinite(rows["mean"]))
-    labels, means, words = study.labels(rows), rows["mean"].tolist(), words_of(study, figure)
-    low, high = int(np.argmin(means)), int(np.argmax(means))
+    labels = study.labels(rows)
+    means = rows["mean"].tolist()
+    words = words_of(study, figure)
+    low = int(np.argmin(means))
+    high = int(np.argmax(means))
     if low == high or means[low] == means[high]:
         return f"{words}: {mean_text(study, rows, low)}{' in all designs' if len(rows) > 1 else ''}"
     ends = (f"{mean_text(study, rows, each)} ({labels[each]})" for each in (low, high))
@@ -65,7 +68,8 @@ def range_sentence(study: SavedStudy, figure: str) -> str:
 
 def requirement_words(study: SavedStudy, requirement: Mapping[str, Any]) -> str:
     """Return a requirement in words, `warning time at least 900 s`."""
-    figure, limit = requirement["figure"], requirement["limit"]
+    figure = requirement["figure"]
+    limit = requirement["limit"]
     unit = shown_unit(study.units[figure], np.array([limit]))
     value = axis_label(number_words(limit / unit.divisor), unit.unit).replace(", ", " ")
     return f"{words_of(study, figure)} {'at least' if requirement['is_least'] else 'at most'} {value}"
@@ -115,7 +119,8 @@ def _designs_of(study: SavedStudy, part: Part) -> IntArray:
 
 def is_surely_met(study: SavedStudy, requirement: Mapping[str, Any]) -> BoolArray:
     """Return whether the whole 95 % interval of each design's mean meets a requirement; one run has no interval."""
-    rows, limit = study.rows(requirement["figure"]), requirement["limit"]
+    rows = study.rows(requirement["figure"])
+    limit = requirement["limit"]
     # A figure that is the same in all runs has an interval without width.
     ends = rows["low_95" if requirement["is_least"] else "high_95"]
     return np.asarray(ends >= limit if requirement["is_least"] else ends <= limit)
@@ -130,7 +135,8 @@ def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str
         is_met &= study.is_met(each)
         is_sure &= is_surely_met(study, each)
     asked = ", ".join(requirement_words(study, each) for each in study.requirements)
-    sure, in_mean = int(is_sure[own].sum()), int((is_met & ~is_sure)[own].sum())
+    sure = int(is_sure[own].sum())
+    in_mean = int((is_met & ~is_sure)[own].sum())
     more = f" ({in_mean} more by the mean alone)" if in_mean else ""
     words = f"{sure} of {len(own)} designs meet {asked} with the whole 95 % interval{more}"
     if not sure:
@@ -191,7 +197,8 @@ def _settings_sentence(study: SavedStudy, part: Part, figure: str) -> str:
 def _ends_words(study: SavedStudy, own: IntArray, figure: str) -> str:
     """Return how a figure goes from the first to the last design of some, "" where it has no value."""
     rows = study.rows(figure)
-    first, last = int(own[0]), int(own[-1])
+    first = int(own[0])
+    last = int(own[-1])
     if not np.isfinite(rows["mean"][[first, last]]).all():
         return ""
     return f"{words_of(study, figure)} goes from {mean_text(study, rows, first)} to {mean_text(study, rows, last)}"

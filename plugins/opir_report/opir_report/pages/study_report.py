@@ -30,7 +30,9 @@ from opir_report.saved_study import SavedStudy, joined_studies, read_study
 from opir_report.words import axis_label, number_words, setting_words
 
 #: Figures of the answer, designs whose differences are drawn, and rows of a table.
-_ANSWERS, _DIFFERENCES_SHOWN, _ROWS_SHOWN = 4, 16, 60
+_ANSWERS = 4
+_DIFFERENCES_SHOWN = 16
+_ROWS_SHOWN = 60
 _EFFECT = (
     "Mean over runs with its 95 % interval, cut at 0 where no run has less, and at 1 for shares of launches. All"
     " designs see the same random numbers, so differences are more precise than the intervals of the means suggest."

@@ -40,7 +40,8 @@ def confidences(facts: RunFacts) -> FigureData:
 
 
 def _rows(facts: RunFacts, hue: Hue) -> list[tuple[object, ...]]:
-    run, ignition_s = facts.run, facts.plan.targets.ignition_s
+    run = facts.run
+    ignition_s = facts.plan.targets.ignition_s
     targets = [target for target in range(facts.launches) if facts.hues.of_target[target] == hue]
     own = np.flatnonzero(np.isin(run.truth.target, targets))
     if not len(own):
@@ -64,7 +65,8 @@ def _rows(facts: RunFacts, hue: Hue) -> list[tuple[object, ...]]:
 
 def _track_chances(facts: RunFacts, targets: Sequence[int], since_s: NDArray[Any]) -> FloatArray:
     """Return the mean probability (n,) of the likeliest type of targets' tracks at times since ignition (n,)."""
-    total, count = np.zeros(len(since_s)), np.zeros(len(since_s))
+    total = np.zeros(len(since_s))
+    count = np.zeros(len(since_s))
     for target in targets:
         tracks = facts.in_force(target)
         if not len(tracks):

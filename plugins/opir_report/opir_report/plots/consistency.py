@@ -43,7 +43,8 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
         return without_data(axes, "no impact was predicted")
     for target, name in enumerate(facts.ids):
         own = known.where(known["target_id"] == name)
-        colour, dashes = facts.hues.of_target[target].colour, facts.hues.of_target[target].dashes
+        colour = facts.hues.of_target[target].colour
+        dashes = facts.hues.of_target[target].dashes
         axes.plot(own["since_ignition_s"], own["area_95_km2"], color=colour, linestyle=dashes, linewidth=1.0, alpha=0.7)
         for is_inside, face in ((1.0, colour), (0.0, PAPER)):
             here = own.where(own["contained_95"] == is_inside)
@@ -92,7 +93,8 @@ def nees_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     axes.axhspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
     axes.axhline(1.0, color=MUTED, linewidth=1.0)
     for target, name in enumerate(facts.ids):
-        own, hue = known.where(known["target_id"] == name), facts.hues.of_target[target]
+        own = known.where(known["target_id"] == name)
+        hue = facts.hues.of_target[target]
         axes.plot(own["since_ignition_s"], own["nees_over_6"], color=hue.colour, linestyle=hue.dashes, linewidth=1.1)
     inside = np.count_nonzero((known["nees_over_6"] >= low) & (known["nees_over_6"] <= high))
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="NEES / 6")

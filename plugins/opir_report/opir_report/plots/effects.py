@@ -30,7 +30,8 @@ _SERIES_SHOWN = 12
 #: How far apart series are, as a share of the axis.
 _ASIDE = 0.01
 #: Ticks of a setting that are written; and letters of a name.
-_TICKS, _LETTERS = 8, 18
+_TICKS = 8
+_LETTERS = 18
 
 
 @frozen(eq=False)
@@ -177,7 +178,8 @@ def _apart(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:
     part = axes.get_subplotspec()
     width_in = 0.8 * axes.figure.bbox.width / axes.figure.dpi / (1 if part is None else part.get_geometry()[1])
     label_in = 0.1 + 0.08 * max(len(level_text(each)) for each in values)
-    gap, kept = label_in / width_in * (places[-1] - places[0]), [0]
+    gap = label_in / width_in * (places[-1] - places[0])
+    kept = [0]
     for number, place in enumerate(places):
         if place - places[kept[-1]] >= gap:
             kept.append(number)
@@ -229,7 +231,8 @@ def draw_requirements(axes: Axes, study: SavedStudy, figure: str, divisor: float
     for each in study.requirements:
         if each["figure"] != figure:
             continue
-        value, sign = each["limit"] / divisor, "≥" if each["is_least"] else "≤"
+        value = each["limit"] / divisor
+        sign = "≥" if each["is_least"] else "≤"
         style: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (2, 2))}
         if along_x:
             axes.axvline(value, **style)

@@ -11,7 +11,8 @@ from opir_report.figure_data import FigureData
 from opir_report.maps.spheres import EARTH_RADIUS_KM
 
 #: Points of a burn and of the flight after it.
-_BURN_POINTS, _FLIGHT_POINTS = 41, 81
+_BURN_POINTS = 41
+_FLIGHT_POINTS = 81
 #: Longest flight that is drawn after burnout, s: an orbit has no end.
 _LONGEST_S = 7200.0
 #: Times of a satellite's ground track.
@@ -25,7 +26,8 @@ def ground_tracks(plan: Plan) -> FigureData:
         name: [] for name in ("target_id", "time_s", "latitude_deg", "longitude_deg", "height_km", "is_burning")
     }
     for row, name in enumerate(targets.ids):
-        start_s, burnout_s = float(targets.ignition_s[row]), float(targets.burnout_s[row])
+        start_s = float(targets.ignition_s[row])
+        burnout_s = float(targets.burnout_s[row])
         end_s = min(float(targets.end_s[row]), burnout_s + _LONGEST_S)
         time_s = np.linspace(start_s, burnout_s, _BURN_POINTS)
         if end_s > burnout_s:

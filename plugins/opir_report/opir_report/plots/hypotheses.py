@@ -8,7 +8,8 @@ from opir_report.palette import series_hue
 from opir_report.run_facts import RunFacts
 
 #: Tracks that are shown, and the highest probability from which a hypothesis is drawn.
-_SHOWN, _LEAST = 4, 0.01
+_SHOWN = 4
+_LEAST = 0.01
 
 
 def weighed_tracks(facts: RunFacts) -> dict[int, str]:
@@ -26,7 +27,8 @@ def hypothesis_history(facts: RunFacts) -> FigureData:
 
     track_id, of (the launch or source), tick_s, hypothesis, probability.
     """
-    rows, names = facts.run.tracks, facts.plan.hypothesis_names
+    rows = facts.run.tracks
+    names = facts.plan.hypothesis_names
     found = []
     for track, name in weighed_tracks(facts).items():
         own = rows.take(rows.track == track)

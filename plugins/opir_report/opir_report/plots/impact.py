@@ -45,7 +45,8 @@ def impact_points(facts: RunFacts) -> FigureData:
 
 def impact_map(axes: Axes, facts: RunFacts, target: int) -> Axes:
     """Draw the regions that contain the impact with 50, 90 and 95 %, as predicted last, and the true impact."""
-    row, name = facts.last_with_impact.get(target), facts.ids[target]
+    row = facts.last_with_impact.get(target)
+    name = facts.ids[target]
     if row is None:
         return without_data(axes, f"{name}: no impact was predicted")
     true = np.array([facts.true_point(target, "impact")])

@@ -17,9 +17,11 @@ from opir_report.plots.signal import look_probability
 from opir_report.run_facts import RunFacts
 
 #: Looks of a pair whose P_d varies that are evaluated, and points of a curve.
-_LOOKS, _POINTS = 400, 201
+_LOOKS = 400
+_POINTS = 201
 #: The distribution is drawn up to this share of pairs, plus a margin.
-_TAIL, _MARGIN = 0.999, 1.15
+_TAIL = 0.999
+_MARGIN = 1.15
 #: No first detection is later, s.
 _LONGEST_S = 86_400.0
 
@@ -86,13 +88,15 @@ def pair_latencies(facts: RunFacts) -> list[PairLatency]:
 
 def _steps(plan: Plan, pair: int) -> tuple[FloatArray, FloatArray]:
     """Return the times of a pair's first looks since ignition, and P_cum after each of these independent looks."""
-    first, last = int(plan.pairs.first_scan[pair]), int(plan.pairs.last_scan[pair])
+    first = int(plan.pairs.first_scan[pair])
+    last = int(plan.pairs.last_scan[pair])
     scan = np.arange(first, min(last, first + _LOOKS - 1) + 1)
     rows = np.full(len(scan), pair, dtype=np.int64)
     geometry = plan.look_geometry()
     chance = look_probability(plan, rows, geometry.exposures(rows, scan)) * geometry.visible(rows, scan)
     since_s: FloatArray = look_times_s(plan.pairs, rows, scan) - plan.targets.ignition_s[plan.pairs.target[pair]]
-    needed, among = 1, 1
+    needed = 1
+    among = 1
     if plan.detection.confirmation is not None:
         needed, among = plan.detection.confirmation[plan.pairs.sensor[pair]].tolist()
     return since_s, confirmed_by(chance, needed, among)
@@ -108,14 +112,18 @@ def confirmed_by(chance: FloatArray, needed: int, among: int) -> FloatArray:
     held = np.array([int(state).bit_count() for state in states.tolist()])
     after_miss = (states << 1) & (len(states) - 1)
     after_hit = after_miss | (1 if among > 1 else 0)
-    share, done, result = np.where(states == 0, 1.0, 0.0), 0.0, np.empty(len(chance))
+    share = np.where(states == 0, 1.0, 0.0)
+    done = 0.0
+    result = np.empty(len(chance))
     for look, each in enumerate(chance.tolist()):
-        hits, following = each * share, np.zeros(len(states))
+        hits = each * share
+        following = np.zeros(len(states))
         is_enough = held + 1 >= needed
         done += float(hits[is_enough].sum())
         np.add.at(following, after_miss, share - hits)
         np.add.at(following, after_hit[~is_enough], hits[~is_enough])
-        share, result[look] = following, done
+        share = following
+        result[look] = done
     return result
 
 
@@ -125,7 +133,8 @@ def _first_detections(facts: RunFacts) -> dict[tuple[int, int], float]:
     order = np.argsort(run.detections.time_ns, kind="stable")[::-1]
     target = run.truth.target[order]
     keep = (target >= 0) & (target < facts.launches)
-    sensor, target = run.detections.sensor[order][keep], target[keep]
+    sensor = run.detections.sensor[order][keep]
+    target = target[keep]
     since_s = run.detections.time_s[order][keep] - facts.plan.targets.ignition_s[target]
     return dict(zip(zip(sensor.tolist(), target.tolist(), strict=True), since_s.tolist(), strict=True))
 
@@ -171,11 +180,13 @@ def latency_plot(axes: Axes, facts: RunFacts, pairs: list[PairLatency], data: Fi
     for number, name in enumerate(dict.fromkeys(data["sensor_type"].tolist())):
         hue = series_hue(number, name)
         own = data.where(data["sensor_type"] == name)
-        curve, seen = own.where(own["series"] == "closed form"), own.where(own["series"] == "run")
+        curve = own.where(own["series"] == "closed form")
+        seen = own.where(own["series"] == "run")
         axes.plot(curve["latency_s"], curve["probability"], color=hue.colour, linestyle="--", linewidth=1.2)
         total = sum(pair.sensor_type == name for pair in pairs)
         edge = float(curve["latency_s"].max())
-        steps_s, shares = np.append(seen["latency_s"], edge), np.append(0.0, seen["probability"])
+        steps_s = np.append(seen["latency_s"], edge)
+        shares = np.append(0.0, seen["probability"])
         axes.stairs(shares, np.append(0.0, steps_s), color=hue.colour, linewidth=1.8, baseline=None)
         marks.append(Line2D([], [], color=hue.colour, label=f"{name}: {len(seen)} of {total} pairs detected"))
     marks.append(Line2D([], [], color=INK, linestyle="--", label="closed form"))

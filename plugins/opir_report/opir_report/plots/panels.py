@@ -12,9 +12,11 @@ from opir_report.saved_study import SavedStudy
 #: A second setting with more values than this is drawn as small multiples instead of series.
 _SERIES = 4
 #: The most small multiples, and how many are beside each other.
-_PANELS, _BESIDE = 6, 3
+_PANELS = 6
+_BESIDE = 3
 #: A figure's values over a wider range than this have a logarithmic axis, and a setting's.
-WIDE_FIGURE, WIDE_SETTING = 30.0, 8.0
+WIDE_FIGURE = 30.0
+WIDE_SETTING = 8.0
 
 
 #: Kinds of designs that are not combinations: samples, and the way of an optimisation.
@@ -55,7 +57,8 @@ def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
     rows = rows.where(np.isfinite(rows["mean"]))
     if not len(rows):
         return []
-    paths, design = study.paths, study.definition["design"]
+    paths = study.paths
+    design = study.definition["design"]
     if design in SAMPLED:
         return [EffectPanel("", path, (), rows, is_sampled=True) for path in paths[:_PANELS]]
     if design == "one-at-a-time" and len(paths) > 1:

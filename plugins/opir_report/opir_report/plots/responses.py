@@ -23,7 +23,8 @@ from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import axis_label, level_value, number_words, setting_words
 
 #: The most panels beside each other, and lines of a contour.
-_BESIDE, _LINES = 3, 6
+_BESIDE = 3
+_LINES = 6
 
 
 @frozen(eq=False)
@@ -63,7 +64,8 @@ def main_effect_rows(study: SavedStudy, figure: str) -> FigureData:
 
 def main_effects_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     """Draw the mean at each value of a setting over all others: a panel for each setting, a series for each part."""
-    parts, scale = parts_of(study, figure), FigureScale.of(study, figure)
+    parts = parts_of(study, figure)
+    scale = FigureScale.of(study, figure)
     settings = _settings(parts)
     grid = drawn.subplots(1, len(settings), sharey=True, squeeze=False)[0]
     hues: list[Hue] = []
@@ -86,7 +88,8 @@ def interaction_pairs(study: SavedStudy, figure: str) -> list[tuple[str, str]]:
 
 def interaction_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     """Draw the effect of a setting at each value of another one: a row of panels for each part."""
-    parts, scale = parts_of(study, figure), FigureScale.of(study, figure)
+    parts = parts_of(study, figure)
+    scale = FigureScale.of(study, figure)
     pairs = interaction_pairs(study, figure)
     grid = drawn.subplots(len(parts), len(pairs), sharey=True, squeeze=False)
     for row, part in zip(grid, parts, strict=True):
@@ -111,7 +114,9 @@ def contour_pair(study: SavedStudy, figure: str) -> tuple[str, str] | None:
 
 def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     """Draw lines of equal mean over two settings, with what misses the requirement shaded: a panel for each part."""
-    parts, pair, scale = parts_of(study, figure), contour_pair(study, figure), FigureScale.of(study, figure)
+    parts = parts_of(study, figure)
+    pair = contour_pair(study, figure)
+    scale = FigureScale.of(study, figure)
     if pair is None:
         raise ValueError(f"{figure}: fewer than two numeric settings vary")
     limits = [each for each in study.requirements if each["figure"] == figure][:1]
@@ -126,7 +131,8 @@ def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
         Line2D([], [], color=SERIES[0], linewidth=1.0, label=f"mean {scale.label}"),
     ]
     for each in limits:
-        sign, value = "≥" if each["is_least"] else "≤", number_words(each["limit"] / scale.shown.divisor)
+        sign = "≥" if each["is_least"] else "≤"
+        value = number_words(each["limit"] / scale.shown.divisor)
         marks.append(Patch(facecolor=GRID, edgecolor=INK, label=f"misses {sign} {value}"))
     drawn.legend(handles=marks, loc="outside upper left", ncols=len(marks))
 
@@ -194,7 +200,8 @@ def _shade_missed(
 
 def _line_levels(mean: FloatArray, *, is_log: bool) -> FloatArray:
     """Return round values between the least and the largest mean."""
-    low, high = float(np.nanmin(mean)), float(np.nanmax(mean))
+    low = float(np.nanmin(mean))
+    high = float(np.nanmax(mean))
     if not high > low:
         return np.empty(0)
     if is_log and low > 0.0:

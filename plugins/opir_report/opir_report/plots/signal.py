@@ -47,7 +47,8 @@ def signals(facts: RunFacts, target: int) -> FigureData:
 
 def _pair_signals(facts: RunFacts, pair: int) -> FigureData:
     plan = facts.plan
-    first, last = int(plan.pairs.first_scan[pair]), int(plan.pairs.last_scan[pair])
+    first = int(plan.pairs.first_scan[pair])
+    last = int(plan.pairs.last_scan[pair])
     scan = np.unique(np.linspace(first, last, _LOOKS).astype(np.int64))
     rows = np.full(len(scan), pair, dtype=np.int64)
     geometry = plan.look_geometry()

@@ -22,7 +22,8 @@ def detection_counts(facts: RunFacts) -> FigureData:
 
     `target_id` is "" for false alarms.
     """
-    run, duration_s = facts.run, facts.plan.scene.duration_s
+    run = facts.run
+    duration_s = facts.plan.scene.duration_s
     width_s = nice_step(duration_s, _BINS, _WIDTHS_S)
     bins = max(int(np.ceil(duration_s / width_s)), 1)
     place = np.clip((run.detections.time_s // width_s).astype(np.int64), 0, bins - 1)
@@ -56,9 +57,11 @@ def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
         _draw_sensor(axes, facts, counts.where(counts["sensor_id"] == name), -row, width_s)
     height = min(0.8, 2.4 / max(facts.launches, 1))
     for target in range(facts.launches):
-        start_s, stop_s = facts.plan.targets.ignition_s[target], facts.plan.targets.burnout_s[target]
+        start_s = facts.plan.targets.ignition_s[target]
+        stop_s = facts.plan.targets.burnout_s[target]
         bottom = 1.0 + height * (facts.launches - 1 - target)
-        spans, colour = [(start_s, stop_s - start_s)], facts.hues.of_target[target].colour
+        spans = [(start_s, stop_s - start_s)]
+        colour = facts.hues.of_target[target].colour
         axes.broken_barh(spans, (bottom, 0.8 * height), color=colour, linewidth=0.0)
     silent = len(facts.run.sensors) - len(order)
     top = 1.0 + height * facts.launches
@@ -78,7 +81,8 @@ def _draw_sensor(axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, w
     place = np.rint(counts["start_s"] / width_s).astype(np.int64)
     bins = int(np.ceil(facts.plan.scene.duration_s / width_s))
     total = np.bincount(place, counts["detections"], minlength=bins)
-    scale, below = 0.8 / float(total.max()), np.zeros(bins)
+    scale = 0.8 / float(total.max())
+    below = np.zeros(bins)
     edges = np.arange(bins + 1) * width_s
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
     names, row = np.unique(counts["target_id"], return_inverse=True)

@@ -19,7 +19,8 @@ from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import level_value, number_words, setting_words
 
 #: Designs whose names are written beside their points, and whose convergence is drawn.
-_NAMED, _CONVERGING = 12, 6
+_NAMED = 12
+_CONVERGING = 6
 #: Beginnings of figures that are better if they are higher; of others with a unit, less is better.
 _HIGHER = ("warning_time", "warned", "detected", "tracked", "completeness", "impact_contained", "impact_predicted")
 
@@ -52,9 +53,11 @@ class _Means:
 
     @classmethod
     def of(cls, study: SavedStudy, figure: str) -> "_Means":
-        rows, scale = study.rows(figure), FigureScale.of(study, figure)
+        rows = study.rows(figure)
+        scale = FigureScale.of(study, figure)
         mean, low, high = (rows[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
-        low, high = np.where(np.isfinite(low), low, mean), np.where(np.isfinite(high), high, mean)
+        low = np.where(np.isfinite(low), low, mean)
+        high = np.where(np.isfinite(high), high, mean)
         return cls(mean, np.maximum(low, mean * 1e-6) if scale.is_log else low, high, scale)
 
     @property
@@ -65,7 +68,8 @@ class _Means:
 
 def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
     """Draw each design's mean of a figure against that of another; designs that no other beats in both are joined."""
-    x, y = _Means.of(study, over), _Means.of(study, figure)
+    x = _Means.of(study, over)
+    y = _Means.of(study, figure)
     known = np.flatnonzero(np.isfinite(x.mean) & np.isfinite(y.mean))
     if not len(known):
         return without_data(axes, f"no design has both {over} and {figure}")
@@ -130,7 +134,8 @@ def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
     change the setting alone.
     """
     rows = study.rows(figure)
-    known, found = np.isfinite(rows["mean"]), list[tuple[str, float, float, str, str]]()
+    known = np.isfinite(rows["mean"])
+    found = list[tuple[str, float, float, str, str]]()
     for path in study.paths:
         use = known.copy()
         if study.definition["design"] == "one-at-a-time":
@@ -139,7 +144,8 @@ def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
         levels = list(dict.fromkeys(rows[path][use].tolist()))
         means = [float(rows["mean"][use & (rows[path] == level)].mean()) for level in levels]
         if len(means) > 1:
-            low, high = int(np.argmin(means)), int(np.argmax(means))
+            low = int(np.argmin(means))
+            high = int(np.argmax(means))
             found.append((path, means[low], means[high], level_text(levels[low]), level_text(levels[high])))
     found.sort(key=lambda row: row[2] - row[1], reverse=True)
     return FigureData.of_rows(("path", "low", "high", "low_value", "high_value"), found)
@@ -147,11 +153,13 @@ def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
 
 def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     """Draw how far each setting moves the mean of a figure, the widest range on top, with the values at its ends."""
-    rows, scale = tornado_rows(study, figure), FigureScale.of(study, figure)
+    rows = tornado_rows(study, figure)
+    scale = FigureScale.of(study, figure)
     if not len(rows):
         return without_data(axes, f"{figure}: no setting has two values")
     place = -np.arange(len(rows), dtype=np.float64)
-    low, high = rows["low"] / scale.shown.divisor, rows["high"] / scale.shown.divisor
+    low = rows["low"] / scale.shown.divisor
+    high = rows["high"] / scale.shown.divisor
     axes.barh(place, high - low, left=low, height=0.55, color=SERIES[0])
     for row in range(len(rows)):
         for x, words, side in (
@@ -228,7 +236,8 @@ def convergence_rows(study: SavedStudy, figure: str) -> FigureData:
 
 def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     """Draw the mean of a figure against the number of runs, with its 95 % interval, of the first designs."""
-    rows, scale = convergence_rows(study, figure), FigureScale.of(study, figure)
+    rows = convergence_rows(study, figure)
+    scale = FigureScale.of(study, figure)
     rows = study.cut(figure, rows.where(rows["runs"] >= 2))
     if not len(rows):
         return without_data(axes, f"{figure}: fewer than two runs have a value")
@@ -257,7 +266,8 @@ def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
         log_ticks(axes.yaxis)
     else:
         # The first intervals are so wide that they would hide the rest.
-        bottom, top = float(np.nanmin(settled["low_95"])), float(np.nanmax(settled["high_95"]))
+        bottom = float(np.nanmin(settled["low_95"]))
+        top = float(np.nanmax(settled["high_95"]))
         margin = 0.25 * (top - bottom) or 1.0
         axes.set_ylim((bottom - margin) / scale.shown.divisor, (top + margin) / scale.shown.divisor)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))

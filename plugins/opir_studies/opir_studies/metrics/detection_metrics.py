@@ -31,7 +31,8 @@ class LatencyMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return mean and quantiles over launches, and the share of launches detected."""
-        sensor, report = _detected(run, "latency_s"), _detected(run, "end_to_end_latency_s")
+        sensor = _detected(run, "latency_s")
+        report = _detected(run, "end_to_end_latency_s")
         return {
             "latency_s": _mean(sensor),
             "latency_p50_s": _quantile(sensor, 0.5),

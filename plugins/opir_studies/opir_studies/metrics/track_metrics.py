@@ -47,7 +47,8 @@ class TracksMetric:
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the figures; `first_track_s` counts from the first detection."""
         evidence, owners = run_evidence(run)
-        found, launches = coverage(evidence, owners), len(run.plan.scene.targets)
+        found = coverage(evidence, owners)
+        launches = len(run.plan.scene.targets)
         return {
             "tracked": np.count_nonzero(found.tracks) / launches if launches else np.nan,
             "completeness": _mean(found.share),
@@ -141,7 +142,8 @@ class ImpactRegionMetric:
 
     def _figures(self, words: str, scores: ImpactScores, landing: int) -> dict[str, float]:
         scores = scores.take(scores.has_impact)
-        area_km2, contained = scores.area_km2[:, self.place], scores.contained[:, self.place]
+        area_km2 = scores.area_km2[:, self.place]
+        contained = scores.contained[:, self.place]
         known = area_km2[np.isfinite(area_km2)]
         values = (
             float(np.median(known)) if len(known) else np.nan,

@@ -35,7 +35,8 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 def check(arguments: argparse.Namespace) -> int:
     """Run the conformance tests for each kind that has the name, and print the results."""
     components = components_named(Host.discover(), arguments.name, arguments.kind)
-    settings, expected = _settings(arguments.settings), _expected(arguments.expect)
+    settings = _settings(arguments.settings)
+    expected = _expected(arguments.expect)
     contracts = [(one, contract_for(one.component.hook, arguments.name, settings, expected)) for one in components]
     results = [(one, list(conformance_results(contract))) for one, contract in contracts]
     text = _as_json(results) if arguments.json else "\n\n".join(_as_text(*result) for result in results)

@@ -41,7 +41,10 @@ def contract_of(hook: str) -> type[Contract]:
     return getattr(import_module(f"{__name__}.{module}"), name)
 
 
-PASSED, FAILED, EXPECTED_FAILURE, UNEXPECTED_PASS = "passed", "failed", "xfailed", "xpassed"
+PASSED = "passed"
+FAILED = "failed"
+EXPECTED_FAILURE = "xfailed"
+UNEXPECTED_PASS = "xpassed"
 
 _SETTINGS = "The settings of the check are valid."
 

@@ -57,12 +57,14 @@ class ConfidenceContract(SceneContract):
 
     def test_confidences_are_independent(self) -> None:
         """The confidence of a detection does not depend on the other detections of the call."""
-        model, seen = self.plan().confidence, self.inputs()
+        model = self.plan().confidence
+        seen = self.inputs()
         require_independent_rows("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
 
     def test_detections_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the detections: computations are on arrays."""
-        model, seen = self.plan().confidence, self.inputs()
+        model = self.plan().confidence
+        seen = self.inputs()
         require_array_computation(
             "detection",
             lambda rows: model.confidence(seen.take(_spread(len(seen), rows)).freeze()),
@@ -114,7 +116,8 @@ class ClassifierContract(SceneContract):
 
     def test_pairs_and_detections_agree(self) -> None:
         """The type of a pair, if it has one, is that of all its detections."""
-        plan, looks = self.plan(), self.looks()
+        plan = self.plan()
+        looks = self.looks()
         of_pair = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs())
         if of_pair is None:
             return
@@ -128,7 +131,8 @@ class ClassifierContract(SceneContract):
 
     def test_type_probabilities_agree_with_types(self) -> None:
         """The posteriors of a classifier, if it has any, sum to 1 and give the types that it reports."""
-        model, seen = self.plan().classifier, self.inputs()
+        model = self.plan().classifier
+        seen = self.inputs()
         posterior = model.log_posterior(seen)
         if posterior is None:
             return

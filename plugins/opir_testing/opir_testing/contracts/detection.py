@@ -61,7 +61,9 @@ def reported_chances(
 ) -> FloatArray:
     """Return the probabilities (n,) that looks detect and are reported: at least M - 1 of the N - 1 scans before do."""
     order = np.lexsort((scan, pair))
-    sorted_pair, sorted_scan, hit = pair[order], scan[order], chances[order]
+    sorted_pair = pair[order]
+    sorted_scan = scan[order]
+    hit = chances[order]
     counts = np.zeros((len(hit), int(needed.max(initial=1)) + 1))
     counts[:, 0] = 1.0
     for back in range(1, int(scans.max(initial=1))):
@@ -108,14 +110,16 @@ class DetectionContract(SceneContract):
 
     def test_probabilities_are_independent(self) -> None:
         """The probability of a look does not depend on the other looks of the call."""
-        model, exposed = self.model(), self.looks().exposures
+        model = self.model()
+        exposed = self.looks().exposures
         require_independent_rows(
             "probability", lambda rows: model.probability(exposed.take(rows).freeze()), len(exposed)
         )
 
     def test_pairs_and_looks_agree(self) -> None:
         """The probability of a pair, if it has one, is that of all its looks."""
-        model, exposed = self.model(), self.looks().exposures
+        model = self.model()
+        exposed = self.looks().exposures
         of_pair = model.pair_probability(exposed.sensor, exposed.target)
         if of_pair is None:
             return
@@ -131,10 +135,12 @@ class DetectionContract(SceneContract):
 
     def test_geometry_is_declared_if_it_is_used(self) -> None:
         """A model with `needs_geometry = False` returns the same probabilities without geometry."""
-        model, exposed = self.model(), self.looks().exposures
+        model = self.model()
+        exposed = self.looks().exposures
         if model.needs_geometry:
             return
-        nothing, no_vectors = np.empty(0), np.empty((0, 3))
+        nothing = np.empty(0)
+        no_vectors = np.empty((0, 3))
         bare = evolve(
             exposed, range_m=nothing, elevation_sine=nothing, target_ecef_m=no_vectors, sensor_ecef_m=no_vectors
         )
@@ -146,7 +152,8 @@ class DetectionContract(SceneContract):
 
     def test_confirming_bands_are_the_sensors_bands(self) -> None:
         """Each detection has at least one confirming band, and only bands of its sensor."""
-        looks, rows = self.looks(), np.arange(len(self.looks().exposures))
+        looks = self.looks()
+        rows = np.arange(len(self.looks().exposures))
         measured = self.model().measure(looks.exposures, looks.draws(rows))
         require_rows("the bands measured", measured.bands, len(rows))
         require_rows("the snr measured", measured.snr, len(rows))
@@ -160,7 +167,8 @@ class DetectionContract(SceneContract):
 
     def test_measurements_are_independent(self) -> None:
         """The measurement of a look does not depend on the other looks of the call."""
-        model, looks = self.model(), self.looks()
+        model = self.model()
+        looks = self.looks()
 
         def measured(rows: Any) -> FloatArray:
             result = model.measure(looks.exposures.take(rows).freeze(), looks.draws(rows))
@@ -177,7 +185,8 @@ class DetectionContract(SceneContract):
 
     def test_detections_occur_at_the_stated_rate(self) -> None:
         """The number of detections agrees with the probabilities, within 99.9 %."""
-        looks, count = self.looks(), int(np.sum(self.run().truth.target >= 0))
+        looks = self.looks()
+        count = int(np.sum(self.run().truth.target >= 0))
         model = self.model()
         chances = model.probability(looks.exposures)
         if model.confirmation is not None:
@@ -196,7 +205,8 @@ class DetectionContract(SceneContract):
             return
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
-        expected, count = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))
+        expected = float(np.sum(per_scan * np.array(scans)))
+        count = int(np.sum(run.truth.target < 0))
         require(
             rate_excess(count, expected) <= 1.0,
             f"there are {count} false alarms; the stated rates add up to {expected:.1f}",
@@ -211,7 +221,8 @@ class DetectionContract(SceneContract):
 
     def test_expected_measurements_agree_with_probabilities(self) -> None:
         """The quantiles that `response` returns are those of its probabilities."""
-        model, exposed = self.model(), self.looks().exposures
+        model = self.model()
+        exposed = self.looks().exposures
         response = model.response(exposed)
         if response is None:
             return
@@ -223,7 +234,9 @@ class DetectionContract(SceneContract):
 
     def test_looks_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the looks: computations are on arrays."""
-        model, exposed, many = self.model(), self.looks().exposures, len(self.looks().exposures)
+        model = self.model()
+        exposed = self.looks().exposures
+        many = len(self.looks().exposures)
         # Spread over all looks: the first ones are of one sensor, and each kind of sensor may take its own steps.
         require_array_computation(
             "look",

@@ -25,7 +25,9 @@ from opir_testing.json_schema import schema_errors
 
 def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Window]:
     """Return windows of edge cases of sensor 0, by description; with `hypotheses` also one whose tracks weigh them."""
-    pole, edge, zero = [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], np.zeros(3)
+    pole = [0.0, 0.0, -1.0]
+    edge = [-1.0, 0.0, 0.0]
+    zero = np.zeros(3)
     known = stub_estimates(
         2,
         state=[6.5e6, 1.0, 2.0, 10.0, 20.0, 30.0],
@@ -62,7 +64,8 @@ def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Win
 def _weighed_window(hypotheses: Sequence[Hypothesis]) -> Window:
     """Return a window of a track that is certain of the last hypothesis, and of one that weighs none."""
     chances = np.zeros((2, len(hypotheses)))
-    chances[0, -1], chances[1] = 1.0, np.nan
+    chances[0, -1] = 1.0
+    chances[1] = np.nan
     given = stub_regions(9.0, 180.0, condition="relights", probability=0.1, effective_samples=12.0)
     estimates = stub_estimates(
         2, hypotheses, track=[0, 1], hypothesis_probability=chances, end=[1, 0], impact=0.1, impact_regions=[given, ()]
@@ -125,7 +128,8 @@ class EncoderContract(OutputContract):
 
     def test_encoders_of_tracks_are_marked(self) -> None:
         """The component states `encodes_tracks` if, and only if, its encoder does."""
-        states, is_one = self.component().encodes_tracks, self.encoder().encodes_tracks
+        states = self.component().encodes_tracks
+        is_one = self.encoder().encodes_tracks
         require(
             states == is_one,
             f"the component states encodes_tracks={states}, its encoder {is_one}",

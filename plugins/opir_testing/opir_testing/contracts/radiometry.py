@@ -323,7 +323,9 @@ class BackgroundContract(EnvironmentContract):
 
     def test_structure_goes_with_the_radiance(self) -> None:
         """Structured radiances equal the plain ones; their structure is finite and known."""
-        model, view, bands = self.model(), _views(), range(len(self.bands))
+        model = self.model()
+        view = _views()
+        bands = range(len(self.bands))
         if not model.structures:
             return
         radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())

@@ -35,7 +35,8 @@ class RendererContract(Contract):
     def require_reference(self, lines: Mapping[str, Sequence[Column]], count: int = _ROWS) -> None:
         """Require the bytes of the reference for the columns of lines, by description."""
         for name, columns in lines.items():
-            due, made = reference(count, columns), self.renderer()(count, columns)
+            due = reference(count, columns)
+            made = self.renderer()(count, columns)
             places = [place for place, (one, other) in enumerate(zip(due, made, strict=False)) if one != other]
             at = places[0] if places else min(len(due), len(made))
             require(
@@ -77,7 +78,8 @@ class RendererContract(Contract):
     def test_ids_and_times_are_those_of_the_reference(self) -> None:
         """Ids and times are written as by the reference, those that stand twice in a line too."""
         words = np.random.default_rng(2).integers(0, 2**64, (_ROWS, 2), dtype=np.uint64)
-        ids, times = Ids(words), Times(np.linspace(-6e16, 2.5e17, _ROWS).astype(np.int64))
+        ids = Ids(words)
+        times = Times(np.linspace(-6e16, 2.5e17, _ROWS).astype(np.int64))
         self.require_reference({"ids and times": [b'"', ids, b'","', times, b'","', times, b'"\n']})
 
     def test_no_lines_are_no_bytes(self) -> None:

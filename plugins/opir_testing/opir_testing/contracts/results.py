@@ -123,7 +123,8 @@ class MetricContract(ResultContract):
 
     def test_a_built_metric_pickles(self) -> None:
         """The built metric can be pickled, and its copy gives the same figures."""
-        copy, run = require_pickling(self.metric()), self.runs()["with tracks"]
+        copy = require_pickling(self.metric())
+        run = self.runs()["with tracks"]
         same = _exact(copy.values(run)) == _exact(self.metric().values(run))
         require(same, "a pickled copy gives other figures", "Keep all state in fields that pickle.")
 
@@ -200,7 +201,8 @@ class RunViewContract(ResultContract):
 
     def test_build_takes_the_run(self) -> None:
         """`build` takes one argument, the run, and no settings."""
-        build, config = self.component().build, self.component().config
+        build = self.component().build
+        config = self.component().config
         try:
             signature(build).bind(None)
         except TypeError as error:
@@ -215,7 +217,8 @@ class RunViewContract(ResultContract):
     def test_the_same_run_gives_the_same_view(self) -> None:
         """A second call gives a view of the same type, and the same text if it is text."""
         for run in self.runs().values():
-            first, again = self.view(run), self.view(run)
+            first = self.view(run)
+            again = self.view(run)
             same = type(first) is type(again) and (not isinstance(first, str) or first == again)
             require(same, "a second call gives another view", _ALONE)
 
@@ -245,7 +248,8 @@ class ExecutorContract(Contract):
 
     def results(self, function: Any, tasks: list[Any]) -> dict[int, Any]:
         """Return the results of tasks by index; each index may come once."""
-        executor, found = self.executor(), {}
+        executor = self.executor()
+        found = {}
         try:
             for index, result in executor.results(function, tasks):
                 require(index not in found, f"task {index} gives two results", "Yield each task once.")

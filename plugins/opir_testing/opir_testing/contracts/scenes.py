@@ -126,14 +126,16 @@ class SceneContract(Contract):
 
     def test_events_follow_the_schema(self) -> None:
         """Events conform to the schema of detection events."""
-        schema, lines = detection_schema(), self.run().lines
+        schema = detection_schema()
+        lines = self.run().lines
         for line in lines[:: 1 + len(lines) // _VALIDATED]:
             errors = schema_errors(json.loads(line), schema)
             require(not errors, f"an event violates the schema: {'; '.join(errors[:3])}", "See opir schema detection.")
 
 
 def _require_valid_columns(run: BenchRun) -> None:
-    columns, truth = run.detections, run.truth
+    columns = run.detections
+    truth = run.truth
     is_false_alarm = truth.target < 0
     length = np.sqrt(np.sum(columns.line_of_sight_ecef**2, axis=1))
     valid: Mapping[str, Any] = {

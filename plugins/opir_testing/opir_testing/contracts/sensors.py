@@ -88,7 +88,8 @@ class SensorContract(SceneContract):
         sensor: Any = self.sensor()
         classes = set(self.host().names(TargetClass))
         names = [band.name for band in sensor.bands]
-        half, least = sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
+        half = sensor.field_of_regard_half_angle_rad
+        least = sensor.minimum_elevation_rad
         valid = {
             "id: that of the context": sensor.id == SUBJECT,
             "type: not empty": isinstance(sensor.type, str) and bool(sensor.type.strip()),
@@ -172,7 +173,8 @@ class SensorContract(SceneContract):
 
     def test_phases_lie_in_the_period(self) -> None:
         """Offsets are whole nanoseconds in [0, period) for targets anywhere, also at the nadir."""
-        scan, here = self.sensor().scan, self._here()
+        scan = self.sensor().scan
+        here = self._here()
         for uniform in (0.0, 0.37, 1.0 - 2.0**-53):
             phase = scan.phase_ns(here, _targets_m(here), uniform)
             require(
@@ -183,13 +185,15 @@ class SensorContract(SceneContract):
 
     def test_phases_are_independent(self) -> None:
         """The offset of a target does not depend on the other rows of the call."""
-        scan, here = self.sensor().scan, self._here()
+        scan = self.sensor().scan
+        here = self._here()
         targets = _targets_m(here)
         require_independent_rows("phase_ns", lambda rows: scan.phase_ns(here, targets[rows], 0.25), len(targets))
 
     def test_orbit_is_above_the_ground_and_smooth(self) -> None:
         """Positions are finite, above the ground and continuous, with bounded speed and acceleration."""
-        orbit, time_s = self.sensor().orbit, np.linspace(0.0, 86_400.0, 24 * 60 + 1)
+        orbit = self.sensor().orbit
+        time_s = np.linspace(0.0, 86_400.0, 24 * 60 + 1)
         position_m = orbit.position_ecef_m(time_s)
         require(
             position_m.shape == (len(time_s), 3), f"position_ecef_m is {position_m.shape}", "Return (n, 3) for (n,)."
@@ -202,7 +206,8 @@ class SensorContract(SceneContract):
         )
         close_s = np.arange(0.0, 600.0)
         velocity = np.diff(orbit.position_ecef_m(close_s), axis=0)
-        speed, acceleration = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max()
+        speed = np.abs(velocity).max()
+        acceleration = np.abs(np.diff(velocity, axis=0)).max()
         require(
             speed < _SPEED_LIMIT_M_S and acceleration < _ACCELERATION_LIMIT_M_S2,
             f"its speed is up to {speed:.0f} m/s, its acceleration up to {acceleration:.1f} m/s2",
@@ -221,7 +226,8 @@ class SensorContract(SceneContract):
 
     def test_positions_are_independent(self) -> None:
         """The position at a time does not depend on the other times of the call."""
-        orbit, time_s = self.sensor().orbit, np.linspace(0.0, 5000.0, 61)
+        orbit = self.sensor().orbit
+        time_s = np.linspace(0.0, 5000.0, 61)
         require_independent_rows("position_ecef_m", lambda rows: orbit.position_ecef_m(time_s[rows]), len(time_s))
 
     def test_line_of_sight_errors_follow_the_stated_sigma(self) -> None:
@@ -243,7 +249,8 @@ class SensorContract(SceneContract):
         if not set(TARGET_TYPES) <= probability.keys():
             return
         scene = self.scene(sensors=self.scene()["sensors"][:1])
-        every, drawn = self.run_of(scene), self.run_of({**scene, "detection": "constant"})
+        every = self.run_of(scene)
+        drawn = self.run_of({**scene, "detection": "constant"})
         types = every.plan.targets.type_code[every.truth.target]
         chances = np.array([probability[name] for name in TARGET_TYPES])[types]
         excess = count_excess(len(drawn.lines), chances)
@@ -267,7 +274,8 @@ class SensorContract(SceneContract):
 
     def test_a_built_sensor_pickles(self) -> None:
         """The built sensor can be pickled, and its copy returns the same positions and phases."""
-        here, time_s = self._here(), np.linspace(0.0, 600.0, 7)
+        here = self._here()
+        time_s = np.linspace(0.0, 600.0, 7)
         require_same_copy(self.sensor(), lambda sensor: sensor.orbit.position_ecef_m(time_s))
         require_same_copy(self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5))
 
@@ -336,7 +344,8 @@ def _targets_m(here: FloatArray) -> FloatArray:
 
 def _errors_rad(run: BenchRun) -> FloatArray:
     """Return the angles (n,) between measured and true lines of sight; the true one includes the sensor's bias."""
-    plan, detections = run.plan, run.detections
+    plan = run.plan
+    detections = run.detections
     offset_m = plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s) - detections.sensor_ecef_m
     true = offset_m / np.sqrt(np.sum(offset_m**2, axis=1))[:, None]
     if plan.bias is not None:

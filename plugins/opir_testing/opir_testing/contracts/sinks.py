@@ -167,7 +167,8 @@ class SinkContract(OutputContract):
 
     def test_truth_is_read_back(self) -> None:
         """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
-        opened, read = self.component().open_truth, self.component().read_truth
+        opened = self.component().open_truth
+        read = self.component().read_truth
         require((opened is None) == (read is None), "it only writes or only reads truth", "Set both or neither.")
         if opened is None:
             return

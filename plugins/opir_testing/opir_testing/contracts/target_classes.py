@@ -76,7 +76,8 @@ class TargetClassContract(TargetContract):
 
     def test_sensors_that_do_not_name_the_class_detect_it(self) -> None:
         """A sensor without a probability of detection for the class detects it like the type that it resembles."""
-        kind, run = self.target_class(), self.run()
+        kind = self.target_class()
+        run = self.run()
         sensor, target = (
             grid.ravel().astype(np.int32) for grid in np.indices((len(run.plan.sensors), len(self.blocks())))
         )
@@ -125,7 +126,8 @@ def _ascents() -> Iterator[Mapping[str, Any]]:
 
 def _place(range_m: float) -> Mapping[str, float]:
     """Return the place at a distance along a great circle of the sphere, which is within 0.4 % of the geodesic's."""
-    way, start = range_m / _RADIUS_M, math.radians(_LAUNCH["lat_deg"])
+    way = range_m / _RADIUS_M
+    start = math.radians(_LAUNCH["lat_deg"])
     sine = math.sin(start) * math.cos(way) + math.cos(start) * math.sin(way) * math.cos(_BEARING_RAD)
     east = math.sin(_BEARING_RAD) * math.sin(way) * math.cos(start)
     longitude_deg = _LAUNCH["lon_deg"] + math.degrees(math.atan2(east, math.cos(way) - math.sin(start) * sine))

@@ -79,7 +79,8 @@ class TargetContract(SceneContract):
 
     def test_types_and_times_are_valid(self) -> None:
         """Each target has a known type, and a burnout after its ignition."""
-        made, rows = self.targets(), len(self.blocks())
+        made = self.targets()
+        rows = len(self.blocks())
         require(
             made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
             f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
@@ -120,7 +121,8 @@ class TargetContract(SceneContract):
         """Positions are finite from ignition to burnout inclusive, and nan before and after."""
         made = self.targets()
         for row in range(len(self.blocks())):
-            start, end = float(made.ignition_s[row]), float(made.burnout_s[row])
+            start = float(made.ignition_s[row])
+            end = float(made.burnout_s[row])
             inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
             require(
@@ -131,7 +133,8 @@ class TargetContract(SceneContract):
 
     def test_free_flight_extends_to_end_s_and_burns_do_not_change(self) -> None:
         """Positions of a model with `end_s` extend to it if a sensor follows bodies; the burn does not change."""
-        alone, followed = self.targets(), self.made(self.blocks(), free_flight=True)
+        alone = self.targets()
+        followed = self.made(self.blocks(), free_flight=True)
         if not has_own(Trajectories, followed, "end_s"):
             return
         for row in range(len(self.blocks())):
@@ -157,7 +160,8 @@ class TargetContract(SceneContract):
             time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
             place_m = made.position_ecef_m(*_at(row, time_s))
             velocity = np.diff(place_m, axis=0) / 0.5
-            speed, turn = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max() / 0.5
+            speed = np.abs(velocity).max()
+            turn = np.abs(np.diff(velocity, axis=0)).max() / 0.5
             radius_m = np.sqrt(np.sum(place_m**2, axis=1))
             require(
                 radius_m.min() > _LEAST_RADIUS_M and speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
@@ -168,7 +172,8 @@ class TargetContract(SceneContract):
 
     def test_positions_are_independent(self) -> None:
         """The position of a target at a time does not depend on the other rows of the call."""
-        made, count = self.targets(), len(self.blocks())
+        made = self.targets()
+        count = len(self.blocks())
         target = np.tile(np.arange(count, dtype=np.int32), 41)
         share = np.repeat(np.linspace(0.0, 1.0, 41), count)
         time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]

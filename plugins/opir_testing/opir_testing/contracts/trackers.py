@@ -78,7 +78,8 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
     if chances.shape != (len(tracks), len(hypotheses)) or not hypotheses:
         return {}
     rows = ~np.isnan(chances).any(axis=1)
-    known, none = chances[rows], chances[:, [each.group == "none" for each in hypotheses]].sum(axis=1)
+    known = chances[rows]
+    none = chances[:, [each.group == "none" for each in hypotheses]].sum(axis=1)
     sums = hypothesis_sums(chances, hypotheses)
     return {
         "hypothesis_probability: not negative, summing to 1, or nan": bool(
@@ -97,7 +98,8 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
 
 
 def _are_positions(places: FloatArray) -> bool:
-    latitude, longitude = np.nan_to_num(places[:, 0]), np.nan_to_num(places[:, 1])
+    latitude = np.nan_to_num(places[:, 0])
+    longitude = np.nan_to_num(places[:, 1])
     return bool(np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12))
 
 
@@ -240,9 +242,11 @@ class TrackerContract(SceneContract):
 
     def test_targets_in_any_order_give_the_same_events(self) -> None:
         """The order of targets does not change which detections share a track."""
-        scene, ours = self.scene(), self.run()
+        scene = self.scene()
+        ours = self.run()
         others = self.run_of({**scene, "targets": scene["targets"][::-1]})
-        mine, theirs = _partition(ours.detections), _partition(others.detections)
+        mine = _partition(ours.detections)
+        theirs = _partition(others.detections)
         require(
             mine == theirs,
             "with the targets in reverse order, other detections share a track",
@@ -260,7 +264,8 @@ class TrackerContract(SceneContract):
 
     def test_only_measured_columns_are_used(self) -> None:
         """Results do not depend on counts, confidences and ids of detections, which contain truth."""
-        detections, rng = self.reported(), np.random.default_rng(0)
+        detections = self.reported()
+        rng = np.random.default_rng(0)
         scrambled = evolve(
             detections,
             detection_count=rng.integers(1, 1000, len(detections)).astype(np.int32),
@@ -302,11 +307,13 @@ class TrackerContract(SceneContract):
 
     def test_associate_has_no_side_effects(self) -> None:
         """Calls of `associate` do not change later results."""
-        tracker, control = self.tracker(), self.tracker()
+        tracker = self.tracker()
+        control = self.tracker()
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             first = tracker.associate(batch)
             again = tracker.associate(batch)
-            tracks, expected = tracker.step(tick_ns / _NS, batch), control.step(tick_ns / _NS, batch)
+            tracks = tracker.step(tick_ns / _NS, batch)
+            expected = control.step(tick_ns / _NS, batch)
             require(
                 np.array_equal(first, again) and _equal(tracks, expected),
                 f"at {tick_ns / _NS} s results depend on calls of associate",
@@ -315,7 +322,8 @@ class TrackerContract(SceneContract):
 
     def test_unchanged_sensors_change_nothing(self) -> None:
         """A tracker that is given its current sensors returns the same tracks."""
-        tracker, other = self.tracker(), self.tracker()
+        tracker = self.tracker()
+        other = self.tracker()
         if not has_own(Tracker, tracker, "set_sensors"):
             return
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
@@ -327,7 +335,8 @@ class TrackerContract(SceneContract):
 
     def test_associations_are_independent(self) -> None:
         """The track of a detection does not depend on the other detections of the call."""
-        tracker, batch = self.tracker(), self.observed()
+        tracker = self.tracker()
+        batch = self.observed()
         for _ in self.ticks(tracker):
             pass
         require_independent_rows("the track", lambda rows: tracker.associate(batch.take(rows)), len(batch))
@@ -356,7 +365,8 @@ class TrackerContract(SceneContract):
     def test_positions_are_above_the_ground_and_near_the_lines_of_sight(self) -> None:
         """Known positions lie between the ground and the highest sensor, most within 200 km of a measured ray."""
         change = "Return positions in ECEF, in metres, or nan while they are unknown."
-        observed, distances_m = self.observed(), list[float]()
+        observed = self.observed()
+        distances_m = list[float]()
         highest_m = float(_length(observed.sensor_ecef_m).max(initial=0.0))
         for tick in self.results():
             known_m = tick.tracks.state[np.isfinite(tick.tracks.state[:, :3]).all(axis=1), :3]
@@ -395,7 +405,8 @@ class TrackerContract(SceneContract):
 
     def test_ticks_without_detections_are_accepted(self) -> None:
         """Ticks without detections return no tracks if there was no detection before."""
-        tracker, none = self.tracker(), self.observed().take(slice(0, 0))
+        tracker = self.tracker()
+        none = self.observed().take(slice(0, 0))
         for tick in self.ticks(tracker, none):
             require(
                 len(tick.tracks) == 0,
@@ -405,8 +416,10 @@ class TrackerContract(SceneContract):
 
     def test_an_idle_tracker_may_pass_over_ticks(self) -> None:
         """Ticks without detections at which a tracker is idle have no tracks; all but the last may be passed over."""
-        tracker, control = self.tracker(), self.tracker()
-        none, passed_ns = self.observed().take(slice(0, 0)), None
+        tracker = self.tracker()
+        control = self.tracker()
+        none = self.observed().take(slice(0, 0))
+        passed_ns = None
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             expected = control.step(tick_ns / _NS, batch)
             if not len(batch) and tracker.is_idle():
@@ -436,7 +449,8 @@ class TrackerContract(SceneContract):
 
     def test_work_grows_linearly_with_detections(self) -> None:
         """Twice the detections take about twice the steps of Python."""
-        whole, end_ns = self.observed(), self.plan().end_ns
+        whole = self.observed()
+        end_ns = self.plan().end_ns
         middle_ns = int(whole.time_ns[len(whole) // 2])
         half = whole.take(whole.time_ns < middle_ns)
         steps = [python_steps(partial(self._stepped, *part)) for part in ((half, middle_ns), (whole, end_ns))]
@@ -465,7 +479,8 @@ def _batches(tracker: Tracker, detections: Detections, end_ns: int) -> Iterator[
 
 def _nearest_ray_m(place_m: FloatArray, rays: Detections) -> float:
     """Return the distance of a position (3,) from the nearest of the lines of sight, m."""
-    offset_m, ray = place_m - rays.sensor_ecef_m, rays.line_of_sight_ecef
+    offset_m = place_m - rays.sensor_ecef_m
+    ray = rays.line_of_sight_ecef
     along_m = np.maximum(np.sum(offset_m * ray, axis=1), 0.0)
     return float(_length(offset_m - along_m[:, None] * ray).min(initial=np.inf))
 

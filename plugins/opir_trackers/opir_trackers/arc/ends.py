@@ -72,19 +72,23 @@ def launches(
     met = np.flatnonzero(np.isfinite(range_m))
     firsts = met[np.unique(np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True)[1]]
     firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]]
-    first, row = lines.take(firsts), owner[firsts]
+    first = lines.take(firsts)
+    row = owner[firsts]
     place = ground[firsts]
     axes = local_axes(place)
     flat, spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
     moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
     weighed = moves.transpose(0, 2, 1) @ np.linalg.inv(spread).astype(np.float64, copy=False)
-    information, pull, about = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.full((count, 3), np.nan)
+    information = np.zeros((count, 3, 3))
+    pull = np.zeros((count, 3))
+    about = np.full((count, 3), np.nan)
     information[:, 2, 2] = site_m**-2
     about[row[::-1]] = place[::-1]
     apart = matvec(axes, place - about[row])[:, :2]
     np.add.at(information, row, weighed @ moves)
     np.add.at(pull, row, matvec(weighed, apart))
-    when, wait_s = np.full(count, np.nan), np.full(count, np.nan)
+    when = np.full(count, np.nan)
+    wait_s = np.full(count, np.nan)
     order = np.argsort(-left_s[firsts], kind="stable")
     when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
     wait_s[row[order]] = doubt_s[first.sensor][order]
@@ -112,12 +116,14 @@ def _pooled(
         return points
     spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
-    away, spread = matvec(spread, pull[known])[:, :2], spread[:, :2, :2]
+    away = matvec(spread, pull[known])[:, :2]
+    spread = spread[:, :2, :2]
     axes = local_axes(about[known])
     place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])
     points.place[known] = np.stack([place.latitude_rad, place.longitude_rad, when[known]], axis=1)
     whole = np.zeros((len(known), 3, 3))
-    whole[:, :2, :2], whole[:, 2, 2] = spread, np.square(wait_s[known])
+    whole[:, :2, :2] = spread
+    whole[:, 2, 2] = np.square(wait_s[known])
     points.covariance[known] = whole
     return points
 

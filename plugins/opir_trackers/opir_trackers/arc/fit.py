@@ -23,7 +23,8 @@ STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
 _KNOTS = 8
 
 #: Iterations of the first fit, and of each later one.
-_FIRST_ROUNDS, _ROUNDS = 8, 2
+_FIRST_ROUNDS = 8
+_ROUNDS = 2
 
 #: Several sensors count as one where their information along the line of sight is below this share of that across: two
 #: equal sensors one degree apart.
@@ -133,7 +134,8 @@ def initialised(
     ground = np.where(np.isfinite(ground), ground, lines.origin_ecef_m + 3.6e7 * lines.direction_ecef)
     left_s = emission_s(lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time)
     first = np.unique(owner, return_index=True)[1]
-    epoch_s, place = arcs.epoch_s.copy(), np.full((len(arcs), 3), np.nan)
+    epoch_s = arcs.epoch_s.copy()
+    place = np.full((len(arcs), 3), np.nan)
     epoch_s[owner[first]] = left_s[first]
     place[owner[first]] = earth_rotated(ground[first], left_s[first])
     rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
@@ -157,8 +159,10 @@ def updated(
     rounds: int = _ROUNDS,
 ) -> ArcFits:
     """Return the arcs after lines (m,) in order of time; undetermined ones have no state."""
-    before = moved = arcs
-    added, left_s = arcs, lines.time_s
+    before = arcs
+    moved = before
+    added = arcs
+    left_s = lines.time_s
     for turn in range(rounds):
         left_s = _emission_times(moved, lines, owner, left_s, light_time, 1 if turn else 2)
         paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
@@ -167,7 +171,8 @@ def updated(
         moved = _solved_state(trial, added)
         if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
             break
-    last_s, seen = arcs.last_s.copy(), arcs.seen.copy()
+    last_s = arcs.last_s.copy()
+    seen = arcs.seen.copy()
     # An arc that diverged has no emission times.
     np.fmax.at(last_s, owner, left_s)
     seen[owner, lines.sensor] = True
@@ -203,14 +208,16 @@ def _with_equations(
 ) -> ArcFits:
     """Return the arcs with the equations of lines added, linearised about positions (m, 3) with Jacobians (m, 3, 6)."""
     position, slope = paths
-    origin, direction = earth_rotated(lines.origin_ecef_m, left_s), earth_rotated(lines.direction_ecef, left_s)
+    origin = earth_rotated(lines.origin_ecef_m, left_s)
+    direction = earth_rotated(lines.direction_ecef, left_s)
     apart = position - origin
     depth = np.sum(apart * direction, axis=1)
     shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
     bordered = np.concatenate([slope, shift - apart[:, :, None]], axis=2) / (depth * lines.sigma_rad)[:, None, None]
     ahead = direction[:, None, :] @ bordered
     sideways = bordered - direction[:, :, None] * ahead
-    across, along = arcs.across.copy(), arcs.along.copy()
+    across = arcs.across.copy()
+    along = arcs.along.copy()
     np.add.at(across, owner, sideways.transpose(0, 2, 1) @ sideways)
     since_s = left_s - launch_s[owner]
     height = 0.5 * climb_m_s2 * since_s * np.maximum(since_s, 0.0)
@@ -227,7 +234,8 @@ def _with_equations(
 def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return positions (m, 3) and Jacobians (m, 3, 6) at times (m,) of paths under constant gravity."""
     since = time_s - arcs.epoch_s[owner]
-    place, speed = arcs.state[owner, :3], arcs.state[owner, 3:]
+    place = arcs.state[owner, :3]
+    speed = arcs.state[owner, 3:]
     radius = np.sqrt(np.sum(place * place, axis=1))[:, None]
     position = place + speed * since[:, None] - 0.5 * EARTH_MU_M3_S2 * place / radius**3 * since[:, None] ** 2
     unit = np.broadcast_to(np.eye(3), (len(owner), 3, 3))
@@ -247,12 +255,15 @@ def kepler_paths(
 def _positions_at(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray) -> FloatArray:
     """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows `owner` (m,)."""
     count, each = trials.shape[:2]
-    start, end = np.full(count, np.inf), np.full(count, -np.inf)
+    start = np.full(count, np.inf)
+    end = np.full(count, -np.inf)
     np.fmin.at(start, owner, time_s)
     np.fmax.at(end, owner, time_s)
     idle = ~np.isfinite(start)
-    start, end = np.where(idle, epoch_s, start), np.where(idle, epoch_s, end)
-    middle, half = 0.5 * (start + end), np.maximum(0.5 * (end - start), 1e-3)
+    start = np.where(idle, epoch_s, start)
+    end = np.where(idle, epoch_s, end)
+    middle = 0.5 * (start + end)
+    half = np.maximum(0.5 * (end - start), 1e-3)
     knot_s = middle[:, None] + half[:, None] * _NODES
     flown = propagate_kepler(trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None])[0]
     values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)

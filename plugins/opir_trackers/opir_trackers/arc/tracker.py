@@ -31,7 +31,8 @@ from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 LEAST_LOOKS = 3
 
 #: Unassigned lines are kept for this time, s, or this number of scans, for tracks that begin later.
-_POOL_S, _POOL_SCANS = 20.0, 20
+_POOL_S = 20.0
+_POOL_SCANS = 20
 
 #: Lower bound on the detection probability, which limits the expected latency.
 _LEAST_CHANCE = 0.01
@@ -74,7 +75,8 @@ class ArcTracker(Tracker):
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one."""
-        before_s, lines = self._now.time_s, self._rays.of(detections)
+        before_s = self._now.time_s
+        lines = self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
         confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
@@ -113,7 +115,8 @@ class ArcTracker(Tracker):
         rows = np.unique(owner[mine])
         if not len(rows):
             return
-        lines, owner_row = self._pool.take(mine), np.searchsorted(rows, owner[mine])
+        lines = self._pool.take(mine)
+        owner_row = np.searchsorted(rows, owner[mine])
         site_m = site_height_m(self._config.hypotheses.inland_share)
         launch = launches(lines, owner_row, len(rows), self._watch, self._light_time, site_m)
         arcs = ArcFits.unfitted(self._arcs.number[rows], len(self._watch.period_s))
@@ -139,7 +142,8 @@ class ArcTracker(Tracker):
         rows = np.flatnonzero(np.isin(self._now.table.number, self._arcs.number))
         if not len(rows) or not len(lines):
             return owner
-        tracking, lines = self._tracking, self._now.registration.corrected(lines)
+        tracking = self._tracking
+        lines = self._now.registration.corrected(lines)
         predicted = tracking.models.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
         gate = tracking.config.gate_sigma
         track, line = candidates(predicted, lines, span_s, gate, self._light_time)
@@ -150,7 +154,8 @@ class ArcTracker(Tracker):
 
     def _tracks(self, tick_s: float) -> Tracks:
         """Return the estimates of all tracks, nan without an arc."""
-        arcs, count = self._arcs, len(self._arcs)
+        arcs = self._arcs
+        count = len(self._arcs)
         unknown = np.full((count, 7, 7), np.nan)
         silent = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
         tracks = Tracks(
@@ -223,7 +228,8 @@ class ArcTracker(Tracker):
         """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected latency."""
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
         whole = np.zeros((len(arcs), 7, 7))
-        whole[:, :6, :6], whole[:, 6, 6] = covariance, np.square(late_s)
+        whole[:, :6, :6] = covariance
+        whole[:, 6, 6] = np.square(late_s)
         return whole
 
 

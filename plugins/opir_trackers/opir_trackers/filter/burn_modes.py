@@ -31,7 +31,8 @@ Burns = tuple[FloatArray, FloatArray, FloatArray]
 #: Means (n, d) and information roots (n, d, d).
 Gaussian = tuple[FloatArray, FloatArray]
 
-_FORCE, _UNIT = np.arange(6, 9), np.eye(3)
+_FORCE = np.arange(6, 9)
+_UNIT = np.eye(3)
 
 
 @frozen(eq=False)
@@ -136,7 +137,8 @@ def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
 def _of_path(root: FloatArray) -> FloatArray:
     """Return the roots (n, 6, 6) of position and velocity, whatever the force: those of the last columns."""
     turned = np.empty_like(root)
-    turned[:, :, :-COAST], turned[:, :, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+    turned[:, :, :-COAST] = root[:, :, COAST:]
+    turned[:, :, -COAST:] = root[:, :, :COAST]
     return square_root.triangular(turned)[:, -COAST:, -COAST:]
 
 
@@ -144,23 +146,33 @@ def _ignited(
     mean: FloatArray, root: FloatArray, force: FloatArray, force_sigma_m_s2: float, growth: tuple[float, float]
 ) -> Gaussian:
     """Return burns (n, 10) at positions and velocities (n, 6), with forces (n, 3) and mean and sigma of the growth."""
-    count, size = len(mean), COAST + 4
-    after, begun = np.empty((count, size)), np.zeros((count, size, size))
-    after[:, :COAST], after[:, _FORCE], after[:, 9] = mean, force, growth[0]
+    count = len(mean)
+    size = COAST + 4
+    after = np.empty((count, size))
+    begun = np.zeros((count, size, size))
+    after[:, :COAST] = mean
+    after[:, _FORCE] = force
+    after[:, 9] = growth[0]
     begun[:, :COAST, :COAST] = root
-    begun[:, _FORCE, _FORCE], begun[:, 9, 9] = 1.0 / force_sigma_m_s2, 1.0 / growth[1]
+    begun[:, _FORCE, _FORCE] = 1.0 / force_sigma_m_s2
+    begun[:, 9, 9] = 1.0 / growth[1]
     return after, begun
 
 
 def _pushed(mean: FloatArray, root: FloatArray, since: FloatArray, doubt: FloatArray) -> Gaussian:
     """Return estimates (n, 10) after their forces have acted for times (n, 1), s, known to `doubt` (n, 1)."""
-    force, size = mean[:, _FORCE], mean.shape[1]
-    after, back, noise = mean.copy(), np.empty((len(mean), size, size)), np.zeros((len(mean), size, 1))
+    force = mean[:, _FORCE]
+    size = mean.shape[1]
+    after = mean.copy()
+    back = np.empty((len(mean), size, size))
+    noise = np.zeros((len(mean), size, 1))
     after[:, :3] += 0.5 * since**2 * force
     after[:, 3:COAST] += since * force
     back[:] = np.eye(size)
-    back[:, range(3), _FORCE], back[:, range(3, COAST), _FORCE] = -0.5 * since**2, -since
-    noise[:, :3, 0], noise[:, 3:COAST, 0] = since * doubt * force, doubt * force
+    back[:, range(3), _FORCE] = -0.5 * since**2
+    back[:, range(3, COAST), _FORCE] = -since
+    noise[:, :3, 0] = since * doubt * force
+    noise[:, 3:COAST, 0] = doubt * force
     return after, square_root.time_update(root, back, noise)
 
 
@@ -262,12 +274,18 @@ class BurnModes:
         Most begin as a new stage; some go on as before, unseen for a while; some are free.
         """
         assert self.stage is not None
-        count, size = len(coast[0]), before[0].shape[2]
-        mean, root = np.empty((count, 3, size)), np.zeros((count, 3, size, size))
-        mean[:, 0, :COAST], mean[:, 0, COAST:] = coast[0], before[0][:, 0, COAST:]
-        root[:, 0, :COAST, :COAST], root[:, 0, COAST:, COAST:] = coast[1], force_root(before[1][:, 0])
+        count = len(coast[0])
+        size = before[0].shape[2]
+        mean = np.empty((count, 3, size))
+        root = np.zeros((count, 3, size, size))
+        mean[:, 0, :COAST] = coast[0]
+        mean[:, 0, COAST:] = before[0][:, 0, COAST:]
+        root[:, 0, :COAST, :COAST] = coast[1]
+        root[:, 0, COAST:, COAST:] = force_root(before[1][:, 0])
         mean[:, 1], root[:, 1] = self.stage.lit(*coast)
-        mean[:, 2], root[:, 2], free = mean[:, 1], root[:, 1], 0.0
+        mean[:, 2] = mean[:, 1]
+        root[:, 2] = root[:, 1]
+        free = 0.0
         if self.free is not None:
             (mean[:, 2], root[:, 2]), free = self.free.lit(*coast, self._growth), self.free.relit
         share = np.array([[_UNSEEN, 1.0 - _UNSEEN - free, free]]).repeat(count, axis=0)
@@ -276,7 +294,8 @@ class BurnModes:
 
     def burning_for(self, burns: Burns, since_s: FloatArray, doubt_s: FloatArray) -> tuple[Gaussian, Burns]:
         """Return burns that began where targets coast, after times (n,), s, of burning known to `doubt_s` (n,)."""
-        since, doubt = since_s[:, None], doubt_s[:, None]
+        since = since_s[:, None]
+        doubt = doubt_s[:, None]
         parts = [_pushed(burns[0][:, part], burns[1][:, part], since, doubt) for part in range(burns[0].shape[1])]
         after: Burns = np.stack([part[0] for part in parts], axis=1), np.stack([part[1] for part in parts], 1), burns[2]
         return moments(after), after
@@ -297,8 +316,10 @@ class BurnModes:
             stages = share[decided] * _STAGES
             total = np.add.reduce(stages, axis=1)
             known = moments((mean[decided], root[decided], stages / total[:, None]))
-            mean[decided, :2], root[decided, :2] = known[0][:, None], known[1][:, None]
-            share[decided, 0], share[decided, 1] = total, 0.0
+            mean[decided, :2] = known[0][:, None]
+            root[decided, :2] = known[1][:, None]
+            share[decided, 0] = total
+            share[decided, 1] = 0.0
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
         into = np.stack([begins, share[:, 1]], axis=1)
         share[:, 0] -= begins
@@ -350,7 +371,8 @@ def moments(burns: Burns) -> Gaussian:
         return moment_matched(share[:, :2], (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
     if count == len(share):
         return moment_matched(share, tuple(mean.swapaxes(0, 1)), tuple(root.swapaxes(0, 1)))
-    whole, free = (np.empty_like(mean[:, 0]), np.empty_like(root[:, 0])), are_free(share)
+    whole = (np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
+    free = are_free(share)
     for rows in (free, ~free):
         whole[0][rows], whole[1][rows] = moments((mean[rows], root[rows], share[rows]))
     return whole

@@ -107,7 +107,8 @@ class AtmosphericDescent:
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 6) after steps (n,), s."""
         pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
-        step_s, half = step_s / pieces, 0.5 * step_s / pieces
+        half = 0.5 * step_s / pieces
+        step_s = step_s / pieces
         state = state.copy()
         for _ in range(pieces):
             state[:, 3:] += self._kicked(state, half)
@@ -150,8 +151,11 @@ class AtmosphericDescent:
 
         The density changes along the radius; the dependence of the air's motion on the position is neglected.
         """
-        wind, up = self._wind(state), state[:, :3] / np.sqrt(dot(state[:, :3], state[:, :3]))[:, None]
-        speed, air, half_s = np.sqrt(dot(wind, wind) + 1e-12), self._air(state), 0.5 * step_s
+        wind = self._wind(state)
+        up = state[:, :3] / np.sqrt(dot(state[:, :3], state[:, :3]))[:, None]
+        speed = np.sqrt(dot(wind, wind) + 1e-12)
+        air = self._air(state)
+        half_s = 0.5 * step_s
         kept = _remaining_speed(air.rate * speed * half_s)
         half = np.broadcast_to(np.eye(COAST), (len(state), COAST, COAST)).copy()
         half[:, 3:, :3] = -(kept**2 * half_s * air.slope * speed)[:, None, None] * wind[:, :, None] * up[:, None, :]
@@ -162,7 +166,8 @@ class AtmosphericDescent:
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 6, 6) with L Lᵀ the process-noise covariance of steps (n,) from states."""
-        wind, air = self._wind(state), self._air(state)
+        wind = self._wind(state)
+        air = self._air(state)
         square = dot(wind, wind)
         wander = np.sqrt(
             self.fall.noise**2 + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.left**2) * square**2

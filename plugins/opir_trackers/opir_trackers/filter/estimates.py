@@ -149,7 +149,8 @@ class ModeEstimates(Columns):
     @classmethod
     def empty(cls) -> "ModeEstimates":
         """Return the estimates of no tracks."""
-        boost, coast = np.empty((0, BOOST)), np.empty((0, COAST))
+        boost = np.empty((0, BOOST))
+        coast = np.empty((0, COAST))
         roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
         return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 3)))
 

@@ -12,13 +12,16 @@ from opir_core.estimation import dot
 
 #: Lift upwards and aside and drag, as shares of the weight less the centrifugal force: means and standard deviations.
 #: Ratios of lift to drag from 1.5 to 4, and banks up to 30°; notional.
-_MEAN, _SIGMA = np.array([1.0, 0.0, -0.45]), np.array([0.5, 0.4, 0.2])
+_MEAN = np.array([1.0, 0.0, -0.45])
+_SIGMA = np.array([0.5, 0.4, 0.2])
 
 
 def glided(state: FloatArray, covariance: FloatArray, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return states (n, 6) in ECEF and covariances (n, 6, 6) of gliders, given those of free falls for (n,) s."""
-    place, velocity = state[:, :3], state[:, 3:]
-    radius, speed = np.sqrt(dot(place, place)), np.sqrt(dot(velocity, velocity))
+    place = state[:, :3]
+    velocity = state[:, 3:]
+    radius = np.sqrt(dot(place, place))
+    speed = np.sqrt(dot(velocity, velocity))
     ahead = velocity / np.maximum(speed, 1.0)[:, None]
     up = place / radius[:, None]
     up = up - ahead * dot(up, ahead)[:, None]

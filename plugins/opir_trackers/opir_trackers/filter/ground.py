@@ -24,7 +24,8 @@ def above_ground(mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatA
     low = (height < 0.0).nonzero()[0]
     if not low.size:
         return mean, root
-    after, held = mean.copy(), root.copy()
+    after = mean.copy()
+    held = root.copy()
     after[low], held[low] = _truncated(mean[low], root[low], height[low])
     return after, held
 
@@ -39,7 +40,8 @@ def _truncated(mean: FloatArray, root: FloatArray, height: FloatArray) -> tuple[
     depth = np.maximum(height / sigma, _FARTHEST)
     # Ratio of the normal density to the share above the ground, at the ground: the inverse Mills ratio.
     ratio = np.sqrt(2.0 / pi) / erfcx(-depth / np.sqrt(2.0))
-    shift, kept = depth + ratio - height / sigma, 1.0 - ratio * (ratio + depth)
+    shift = depth + ratio - height / sigma
+    kept = 1.0 - ratio * (ratio + depth)
     # A look of variance r leaves the share r / (1 + r) of a unit variance, and 1 / (1 + r) of its residual.
     variance = kept / (1.0 - kept)
     rows = np.zeros((len(mean), 1, mean.shape[1] + 1))

@@ -42,7 +42,8 @@ def updated(modes: Sequence[Mode], time_s: float, measurements: AngleMeasurement
     points = [mode.mean for mode in modes]
     for turn in range(rounds):
         residual, slope, range_m = slice_.planes.projected(slice_.positions(modes, points))
-        after, steps = [], []
+        after = []
+        steps = []
         for mode, point, off, gain in zip(modes, points, residual, slope, strict=True):
             stack = slice_.stacked(mode, point, off, gain)
             if turn:
@@ -78,7 +79,8 @@ class _Slice(NamedTuple):
 
     @classmethod
     def of(cls, measurements: AngleMeasurements, time_s: float, tracks: int) -> "_Slice":
-        track, planes = measurements.track, measurements.whitened()
+        track = measurements.track
+        planes = measurements.whitened()
         weight = taylor_weights(measurements.time_s - time_s)
         if tracks == 1:
             return cls(measurements, planes, 1, weight, track, len(track))
@@ -102,7 +104,8 @@ class _Slice(NamedTuple):
         stack[:, :size, :size] = mode.root
         if self.tracks == 1:
             rows = stack[0, size:].reshape(-1, 2, size + 1)
-            rows[:, :, :size], rows[:, :, size] = mode.motion.measurement_rows(slope, self.weight, point), residual
+            rows[:, :, :size] = mode.motion.measurement_rows(slope, self.weight, point)
+            rows[:, :, size] = residual
             return stack
         track = self.measurements.track
         rows = np.empty((len(track), 2, size + 1))
@@ -120,7 +123,8 @@ class _Slice(NamedTuple):
         if not self.depth:
             return 0.0
         span = float(np.maximum.reduce(np.abs(self.weight[:, 1])))
-        reach, nearest = max([_reach_m(step, span) for step in steps]), float(np.minimum.reduce(range_m, axis=None))
+        reach = max([_reach_m(step, span) for step in steps])
+        nearest = float(np.minimum.reduce(range_m, axis=None))
         # A whitener's largest singular value is at most twice its largest element.
         sharp = 2.0 * float(np.maximum.reduce(np.abs(self.measurements.whitener), axis=None))
         return (reach / nearest) ** 2 * sharp if nearest > 0.0 else inf
@@ -130,7 +134,8 @@ def _reach_m(step: FloatArray, span_s: float) -> float:
     """Return the largest displacement of a track by steps (n, d) of position and derivatives, within a time span."""
     weights = (1.0, span_s, span_s**2 / 2.0, span_s**3 / 6.0)
     if len(step) == 1:
-        numbers, reach = step[0].tolist(), 0.0
+        numbers = step[0].tolist()
+        reach = 0.0
         for k in range(len(numbers) // 3):
             reach += weights[k] * hypot(*numbers[3 * k : 3 * k + 3])
         return reach

@@ -29,7 +29,9 @@ def measurement_update(
     """
     count, size = owed.shape
     stack = np.empty((count, size + rows.shape[1], size + 1))
-    stack[:, :size, :size], stack[:, :size, size], stack[:, size:] = root, owed, rows
+    stack[:, :size, :size] = root
+    stack[:, :size, size] = owed
+    stack[:, size:] = rows
     return least_squares(stack)
 
 
@@ -37,7 +39,8 @@ def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     """Return R (n, d, d), solutions (n, d) and least sums of squares (n,) of stacked rows (n, m, d + 1) [A | b]."""
     size = stack.shape[2] - 1
     factor = triangular(stack)
-    upper, right = factor[:, :size, :size], factor[:, :size, size:]
+    upper = factor[:, :size, :size]
+    right = factor[:, :size, size:]
     left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(stack))
     return upper, _solved(upper, right)[:, :, 0], left
 
@@ -56,7 +59,8 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
 def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
     """Return log |det R / det R'| (n,) of two sets of roots."""
     if len(root) == 1:
-        own, others = prod(root[0].diagonal().tolist()), prod(other[0].diagonal().tolist())
+        own = prod(root[0].diagonal().tolist())
+        others = prod(other[0].diagonal().tolist())
         return np.array([log(abs(own / others))])
     ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
     return np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
@@ -67,7 +71,8 @@ def moment_matched(
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment matching."""
     count, size = mean[0].shape
-    means, scale = np.array(mean), np.sqrt(weight).T
+    means = np.array(mean)
+    scale = np.sqrt(weight).T
     center = np.add.reduce(weight.T[:, :, None] * means)
     # A single root has a faster inverse.
     inverse = [inverse_root(each) for each in root] if count == 1 else inverse_root(np.concatenate(root))

@@ -63,8 +63,10 @@ def mixing_of_one(weight: Pair, leave: Pair) -> tuple[Pair, Pair, Pair]:
     `leave` are the probabilities of leaving each mode. A burning target has not coasted before.
     """
     boost, coast = weight
-    ends, begins = boost * leave[0], coast * leave[1]
-    burning, coasting = boost - ends + begins, coast - begins + ends
+    ends = boost * leave[0]
+    begins = coast * leave[1]
+    burning = boost - ends + begins
+    coasting = coast - begins + ends
     into_boost = (1.0 - begins / burning, begins / burning) if burning > 0.0 else (0.0, 0.0)
     into_coast = (ends / coasting, 1.0 - ends / coasting) if coasting > 0.0 else (0.0, 0.0)
     if boost > 0.5 and leave[0] > 0.0:
@@ -80,7 +82,8 @@ def detection_rate_of_one(
     As `_silence_log_likelihood`.
     """
     if hits:
-        fade, pause = exp(-step_s / memory_s), min(detection_rate[2], pause_s)
+        fade = exp(-step_s / memory_s)
+        pause = min(detection_rate[2], pause_s)
         spell = step_s if pause <= step_s else step_s + pause - silent_s
         return 0.0, (hits + fade * detection_rate[0], spell + fade * detection_rate[1], silent_s)
     return -detection_rate[0] / max(detection_rate[1], step_s) * step_s, (
@@ -112,9 +115,11 @@ def mode_weights_of_one(weight: Sequence[float], change: Pair, least: float) -> 
     if weight[0] <= 0.0 or weight[1] <= 0.0:
         return weight[0], weight[1]
     most = max(change)
-    boost, coast = weight[0] * exp(change[0] - most), weight[1] * exp(change[1] - most)
+    boost = weight[0] * exp(change[0] - most)
+    coast = weight[1] * exp(change[1] - most)
     floor = least * (boost + coast)
-    boost, coast = max(boost, floor), max(coast, floor)
+    boost = max(boost, floor)
+    coast = max(coast, floor)
     return boost / (boost + coast), coast / (boost + coast)
 
 
@@ -126,7 +131,8 @@ _LEAST_SHARE = 1e-4
 
 #: A target that coasts with this probability, without detection for this time, s, does not burn: where it is lit again,
 #: it begins a new burn.
-_RESTS_S, _COASTS = 3.0, 0.9
+_RESTS_S = 3.0
+_COASTS = 0.9
 
 #: Where detections exclude coasts (`switching`), coasts less probable than this are neither computed nor reported.
 EXCLUDED_WEIGHT = 1e-3
@@ -151,7 +157,8 @@ def mixed(
     if len(estimates.weight) == 1:
         return _mixed_alone(estimates, leave, least, modes, scan_s)
     weight, share = _shares(estimates.weight, leave)
-    boost, coast = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
+    boost = (estimates.boost_mean, estimates.boost_root)
+    coast = (estimates.coast_mean, estimates.coast_root)
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     into_coast = ((share[:, 0, 1] > _LEAST_SHARE) & (weight[:, 1] >= least)).nonzero()[0]
     begins = (share[:, 1, 0] > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
@@ -160,7 +167,8 @@ def mixed(
         coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1], scan_s))
     if len(into_boost):
         lit, parts = _into_boost(estimates.part(into_boost), share[into_boost, :, 0], modes)
-        boost, burns = _put(boost, into_boost, lit), burn_modes.put(burns, into_boost, parts)
+        boost = _put(boost, into_boost, lit)
+        burns = burn_modes.put(burns, into_boost, parts)
     return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
@@ -170,7 +178,8 @@ def _mixed_alone(
     """Return `mixed` for one track."""
     boost, coast = estimates.weight[0].tolist()
     weight, into_boost, into_coast = mixing_of_one((boost, coast), leave)
-    burning, coasting = (estimates.boost_mean, estimates.boost_root), (estimates.coast_mean, estimates.coast_root)
+    burning = (estimates.boost_mean, estimates.boost_root)
+    coasting = (estimates.coast_mean, estimates.coast_root)
     burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
     if into_coast[0] > _LEAST_SHARE and weight[1] >= least:
         coasting = _into_coast(estimates, np.array([into_coast]), scan_s)
@@ -203,7 +212,8 @@ def _put(
     """Return means and roots with some rows replaced."""
     if len(rows) == len(whole[0]):
         return part
-    mean, root = whole[0].copy(), whole[1].copy()
+    mean = whole[0].copy()
+    root = whole[1].copy()
     mean[rows], root[rows] = part
     return mean, root
 
@@ -223,7 +233,8 @@ def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -
     """
     if modes.stage is not None:
         return relit(estimates, estimates.coast_mean, estimates.coast_root, modes)
-    means, roots = (estimates.boost_mean, _extended_mean(estimates)), (estimates.boost_root, _extended_root(estimates))
+    means = (estimates.boost_mean, _extended_mean(estimates))
+    roots = (estimates.boost_root, _extended_root(estimates))
     lit = moment_matched(share, means, roots)
     return lit, burn_modes.parts_of(lit)
 
@@ -247,11 +258,13 @@ def coast_from_boost(estimates: ModeEstimates, scan_s: float = 0.0) -> tuple[Flo
     times = np.array([0.5 * since * since, since, since * doubt, doubt]).reshape(2, 2, -1)
     shifts = times.transpose(0, 2, 1)[:, :, :, None] * estimates.boost_mean[:, None, COAST : COAST + 3]
     less, spread = shifts.reshape(2, -1, COAST)
-    root, size = estimates.boost_root, estimates.boost_root.shape[1]
+    root = estimates.boost_root
+    size = estimates.boost_root.shape[1]
     rows = np.zeros((len(estimates), size + 1, size + 1))
     rows[:, 0, 0] = 1.0
     rows[:, 1:, 0] = matvec(root[:, :, :COAST], spread)
-    rows[:, 1:, 1:-COAST], rows[:, 1:, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+    rows[:, 1:, 1:-COAST] = root[:, :, COAST:]
+    rows[:, 1:, -COAST:] = root[:, :, :COAST]
     # A force that is not known has not acted since burnout either.
     by_force = 0.5 * since * since, since
     rows[:, 1:, 1:4] += by_force[0][:, None, None] * root[:, :, :3] + by_force[1][:, None, None] * root[:, :, 3:COAST]
@@ -264,11 +277,13 @@ def _coast_from_boost_alone(estimates: ModeEstimates, scan_s: float) -> tuple[Fl
     less, spread, by_force = burnout_shift_of_one(
         estimates.detection_rate[0].tolist(), estimates.boost_mean[0, COAST : COAST + 3].tolist(), scan_s
     )
-    root, size = estimates.boost_root[0], estimates.boost_root.shape[1]
+    root = estimates.boost_root[0]
+    size = estimates.boost_root.shape[1]
     rows = np.zeros((1, size + 1, size + 1))
     rows[0, 0, 0] = 1.0
     rows[0, 1:, 0] = root[:, :COAST] @ np.array(spread)
-    rows[0, 1:, 1:-COAST], rows[0, 1:, -COAST:] = root[:, COAST:], root[:, :COAST]
+    rows[0, 1:, 1:-COAST] = root[:, COAST:]
+    rows[0, 1:, -COAST:] = root[:, :COAST]
     rows[0, 1:, 1:4] += by_force[0] * root[:, :3] + by_force[1] * root[:, 3:COAST]
     return estimates.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
 
@@ -360,11 +375,14 @@ def _silence_log_likelihood(
     silent = hits == 0.0
     after = np.empty_like(detection_rate)
     pause = np.minimum(detection_rate[:, 2], pause_s)
-    after[:, 0], after[:, 1], after[:, 2] = hits, np.where(pause > step_s, step_s + pause - silent_s, step_s), silent_s
+    after[:, 0] = hits
+    after[:, 1] = np.where(pause > step_s, step_s + pause - silent_s, step_s)
+    after[:, 2] = silent_s
     after[:, :2] += np.exp(-step_s / memory_s) * detection_rate[:, :2]
     log = np.zeros(len(detection_rate))
     if np.count_nonzero(silent):
-        after[silent, :2], after[silent, 2] = detection_rate[silent, :2], detection_rate[silent, 2] + step_s
+        after[silent, :2] = detection_rate[silent, :2]
+        after[silent, 2] = detection_rate[silent, 2] + step_s
         log[silent] = -detection_rate[silent, 0] / np.maximum(detection_rate[silent, 1], step_s) * step_s
     return log, after
 

@@ -98,7 +98,8 @@ class ImmFilter:
         if self.switches:
             mixed = mode_mixing.mixed(estimates, step_s, self.boost_s, self.coast_s, least, self.burns, self.scan_s)
         boost, coast = _modes_of(mixed)
-        used, steps = _in_use(estimates), np.array([step_s] * len(estimates.weight))
+        used = _in_use(estimates)
+        steps = np.array([step_s] * len(estimates.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
         rests = mode_mixing.resting_rows(mixed) if len(rows) else _NONE
         burns: Burns = mixed.burn_mean, mixed.burn_root, mixed.burn_share
@@ -113,7 +114,8 @@ class ImmFilter:
             coast = self._with_residual(coast, estimates, rows, step_s)
         if rests.size:
             lit, parts = mode_mixing.relit(estimates.part(rests), coast[0][rests], coast[1][rests], self.burns)
-            boost, burns = _with_rows(boost, lit, rests), burn_modes.put(burns, rests, parts)
+            boost = _with_rows(boost, lit, rests)
+            burns = burn_modes.put(burns, rests, parts)
         return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
 
     def _with_residual(self, coast: Gaussian, estimates: ModeEstimates, rows: IntArray, step_s: float) -> Gaussian:
@@ -184,11 +186,13 @@ class ImmFilter:
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements, step_s: float
     ) -> ModeEstimates:
         """Return `updated` for one track."""
-        weight, change = estimates.weight[0].tolist(), [0.0, 0.0]
+        weight = estimates.weight[0].tolist()
+        change = [0.0, 0.0]
         burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
         boost, coast = _modes_of(estimates)
         coasts = weight[1] > 0.0 and weight[1] >= self.least_open_weight
-        looks, silent_s = len(measurements.time_s), step_s
+        looks = len(measurements.time_s)
+        silent_s = step_s
         if looks:
             modes = list(self.burns.modes(boost, burns)) if weight[0] > 0.0 else []
             modes += [Mode(self.coast, *coast)] * coasts
@@ -198,7 +202,8 @@ class ImmFilter:
                 boost, burns, log = self.burns.joined(burns, results, logs)
                 change[0] = float(log[0]) if coasts else 0.0
             if coasts:
-                coast, change[1] = (results[-1].mean, results[-1].root), float(logs[-1][0])
+                coast = (results[-1].mean, results[-1].root)
+                change[1] = float(logs[-1][0])
             change[1] += log_of(self.coast_detection)
             silent_s = min(step_s, time_s - float(np.maximum.reduce(measurements.time_s)))
         if not self.switches and not all(weight):
@@ -215,7 +220,8 @@ class ImmFilter:
         (boost, coast), change, used = _modes_of(estimates), np.zeros((len(estimates), 2)), _in_use(estimates)
         if not len(measurements):
             return boost, burns, coast, change
-        open_, free = estimates.weight[:, 1] >= self.least_open_weight, seen & are_free(burns[2])
+        open_ = estimates.weight[:, 1] >= self.least_open_weight
+        free = seen & are_free(burns[2])
         groups = [(seen & open_, used[1]), (seen & ~open_, False)]
         if np.count_nonzero(free):
             groups = [(some & part, coasts) for some, coasts in groups for part in (free, ~free)]
@@ -237,7 +243,8 @@ class ImmFilter:
                 burns = mine if rows is None else burn_modes.put(burns, rows, mine)
                 change[every, 0] = log if coasts else 0.0
             if coasts:
-                coast, change[every, 1] = _with_rows(coast, (results[-1].mean, results[-1].root), rows), logs[-1]
+                coast = _with_rows(coast, (results[-1].mean, results[-1].root), rows)
+                change[every, 1] = logs[-1]
         return boost, burns, coast, change
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
@@ -260,7 +267,8 @@ class ImmFilter:
         """
         boost = _modes_of(estimates)[0]
         boost = _with_rows(boost, replaced(boost[0][rows], boost[1][rows], axis, along, covariance), rows)
-        mean, root = estimates.burn_mean[rows], estimates.burn_root[rows]
+        mean = estimates.burn_mean[rows]
+        root = estimates.burn_root[rows]
         parts = [replaced(mean[:, part], root[:, part], axis, along, covariance) for part in range(mean.shape[1])]
         burns: Burns = (
             np.stack([part[0] for part in parts], axis=1),
@@ -304,7 +312,8 @@ class ImmFilter:
             return PredictedMeasurements(time_s, *_taylor_and_root(self.boost, *boost))
         if count == len(coasts):
             return PredictedMeasurements(time_s, *_taylor_and_root(self.coast, *coast))
-        derivative, side = np.empty((len(estimates), 5, 3)), np.empty((len(estimates), BOOST, BOOST))
+        derivative = np.empty((len(estimates), 5, 3))
+        side = np.empty((len(estimates), BOOST, BOOST))
         derivative[coasts], side[coasts] = _taylor_and_root(self.coast, coast[0][coasts], coast[1][coasts])
         derivative[~coasts], side[~coasts] = _taylor_and_root(self.boost, boost[0][~coasts], boost[1][~coasts])
         return PredictedMeasurements(time_s, derivative, side)
@@ -316,7 +325,8 @@ class ImmFilter:
             side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
             return estimates.boost_mean[:, :COAST], square_root.gram(side)
         weight = np.where(open_, estimates.weight, _BURNS)
-        boost, coast = weight[:, :1], weight[:, 1:]
+        boost = weight[:, :1]
+        coast = weight[:, 1:]
         apart = estimates.boost_mean[:, :COAST] - estimates.coast_mean
         width = estimates.boost_mean.shape[1]
         side = np.empty((len(apart), COAST, width + COAST + 1))
@@ -330,7 +340,8 @@ class ImmFilter:
 #: Time after the last detection, s, in which a force may act unseen.
 RESIDUAL_S = 5.0
 
-_BURNS, _NONE = np.array([1.0, 0.0]), np.empty(0, dtype=np.int64)
+_BURNS = np.array([1.0, 0.0])
+_NONE = np.empty(0, dtype=np.int64)
 
 
 def _modes_of(estimates: ModeEstimates) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
@@ -369,7 +380,8 @@ def _with_rows(
     """Return means and roots with some rows replaced."""
     if rows is None:
         return part
-    mean, root = whole[0].copy(), whole[1].copy()
+    mean = whole[0].copy()
+    root = whole[1].copy()
     mean[rows], root[rows] = part
     return mean, root
 

@@ -44,7 +44,8 @@ SLOW_M_S = 100.0
 #: speed, m/s. Under the tracker's law of boosts the thrust is off the velocity by 7 to 8.5° (root mean square) at 100
 #: to 400 m/s with a correlation time of 14 s, by 3.6° at 700 m/s, and by 2.5° beyond 1 km/s for longer: with the usual
 #: tilt its noise is within a third of this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
-PITCH_OVER_SHARE, PITCH_OVER_M_S = 0.045, 600.0
+PITCH_OVER_SHARE = 0.045
+PITCH_OVER_M_S = 600.0
 
 #: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose acceleration triples ends
 #: with it; beyond, κ stays: carried on in the dark, a stage would burn up all its mass.
@@ -60,15 +61,23 @@ def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any
     velocity.
     """
     x, y, _, vx, vy, vz, fx, fy, fz, growth, gx, gy, gz = numbers
-    ax, ay, az = gx + fx + _SPIN * vy, gy + fy - _SPIN * vx, gz + fz
-    vx, vy = vx + _SPIN * y, vy - _SPIN * x
+    ax = gx + fx + _SPIN * vy
+    ay = gy + fy - _SPIN * vx
+    az = gz + fz
+    vx = vx + _SPIN * y
+    vy = vy - _SPIN * x
     square = vx * vx + vy * vy + vz * vz
     speed = root(square + 1.0)
-    ux, uy, uz = vx / speed, vy / speed, vz / speed
+    ux = vx / speed
+    uy = vy / speed
+    uz = vz / speed
     soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
-    lift, ahead = fx * ux + fy * uy + fz * uz, ax * ux + ay * uy + az * uz
-    turn, pull = lift * speed * soft, square * soft / tilt_s
-    own, back = growth - pull, pull * lift - turn * ahead
+    lift = fx * ux + fy * uy + fz * uz
+    ahead = ax * ux + ay * uy + az * uz
+    turn = lift * speed * soft
+    pull = square * soft / tilt_s
+    own = growth - pull
+    back = pull * lift - turn * ahead
     return own * fx + turn * ax + back * ux, own * fy + turn * ay + back * uy, own * fz + turn * az + back * uz
 
 
@@ -82,9 +91,14 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Gravit
         growth = min(growth / (1.0 - growth * step), MOST_GROWTH)
     late = jerk_of_one((*after, growth, *pull(*after[:3])[:3]), tilt_s, sqrt)
     x, y, z, vx, vy, vz, fx, fy, fz = after
-    bx, by, bz = late[0] - early[0], late[1] - early[1], late[2] - early[2]
-    far, fast, more = step**3 / 24.0, step**2 / 6.0, step / 2.0
-    place, speed = (x + bx * far, y + by * far, z + bz * far), (vx + bx * fast, vy + by * fast, vz + bz * fast)
+    bx = late[0] - early[0]
+    by = late[1] - early[1]
+    bz = late[2] - early[2]
+    far = step**3 / 24.0
+    fast = step**2 / 6.0
+    more = step / 2.0
+    place = (x + bx * far, y + by * far, z + bz * far)
+    speed = (vx + bx * fast, vy + by * fast, vz + bz * fast)
     return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, growth]
 
 
@@ -101,22 +115,35 @@ def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float
     As `Thrust.force_slopes`, but for rounding.
     """
     x, y, _, wx, wy, vz, fx, fy, fz, growth = state
-    vx, vy, pull = wx + _SPIN * y, wy - _SPIN * x, 1.0 / tilt_s
+    vx = wx + _SPIN * y
+    vy = wy - _SPIN * x
+    pull = 1.0 / tilt_s
     square = vx * vx + vy * vy + vz * vz
     speed = sqrt(square + 1.0)
     soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
-    turn, fast = speed * soft, square * soft
+    turn = speed * soft
+    fast = square * soft
     unit = ux, uy, uz = vx / speed, vy / speed, vz / speed
-    px, py, pz = gravity[0] + fx + _SPIN * wy, gravity[1] + fy - _SPIN * wx, gravity[2] + fz
-    ahead, lift = ux * px + uy * py + uz * pz, ux * fx + uy * fy + uz * fz
+    px = gravity[0] + fx + _SPIN * wy
+    py = gravity[1] + fy - _SPIN * wx
+    pz = gravity[2] + fz
+    ahead = ux * px + uy * py + uz * pz
+    lift = ux * fx + uy * fy + uz * fz
     bend = bx, by, bz = px - ux * ahead, py - uy * ahead, pz - uz * ahead
     across = cx, cy, cz = fx - ux * lift, fy - uy * lift, fz - uz * lift
-    same, other = lift * (turn * pull - soft * ahead), lift * turn - fast * pull
-    first, second, third = lift * soft, turn * pull, lift * soft * (1.0 - 2.0 * fast)
-    fourth, own = -2.0 * pull * turn * (1.0 - fast), growth + other
+    same = lift * (turn * pull - soft * ahead)
+    other = lift * turn - fast * pull
+    first = lift * soft
+    second = turn * pull
+    third = lift * soft * (1.0 - 2.0 * fast)
+    fourth = -2.0 * pull * turn * (1.0 - fast)
+    own = growth + other
     rows: list[float] = []
     for k, (u, b, c, f) in enumerate(zip(unit, bend, across, (fx, fy, fz), strict=True)):
-        p, q, r, s = third * b + fourth * c - same * u, -first * u, second * u + soft * b, turn * b - other * u
+        p = third * b + fourth * c - same * u
+        q = -first * u
+        r = second * u + soft * b
+        s = turn * b - other * u
         row = [p * ux + q * bx + r * cx, p * uy + q * by + r * cy, p * uz + q * bz + r * cz, s * ux, s * uy, s * uz, f]
         row[k] += same
         row[3 + k] += own
@@ -144,7 +171,9 @@ def side_of_one(state: Sequence[float], across_share: float, along_noise: float)
     across = across_share_at(across_share, square) * sqrt(fx * fx + fy * fy + fz * fz)
     share = (along_noise - across) / (square + 1.0)
     u, v, w = velocity
-    xy, xz, yz = share * u * v, share * u * w, share * v * w
+    xy = share * u * v
+    xz = share * u * w
+    yz = share * v * w
     return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]
 
 
@@ -154,7 +183,9 @@ THRUST = 10
 #: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below 1e-3.
 _LONGEST_STEP_S = 2.5
 
-_UNIT, _WHOLE, _HALF = np.eye(3), np.eye(THRUST), 0.5 * np.eye(THRUST)
+_UNIT = np.eye(3)
+_WHOLE = np.eye(THRUST)
+_HALF = 0.5 * np.eye(THRUST)
 
 
 @frozen(eq=False)
@@ -206,7 +237,8 @@ class Thrust:
         grown = np.minimum(growth / (1.0 - growth * step_s), MOST_GROWTH)
         growth = np.where(growth < MOST_GROWTH, grown, growth)
         after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], growth[:, None]], axis=1)
-        bend, step = self.jerk(after) - early, step_s[:, None]
+        bend = self.jerk(after) - early
+        step = step_s[:, None]
         after[:, :3] += bend * (step**3 / 24.0)
         after[:, 3:6] += bend * (step**2 / 6.0)
         after[:, 6:9] += bend * (step / 2.0)
@@ -246,8 +278,10 @@ class Thrust:
         place = numbers[:3]
         alone = slopes_of_one(numbers, self.tilt_s, self._pull(*place))
         alone += gradient_of_one(place, self.forces.gravity.mu_m3_s2)
-        numbers_, rate = np.array(alone), _KINEMATICS.copy()
-        rate[0, 6:9, 3:], rate[0, 3:6, :3] = numbers_[:21].reshape(3, 7), numbers_[21:].reshape(3, 3)
+        numbers_ = np.array(alone)
+        rate = _KINEMATICS.copy()
+        rate[0, 6:9, 3:] = numbers_[:21].reshape(3, 7)
+        rate[0, 3:6, :3] = numbers_[21:].reshape(3, 3)
         rate[0, 9, 9] = 2.0 * numbers[9] if numbers[9] < MOST_GROWTH else 0.0
         return rate
 
@@ -261,24 +295,33 @@ class Thrust:
             (numbers,) = state.tolist()
             alone = slopes_of_one(numbers, self.tilt_s, self._pull(*numbers[:3]))
             return np.array(alone).reshape(1, 3, THRUST - 3)
-        count, pull = len(state), 1.0 / self.tilt_s
-        velocity, force = air_velocity(state), state[:, 6:9]
+        count = len(state)
+        pull = 1.0 / self.tilt_s
+        velocity = air_velocity(state)
+        force = state[:, 6:9]
         square = dot(velocity, velocity)
         speed = np.sqrt(square + 1.0)
         unit = velocity / speed[:, None]
         soft = 1.0 / (square + SLOW_M_S**2)
-        turn, fast = speed * soft, square * soft
+        turn = speed * soft
+        fast = square * soft
         push = self.fall.gravity(state[:, :3]) + force - _AIR * state[:, [4, 3, 5]]
-        ahead, lift = dot(unit, push), dot(unit, force)
-        bend, across = push - unit * ahead[:, None], force - unit * lift[:, None]
+        ahead = dot(unit, push)
+        lift = dot(unit, force)
+        bend = push - unit * ahead[:, None]
+        across = force - unit * lift[:, None]
         basis = np.stack([unit, bend, across], axis=1)
         same = lift * (turn * pull - soft * ahead)
         other = lift * turn - fast * pull
         weigh = np.zeros((2, count, 3, 3))
-        weigh[0, :, 0, 0], weigh[0, :, 0, 1], weigh[0, :, 0, 2] = -same, -lift * soft, turn * pull
-        weigh[0, :, 1, 0], weigh[0, :, 1, 2] = lift * soft * (1.0 - 2.0 * fast), soft
+        weigh[0, :, 0, 0] = -same
+        weigh[0, :, 0, 1] = -lift * soft
+        weigh[0, :, 0, 2] = turn * pull
+        weigh[0, :, 1, 0] = lift * soft * (1.0 - 2.0 * fast)
+        weigh[0, :, 1, 2] = soft
         weigh[0, :, 2, 0] = -2.0 * pull * turn * (1.0 - fast)
-        weigh[1, :, 0, 0], weigh[1, :, 1, 0] = -other, turn
+        weigh[1, :, 0, 0] = -other
+        weigh[1, :, 1, 0] = turn
         both = basis.transpose(0, 2, 1) @ (weigh @ basis)
         slopes = np.empty((count, 3, THRUST - 3))
         slopes[:, :, :3] = both[0] + same[:, None, None] * _UNIT
@@ -290,7 +333,8 @@ class Thrust:
         """Return L (n, 10, 10) with L Lᵀ the process-noise covariance of steps (n,) from states."""
         if len(state) == 1:
             return self._noise_root_of_one(abs(float(step_s[0])), state)
-        velocity, force = air_velocity(state), state[:, 6:9]
+        velocity = air_velocity(state)
+        force = state[:, 6:9]
         square = dot(velocity, velocity)
         share = across_share_at(tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s), square)
         across = share * np.sqrt(dot(force, force))
@@ -314,7 +358,8 @@ class Thrust:
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4."""
         if len(state) <= FEW_STATES:
-            pull, mu = self._pull, self.forces.gravity.mu_m3_s2
+            pull = self._pull
+            mu = self.forces.gravity.mu_m3_s2
             rows = [taylor_of_one(row, self.tilt_s, pull, mu) for row in state.tolist()]
             return np.array(rows).reshape(-1, 5, 3)
         path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)

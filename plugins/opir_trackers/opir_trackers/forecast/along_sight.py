@@ -27,14 +27,18 @@ from opir_trackers.lines_of_sight import SPIN
 from opir_trackers.triangulation import GRAZING_SINE
 
 #: Directions over the ground in which an ascent is tried before the best are refined, and steps of that.
-_DIRECTIONS, _REFINEMENTS = 24, 3
+_DIRECTIONS = 24
+_REFINEMENTS = 3
 
 #: Most ascents that are compared exactly.
 _MOST = 400
 
 #: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and of the velocity at
 #: the first detection, m/s. Wider ones are multiples of it. Positions have that of the velocity times half of the time.
-_SHARE, _FORCE_M_S2, _FIRST_M_S, _SLOWEST_M_S = 0.06, 3.0, 6.0, 100.0
+_SHARE = 0.06
+_FORCE_M_S2 = 3.0
+_FIRST_M_S = 6.0
+_SLOWEST_M_S = 100.0
 
 #: The kernel of the first choice.
 _CHOICE = 2.0
@@ -85,7 +89,8 @@ def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArra
     scale = _scale(sighting)
     log, which, azimuth = _minima(*path.linear(sighting, _CHOICE * scale), path.log_weight)
     best = np.argsort(-log)[:_MOST]
-    which, azimuth = which[best], azimuth[best]
+    which = which[best]
+    azimuth = azimuth[best]
     seen, hidden = path.compared(sighting, which, azimuth)
     moments = hidden_moments(seen, hidden, scale, sighting.noise, path.log_weight[which])
     if moments is None:
@@ -129,10 +134,13 @@ class _Paths(NamedTuple):
     def of(cls, sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> "_Paths":
         """Return the ascents that burn at the first detection, on its line of sight, and now."""
         since = sighting.since_s
-        before, after = ascents.at(ignition_s), ascents.at(ignition_s + since)
+        before = ascents.at(ignition_s)
+        after = ascents.at(ignition_s + since)
         rows = np.flatnonzero(before.burns & after.burns)
-        first, now = before.rows[:, rows], after.rows[:, rows]
-        sensor, ground = sighting.first_sensor_m, sighting.ground_radius_m
+        first = before.rows[:, rows]
+        now = after.rows[:, rows]
+        sensor = sighting.first_sensor_m
+        ground = sighting.ground_radius_m
         towards = sighting.first_m - sensor
         towards = towards / np.linalg.norm(towards)
         near = float(sensor @ towards)
@@ -153,8 +161,10 @@ class _Paths(NamedTuple):
         above = self.up[:, which]
         ahead = np.sin(azimuth) * self.east[:, which] + np.cos(azimuth) * self.north[:, which]
         cosine, sine, radius, ahead_s, above_s = self.moved[:, which]
-        up, level = cosine * above + sine * ahead, cosine * ahead - sine * above
-        first, now = self.first[:, which], self.now[:, which]
+        up = cosine * above + sine * ahead
+        level = cosine * ahead - sine * above
+        first = self.first[:, which]
+        now = self.now[:, which]
         place = radius * up
         velocity = now[LEVEL] * level + now[CLIMB] * up
         velocity -= 2.0 * SPIN @ (place - self.start_m[:, which])
@@ -171,8 +181,10 @@ class _Paths(NamedTuple):
         line = sighting.state[:3] - sighting.sensor_m
         range_m = float(np.linalg.norm(line))
         line = line / range_m
-        apart, fast = place - sighting.sensor_m, velocity - sighting.sensor_m_s
-        nearer, axes = (range_m / (apart @ line))[:, None], sighting.axes.T
+        apart = place - sighting.sensor_m
+        fast = velocity - sighting.sensor_m_s
+        nearer = (range_m / (apart @ line))[:, None]
+        axes = sighting.axes.T
         off = apart @ axes * nearer
         turned = fast @ axes * nearer - off * (fast @ line)[:, None] / range_m * nearer
         seen = [
@@ -190,12 +202,14 @@ class _Paths(NamedTuple):
         The angle is the azimuth; the rows are in units of a kernel's widths (8,) and the noise.
         """
         cosine, sine, radius, ahead_s, above_s = self.moved
-        first, now = self.first, self.now
+        first = self.first
+        now = self.now
         ways = np.stack([self.north, self.east, self.up], axis=1)
         seen = np.tensordot(sighting.axes, ways, axes=1)
         turn = np.tensordot(-2.0 * sighting.axes @ SPIN, ways, axes=1)
         early = np.tensordot(sighting.first_axes, ways, axes=1)
-        above, level = seen[:, 2], seen[:, :2]
+        above = seen[:, 2]
+        level = seen[:, :2]
         state = sighting.axes @ sighting.state.reshape(3, 3).T
         shift = [
             radius * cosine * above + above_s * turn[:, 2] - state[:, :1],
@@ -216,7 +230,8 @@ class _Paths(NamedTuple):
 def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
     """Return log weights, numbers and azimuths of the minima of |A + M (cos, sin)|², A (8, n), M (8, 2, n)."""
     constant = np.sum(shift * shift, axis=0)
-    north, east = slope[:, 0], slope[:, 1]
+    north = slope[:, 0]
+    east = slope[:, 1]
     pull = 2.0 * np.sum(north * shift, axis=0), 2.0 * np.sum(east * shift, axis=0)
     square = np.sum(north * north, axis=0), 2.0 * np.sum(north * east, axis=0), np.sum(east * east, axis=0)
     terms = np.stack([*pull, *square])
@@ -224,11 +239,14 @@ def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tup
     cost = _powers(azimuth).T @ terms
     least = (cost <= np.roll(cost, 1, axis=0)) & (cost < np.roll(cost, -1, axis=0))
     place, which = least.nonzero()
-    angle, mine = azimuth[place], terms[:, which]
+    angle = azimuth[place]
+    mine = terms[:, which]
     bend = np.ones_like(angle)
     for _ in range(_REFINEMENTS):
-        c, s = np.cos(angle), np.sin(angle)
-        tilt, turn = mine[4] - mine[2], c * c - s * s
+        c = np.cos(angle)
+        s = np.sin(angle)
+        tilt = mine[4] - mine[2]
+        turn = c * c - s * s
         first = -mine[0] * s + mine[1] * c + 2.0 * tilt * c * s + mine[3] * turn
         bend = np.maximum(-mine[0] * c - mine[1] * s + 2.0 * tilt * turn - 4.0 * mine[3] * c * s, 1.0)
         angle = angle - np.clip(first / bend, -0.3, 0.3)
@@ -239,5 +257,6 @@ def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tup
 
 def _powers(angle: FloatArray) -> FloatArray:
     """Return cos, sin, cos², cos sin and sin² (5, m) of angles (m,)."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.stack([c, s, c * c, c * s, s * s])

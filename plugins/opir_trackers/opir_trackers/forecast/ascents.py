@@ -29,7 +29,8 @@ _LAWS = (MISSILE, MISSILE, SPACE, NONE)
 
 #: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a step is 45 m off
 #: its arc; a burn that ends within a step ends a little sooner or later, as one of another vehicle of the law.
-TABLE_S, LONGEST_S = 3.0, 700.0
+TABLE_S = 3.0
+LONGEST_S = 700.0
 
 #: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
 ORBITS_M = (180e3, 400e3)
@@ -60,7 +61,8 @@ class BoostAscents:
     def at(self, since_s: FloatArray) -> Moment:
         """Return the ascents at times since ignition (n,)."""
         place = np.minimum(since_s / TABLE_S, len(self.path) - 1.001)
-        first, each = place.astype(np.int64), np.arange(len(since_s))
+        first = place.astype(np.int64)
+        each = np.arange(len(since_s))
         part = place - first
         before, after = (self.path[row, :, each].astype(np.float64) for row in (first, first + 1))
         nearest = np.minimum(np.rint(since_s / TABLE_S).astype(np.int64), len(self.path) - 1)
@@ -68,13 +70,17 @@ class BoostAscents:
 
     def reaching(self, height_m: FloatArray) -> FloatArray:
         """Return the times since ignition (n,) at which ascents first reach heights (n,), m; `LONGEST_S` if never."""
-        highest, each = self._highest_m, np.arange(len(height_m))
-        below, above = np.zeros_like(each), np.full_like(each, len(highest) - 1)
+        highest = self._highest_m
+        each = np.arange(len(height_m))
+        below = np.zeros_like(each)
+        above = np.full_like(each, len(highest) - 1)
         for _ in range(len(highest).bit_length()):
             middle = (below + above) // 2
             is_below = highest[middle, each] < height_m
-            below, above = np.where(is_below, middle, below), np.where(is_below, above, middle)
-        low, high = highest[below, each], highest[below + 1, each]
+            below = np.where(is_below, middle, below)
+            above = np.where(is_below, above, middle)
+        low = highest[below, each]
+        high = highest[below + 1, each]
         part = np.clip((height_m - low) / np.maximum(high - low, _LEAST_RISE_M), 0.0, 1.0)
         # From rest the height grows as the square of the time.
         since_s = (below + np.where(below == 0, np.sqrt(part), part)) * TABLE_S
@@ -100,7 +106,9 @@ def ascents_of(outcomes: Outcomes) -> BoostAscents:
 @lru_cache(maxsize=2)
 def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
     """Return paths (times, 8, n), which burn (times, n), and planar states (4, n) at the ends of the boosts."""
-    path, burns, ends = [], [], []
+    path = []
+    burns = []
+    ends = []
     for family, count in enumerate(NUMBERS):
         rng = np.random.default_rng([11, family])
         stages = drawn_stages(model, _LAWS[family], count, rng)
@@ -116,7 +124,8 @@ def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray,
 def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArray]]:
     """Yield rows (8, n), which ascents burn, and states (4, n), nan once on the ground again, at intervals."""
     state = boost.at_rest()
-    flies, behind = np.ones(len(boost.orbit_m), dtype=np.bool_), np.zeros((2, len(boost.orbit_m)))
+    flies = np.ones(len(boost.orbit_m), dtype=np.bool_)
+    behind = np.zeros((2, len(boost.orbit_m)))
     sums = np.zeros_like(behind)
     for number in range(int(LONGEST_S / TABLE_S) + 1):
         now = number * TABLE_S
@@ -124,7 +133,8 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
         force = boost.force(state, now + 1e-6)
         x, y = state[:2]
         radius = np.hypot(x, y)
-        up, level = np.array([x, y]) / radius, np.array([y, -x]) / radius
+        up = np.array([x, y]) / radius
+        level = np.array([y, -x]) / radius
         flies = flies & (radius > RADIUS_M - 1.0)
         away = np.array([RADIUS_M * np.arctan2(x, y), radius - RADIUS_M])
         sums = sums + 0.5 * TABLE_S * (away + behind) * (number > 0)
@@ -155,7 +165,8 @@ def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray
             range_m = ranges_m(end)
             weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.climbing(range_m, elevations(end))
     elif family == GLIDERS:
-        radius, speed = np.hypot(end[0], end[1]), np.hypot(end[2], end[3])
+        radius = np.hypot(end[0], end[1])
+        speed = np.hypot(end[2], end[3])
         weight = outcomes.gliding(radius - RADIUS_M, elevations(end), speed)
     weight = np.where(np.isfinite(end[0]) & np.isfinite(weight), weight, 0.0)
     share = (missile, glide, orbit, none + outcomes.odd)[family]

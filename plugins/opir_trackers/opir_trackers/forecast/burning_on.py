@@ -12,7 +12,8 @@ from opir_core.interfaces import Columns
 from opir_trackers.forecast.vehicles import STAGES
 
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
-STEPS, TILT_S = 3, 30.0
+STEPS = 3
+TILT_S = 30.0
 
 #: Ends of the steps as shares of a burn: short ones first, while a slow boost turns fast.
 _SHARES = (np.arange(STEPS + 1) / STEPS) ** 2
@@ -107,15 +108,18 @@ def flown_on(
 
     `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and sidewards, in each step.
     """
-    now, least = np.zeros(len(state)), np.full(len(state), np.inf)
+    now = np.zeros(len(state))
+    least = np.full(len(state), np.inf)
     # Components are rows here: numbers that are added lie side by side.
     state = np.ascontiguousarray(state[:, :6].T)
     for stage in range(STAGES):
         rows = np.flatnonzero(burns.burn_s[:, stage] > 0.0)
         if not len(rows):
             continue
-        start_s, length_s = burns.start_s[rows, stage], burns.burn_s[rows, stage]
-        here, dark_s = state[:, rows], start_s - now[rows]
+        start_s = burns.start_s[rows, stage]
+        length_s = burns.burn_s[rows, stage]
+        here = state[:, rows]
+        dark_s = start_s - now[rows]
         if np.count_nonzero(dark_s > 1e-9):
             here = _step(here, dark_s, _NO_PUSHES)
         thrust = _Thrust(burns, steering.take(rows), rows, stage)
@@ -148,7 +152,8 @@ class _Thrust:
     def pushes(self, step: int, tilt: FloatArray) -> Sequence[_Push]:
         """Return the thrust at start, middle and end of a step, with tilts (p, 2) from the program."""
         nodes = slice(2 * step, 2 * step + 3)
-        down, side = np.tan(self._lead[nodes] + tilt[:, 0]), np.tan(tilt[:, 1])
+        down = np.tan(self._lead[nodes] + tilt[:, 0])
+        side = np.tan(tilt[:, 1])
         along = self._size[nodes] / np.sqrt(1.0 + down * down + side * side)
         return list(zip(along, along * down, along * side, strict=True))
 
@@ -171,20 +176,24 @@ def _rates(there: FloatArray, push: _Push | None) -> FloatArray:
 
     v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
     """
-    place, rates = there[:3], np.empty_like(there)
+    place = there[:3]
+    rates = np.empty_like(there)
     rates[:3] = there[3:]
     square = _dot(place, place)
     pull = -EARTH_MU_M3_S2 / (square * np.sqrt(square))
     if push is None:
         np.multiply(place, pull, out=rates[3:])
         return rates
-    places, air = place.take(_CYCLE, axis=0), there[3:].take(_CYCLE, axis=0)
+    places = place.take(_CYCLE, axis=0)
+    air = there[3:].take(_CYCLE, axis=0)
     air[::3] += EARTH_ROTATION_RAD_S * place[1]
     air[1::3] -= EARTH_ROTATION_RAD_S * place[0]
     velocity = air[:3]
     side = air[1:4] * places[2:] - air[2:] * places[1:4]
-    climb, square = _dot(velocity, place), _dot(velocity, velocity) + 1e-6
-    speed, across = np.sqrt(square), np.sqrt(_dot(side, side)) + 1e-3
+    climb = _dot(velocity, place)
+    square = _dot(velocity, velocity) + 1e-6
+    speed = np.sqrt(square)
+    across = np.sqrt(_dot(side, side)) + 1e-3
     along, down, aside = push
     down = down / (speed * across)
     np.multiply(velocity, along / speed + down * climb, out=rates[3:])

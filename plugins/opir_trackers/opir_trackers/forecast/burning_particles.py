@@ -57,10 +57,12 @@ class _DrawnBurns(NamedTuple):
 
 
 def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHistory, time_s: float) -> _DrawnBurns:
-    count, lots = len(estimates), draws()
+    count = len(estimates)
+    lots = draws()
     on = history.as_burning()
     staged, begins = on.as_staging(estimates)
-    parts, place = estimates.burn_mean.shape[1], lots.uniform[:BURNING, 0]
+    parts = estimates.burn_mean.shape[1]
+    place = lots.uniform[:BURNING, 0]
     # The part of each: staging, free, and steady between them.
     part = np.where(place < estimates.burn_share[:, 1:2], 1, np.where(place > 1.0 - estimates.burn_share[:, 2:], 2, 0))
     side = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10))).reshape(count, parts, 10, 10)
@@ -79,7 +81,8 @@ def _drawn_burns(model: VehicleModel, estimates: ModeEstimates, history: StageHi
         np.stack([getattr(one, name) for one in known])[new, track]
         for name in ("done", "total", "number", "hot", "log_evidence")
     )
-    stage, force = np.minimum(done, STAGES - 1), force_along(state)
+    stage = np.minimum(done, STAGES - 1)
+    force = force_along(state)
     before = before + np.log(np.maximum(model.more(stage), 1e-12)) + history.log_free[track]
     highest = model.data["highest_m_s2"]
     laws = [
@@ -118,7 +121,8 @@ def _allotted(log: FloatArray, prior: FloatArray) -> tuple[IntArray, IntArray, F
     share = evidence / evidence.sum(axis=1, keepdims=True)
     number = shares_in_numbers(share, size)
     ends = np.cumsum(number, axis=1)
-    place, row = np.arange(size), np.arange(count)[:, None]
+    place = np.arange(size)
+    row = np.arange(count)[:, None]
     family = np.sum(place >= ends[:, :, None], axis=1).clip(0, families - 1)
     position = (place - (ends - number)[row, family] + 0.5) / number[row, family]
     return family, _systematic(density, family, position), (share / np.maximum(number, 1))[row, family]
@@ -134,20 +138,26 @@ def _with_later_burns(
     flown_s: FloatArray,
 ) -> Particles:
     """Return the particles of sources among the drawn burns, with burn times and later stages of their families."""
-    rows, kind = (np.arange(len(source))[:, None] * BURNING + source).ravel(), family.ravel()
+    rows = (np.arange(len(source))[:, None] * BURNING + source).ravel()
+    kind = family.ravel()
     burn, first, rate = (np.empty(len(rows)) for _ in range(3))
     for code, law in enumerate(drawn.laws):
         mine = np.flatnonzero(kind == code)
         some = rows[mine]
         burn[mine] = law.burn_s(some, draws().uniform[draw[mine], 2])
-        first[mine], rate[mine] = law.first_m_s2[some], law.growth_per_s[some]
-    stage, since, track = drawn.stage[rows], drawn.since_s[rows], drawn.track[rows]
+        first[mine] = law.first_m_s2[some]
+        rate[mine] = law.growth_per_s[some]
+    stage = drawn.stage[rows]
+    since = drawn.since_s[rows]
+    track = drawn.track[rows]
     shown = np.stack([np.log(burn), np.log(first), _ratio_log(rate, burn), np.zeros(len(burn))], axis=1)
     score = model.scores(kind, stage, shown) * _SHOWN
-    total, number = drawn.total[rows, kind] + score, drawn.number[rows, kind] + _SHOWN
+    total = drawn.total[rows, kind] + score
+    number = drawn.number[rows, kind] + _SHOWN
     later = later_burns(model, kind, stage + 1, total, number, draw, drawn.hot[rows, kind])
     burns = _joined(burn - since, drawn.force[rows], rate, since, later, flown_s[track])
-    lit, state = np.ones(len(rows), dtype=np.int64), drawn.state[rows]
+    lit = np.ones(len(rows), dtype=np.int64)
+    state = drawn.state[rows]
     return Particles.of(
         burns, track, kind, lit, draw, weight.ravel(), state[:, :6], state[:, 6:9], drawn.part[rows] == 2
     )

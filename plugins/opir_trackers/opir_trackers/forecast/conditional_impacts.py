@@ -17,7 +17,8 @@ from opir_trackers.forecast.regions import regions
 _WIDE_M = 200e3
 
 #: A condition with less probability, or with fewer effective samples, has no region.
-LEAST_PROBABILITY, LEAST_SAMPLES = 0.02, 8.0
+LEAST_PROBABILITY = 0.02
+LEAST_SAMPLES = 8.0
 
 #: A particle with a lesser share of the largest weight does not count.
 _LEAST_WEIGHT = 1e-4
@@ -63,13 +64,16 @@ def _conditional(
     if samples < LEAST_SAMPLES:
         return None
     kept = np.flatnonzero(weight > _LEAST_WEIGHT * weight.max(initial=0.0))
-    points, when_s, share = fates.place[rows][kept], fates.when_s[rows][kept], weight[kept]
+    points = fates.place[rows][kept]
+    when_s = fates.when_s[rows][kept]
+    share = weight[kept]
     if not forces.is_kepler and len(kept):
         points = _shifted(points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces)
     if glided is not None and glides.any():
         which = np.flatnonzero(glides > 0.0)
         points = np.concatenate([points, glided.place[which]])
-        when_s, share = np.concatenate([when_s, glided.when_s[which]]), np.concatenate([share, glides[which]])
+        when_s = np.concatenate([when_s, glided.when_s[which]])
+        share = np.concatenate([share, glides[which]])
     share = share / share.sum()
     found = regions(points, share, condition, probability, samples, fates.origin[rows.start])
     return Impacts(probability, found, _moments(points, when_s, share))

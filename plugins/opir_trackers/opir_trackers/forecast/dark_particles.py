@@ -34,11 +34,13 @@ def dark_particles(
     """
     over = history.as_dark(time_s, dark_s)
     known = model.given(over.logs)
-    families, count = np.arange(len(FAMILIES)), len(estimates)
+    families = np.arange(len(FAMILIES))
+    count = len(estimates)
     stage = np.minimum(known.done, STAGES - 1)
     law = model.law(families, stage[:, None], known.total, known.number)
     longer = ndtr((law[0][:, :, GAP] - np.log(np.maximum(dark_s, 0.05))[:, None]) / law[1][:, :, GAP])
-    more, all_ = model.more(known.done), model.more(np.maximum(known.done - 1, 0))
+    more = model.more(known.done)
+    all_ = model.more(np.maximum(known.done - 1, 0))
     # What ignites without a gap does so within about the time between two looks.
     waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - known.hot, 1.0)
     ends = np.maximum(all_ - more, 1e-3)
@@ -46,7 +48,8 @@ def dark_particles(
     evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
     relight = evidence * waits
     whole = (relight + evidence * ends).sum(axis=1, keepdims=True)
-    relight, ended = relight / whole, evidence * ends / whole
+    relight = relight / whole
+    ended = evidence * ends / whole
     side = widened(inverse_root(estimates.coast_root))
     lots = draws()
     parts = [
@@ -61,7 +64,8 @@ def _free(
 ) -> Particles:
     """Return particles in free flight of tracks `rows`, of each family in turn; weights are by families, (n,
     families)."""
-    count, size = len(rows), len(draw)
+    count = len(rows)
+    size = len(draw)
     number = shares_in_numbers(ended[rows], size)
     family = np.sum(np.arange(size) >= np.cumsum(number, axis=1)[:, :, None], axis=1).clip(0, len(FAMILIES) - 1)
     row = np.arange(count)[:, None]
@@ -69,10 +73,13 @@ def _free(
     state = draws().state[draw, :6] @ side[rows].swapaxes(1, 2) + estimates.coast_mean[rows, None]
     nothing = np.zeros((count * size, STAGES))
     burns = RemainingBurns(nothing, nothing, nothing, nothing, nothing[:, 0])
-    track, lit, free = np.repeat(rows, size), np.zeros(count * size, dtype=np.int64), np.zeros(count * size, np.bool_)
+    track = np.repeat(rows, size)
+    lit = np.zeros(count * size, dtype=np.int64)
+    free = np.zeros(count * size, np.bool_)
     # Families take turns, so that each has states of all kinds.
     turn = _turns(size)
-    family, weight = family[:, turn].ravel(), weight.reshape(count, size)[:, turn].ravel()
+    family = family[:, turn].ravel()
+    weight = weight.reshape(count, size)[:, turn].ravel()
     return Particles.of(
         burns, track, family, lit, np.tile(draw, count), weight, state.reshape(-1, 6), nothing[:, :3], free
     )
@@ -98,7 +105,8 @@ def _again(
     rows = np.flatnonzero((relight.sum(axis=1) > _LEAST_RELIGHT) & (known.done < STAGES))
     draw = np.arange(AGAIN) + BURNING + OVER
     free = _free(known, relight, estimates, side, draw, rows)
-    total, number = known.total[free.track, free.family], known.number[free.track, free.family]
+    total = known.total[free.track, free.family]
+    number = known.number[free.track, free.family]
     hot = known.hot[free.track, free.family]
     waits = dark_s[free.track]
     later = later_burns(model, free.family, known.done[free.track], total, number, free.draw, hot, waits)

@@ -27,7 +27,8 @@ class Outlines:
         """Return the outline of a region; the points that it is made of are let go."""
         make = self._make  # another thread may read at the same time: both make the same outlines
         if make is not None:
-            self._made, self._make = make(), None
+            self._made = make()
+            self._make = None
         return self._made[number]
 
 

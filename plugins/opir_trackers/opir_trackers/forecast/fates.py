@@ -19,14 +19,19 @@ from opir_trackers.lines_of_sight import earth_rotated
 
 #: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles. And
 #: its share sidewards: boosts keep to their plane. Notional.
-TILT_RAD, SIDEWARDS = np.radians([0.3, 4.0]), 0.5
+TILT_RAD = np.radians([0.3, 4.0])
+SIDEWARDS = 0.5
 
 #: A tilt of the filter counts up to this angle, rad, above this speed, m/s.
-_TILT_MOST, _FAST_M_S = np.radians(15.0), 150.0
+_TILT_MOST = np.radians(15.0)
+_FAST_M_S = 150.0
 
 #: Programs that each particle chooses from; how well the filter knows the angle of the thrust, rad, and the share of it
 #: by which it is wrong, as it expects none.
-CHOICES, _STRIDE, _LEAD_RAD, _LEAD_SHARE = 8, 61, np.radians(1.5), 0.25
+CHOICES = 8
+_STRIDE = 61
+_LEAD_RAD = np.radians(1.5)
+_LEAD_SHARE = 0.25
 
 #: A burn that leads this far below the ground, m, is none.
 _BELOW_M = 300.0
@@ -71,7 +76,8 @@ def fates_of(
 
     `dark_s` (n,) is the time since the burns of dark tracks ended.
     """
-    space, able = particles.family == SPACE, (particles.family == SPACE) | (particles.family == NONE)
+    space = particles.family == SPACE
+    able = (particles.family == SPACE) | (particles.family == NONE)
     reach = np.zeros(len(particles))
     mine = np.flatnonzero(able & (particles.lit > 0))
     reach[mine] = outcomes.reaching(particles.state[mine], particles.take(mine))
@@ -132,7 +138,8 @@ def _thrust_angles(particles: Particles) -> FloatArray:
     slow."""
     rows = np.flatnonzero(particles.lit == 1)
     angle = np.zeros((len(particles), 2))
-    state, force = particles.state[rows], particles.force[rows]
+    state = particles.state[rows]
+    force = particles.force[rows]
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
     side = np.cross(velocity, state[:, :3])

@@ -74,10 +74,14 @@ def _ensemble(
 ) -> tuple[Particles, FloatArray, FloatArray]:
     """Return the particles, in order of tracks, the probabilities (n,) of a burn, and of a relight by family."""
     burning = estimates.weight[:, 0].copy()
-    burning[burning < _LEAST_MODE], burning[burning > 1.0 - _LEAST_MODE] = 0.0, 1.0
-    model, prior, relights = outcomes.model, outcomes.families, np.zeros((len(burning), len(outcomes.families)))
+    burning[burning < _LEAST_MODE] = 0.0
+    burning[burning > 1.0 - _LEAST_MODE] = 1.0
+    model = outcomes.model
+    prior = outcomes.families
+    relights = np.zeros((len(burning), len(outcomes.families)))
     parts = []
-    on, off = np.flatnonzero(burning > 0.0), np.flatnonzero(burning < 1.0)
+    on = np.flatnonzero(burning > 0.0)
+    off = np.flatnonzero(burning < 1.0)
     if len(on):
         part = burning_particles(model, estimates.take(on), history.take(on), prior, time_s)
         parts.append(part.of_tracks(on))
@@ -95,7 +99,8 @@ def _hypotheses(
     missile, orbit, glide, none = outcomes.groups.tolist()
     columns = {group: outcomes.columns(group) for group in ("missile", "orbit", "glide", "none")}
     weight = np.zeros((len(particles), len(outcomes.hypotheses)))
-    space, broad = particles.family == SPACE, particles.family == NONE
+    space = particles.family == SPACE
+    broad = particles.family == NONE
     first = ~space & ~broad
     # Of the vehicles of the broad law, some are of known classes.
     odd = outcomes.odd / max((missile + orbit) * (outcomes.odd + none), 1e-12)
@@ -133,7 +138,8 @@ def _of_flying(particles: Particles, flies: BoolArray) -> FloatArray:
     A program that ends in the ground is a bad draw, and says nothing against its family.
     """
     group = (particles.track * len(FAMILIES) + particles.family) * 3 + particles.lit
-    drawn, left = np.bincount(group, particles.weight), np.bincount(group, particles.weight * flies)
+    drawn = np.bincount(group, particles.weight)
+    left = np.bincount(group, particles.weight * flies)
     factor: FloatArray = np.where(left[group] > 0.0, flies * drawn[group] / np.maximum(left[group], 1e-300), 1.0)
     return factor
 

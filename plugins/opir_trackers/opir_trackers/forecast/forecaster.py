@@ -69,7 +69,8 @@ class Forecaster:
     def __init__(
         self, every_s: float, forces: Forces, hypotheses: tuple[Hypothesis, ...], model: VehicleModel | None = None
     ) -> None:
-        self._every_s, self._forces = every_s, forces
+        self._every_s = every_s
+        self._forces = forces
         self._outcomes = Outcomes(model or vehicle_model(), hypotheses)
         self._latest: dict[int, _Latest] = {}
         self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
@@ -92,7 +93,8 @@ class Forecaster:
         launch_sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
         history = self._history.of(tracks.track, tick_s)
         self._history = history.updated(estimates, tracks.launch[:, 2], launch_sigma_s, tick_s)
-        silent_s, dark = estimates.detection_rate[:, 2].tolist(), (estimates.weight[:, 0] <= 0.5).tolist()
+        silent_s = estimates.detection_rate[:, 2].tolist()
+        dark = (estimates.weight[:, 0] <= 0.5).tolist()
         due = [
             row
             for row, number in enumerate(numbers)
@@ -115,7 +117,8 @@ class Forecaster:
     def _columns(
         self, latest: list[_Latest], estimates: ModeEstimates, tick_s: float, silent_s: FloatArray
     ) -> LaunchForecasts:
-        count, size = len(latest), len(self._outcomes.hypotheses)
+        count = len(latest)
+        size = len(self._outcomes.hypotheses)
         regions = np.empty(count, dtype=np.object_)
         for row, one in enumerate(latest):
             regions[row] = one.regions
@@ -152,7 +155,8 @@ class Forecaster:
         from opir_trackers.forecast.forecast import forecasts
 
         tick_s = float(tracks.tick_s[0])
-        part, history = estimates.take(rows), self._history.take(rows)
+        part = estimates.take(rows)
+        history = self._history.take(rows)
         hits, spell, silent_s = part.detection_rate.T
         # The burn ended when detections did, if these are of plumes; or when the filter said so.
         quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)

@@ -13,7 +13,9 @@ from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.lines_of_sight import earth_rotated
 
 #: Ratios of lift to drag about that of the class, shares of the reach, and standard deviation of the turn, rad.
-_LIFT, _SHARE, _TURN_RAD = (0.7, 1.45), (0.5, 1.1), np.radians(12.0)
+_LIFT = (0.7, 1.45)
+_SHARE = (0.5, 1.1)
+_TURN_RAD = np.radians(12.0)
 
 #: Gliders less probable than this, beside what falls, do not widen the regions of what falls.
 _LEAST = 0.25
@@ -49,7 +51,8 @@ def reached(
     pick = np.arange(count) % len(lifts)
     ratio = np.array([one.lift_to_drag for one in lifts])[pick] * _LIFT[0] * (_LIFT[1] / _LIFT[0]) ** even[:, 0]
     slow = np.array([one.final_speed_m_s for one in lifts])[pick]
-    radius, velocity = np.sqrt(dot(state[:, :3], state[:, :3])), air_velocity(state)
+    radius = np.sqrt(dot(state[:, :3], state[:, :3]))
+    velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity))
     square = EARTH_MU_M3_S2 / radius
     keeps = np.clip(1.0 - speed * speed / square, 0.02, 1.0)

@@ -10,10 +10,13 @@ from opir_core.arrays import FloatArray
 
 #: Least effective number of draws under a kernel, and fewest that say anything: a regression on eight numbers needs
 #: twice as many.
-ENOUGH, _FEWEST = 100.0, 20.0
+ENOUGH = 100.0
+_FEWEST = 20.0
 
 #: The first kernel, the factor from one to the next, and the widest.
-_NARROW, _WIDER, _WIDEST = 0.25, 1.3, 10.0
+_NARROW = 0.25
+_WIDER = 1.3
+_WIDEST = 10.0
 
 
 def hidden_moments(
@@ -60,8 +63,10 @@ def _regressed(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the moments of what is hidden (m, k) after a look that sees nothing of what is seen (m, d), with noise."""
     samples = 1.0 / float(np.sum(weight * weight))
-    mean_seen, mean = weight @ seen, weight @ hidden
-    apart, away = seen - mean_seen, hidden - mean
+    mean_seen = weight @ seen
+    mean = weight @ hidden
+    apart = seen - mean_seen
+    away = hidden - mean
     freed = samples / max(samples - 1.0 - seen.shape[1], 1.0)
     spread = (apart * weight[:, None]).T @ apart + noise
     gain = np.linalg.solve(spread, (apart * weight[:, None]).T @ away)

@@ -44,7 +44,8 @@ def later_burns(
         more = model.more(done + step)[np.arange(len(family)), family]
         exists = (done + step < STAGES) & (chance * least < more)
         if dark_s is not None and step == 0:
-            least, exists = more, done < STAGES
+            least = more
+            exists = done < STAGES
         normal = lots.later[draw, step]
         logs = mean + sigma * normal
         gap = np.where(uniform[:, 5 + step] < hot, 0.0, np.exp(logs[:, GAP]))
@@ -53,11 +54,13 @@ def later_burns(
             logs[:, GAP] = np.log(gap)
         room = np.log(model.data["highest_m_s2"]) - logs[:, FORCE]
         ratio = np.maximum(np.minimum(logs[:, RATIO], room), 0.02)
-        burn, first = np.exp(logs[:, BURN]), np.exp(logs[:, FORCE])
+        burn = np.exp(logs[:, BURN])
+        first = np.exp(logs[:, FORCE])
         columns = gap, burn, first, -np.expm1(-ratio) / burn
         stages[:, :, step] = np.where(exists, np.stack(columns), 0.0)
         score = model.scores(family, stage, logs)
-        total, number = total + score, number + 1.0
+        total = total + score
+        number = number + 1.0
     return Later(*stages)
 
 

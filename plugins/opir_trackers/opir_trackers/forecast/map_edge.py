@@ -30,7 +30,9 @@ def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, l
         return point, edges
     polygons = [part for starts in edges for part in _cut([point[one:two] for one, two in pairwise(starts)])]
     rings = [ring for polygon in polygons for ring in polygon]
-    ends, first, cuts = np.cumsum([0, *map(len, rings)]).tolist(), 0, []
+    ends = np.cumsum([0, *map(len, rings)]).tolist()
+    first = 0
+    cuts = []
     for polygon in polygons:
         cuts.append(ends[first : first + len(polygon) + 1])
         first += len(polygon)
@@ -39,7 +41,9 @@ def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, l
 
 def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
     """Return a polygon as those that lie within the edge."""
-    holes, chains, turns_about_centre = [], [], 0
+    holes = []
+    chains = []
+    turns_about_centre = 0
     for number, ring in enumerate(rings):
         is_within = np.sum(ring[:-1] ** 2, axis=1) <= FARTHEST_M**2
         if is_within.all() and not number:
@@ -63,7 +67,8 @@ def _chains(ring: FloatArray, is_within: BoolArray) -> list[FloatArray]:
     enters = np.flatnonzero(is_within & ~np.roll(is_within, 1))
     chains = []
     for first in enters:
-        turned, within = np.roll(ring, -first, axis=0), np.roll(is_within, -first)
+        turned = np.roll(ring, -first, axis=0)
+        within = np.roll(is_within, -first)
         count = int(np.argmin(within))
         ends = _on_edge(turned[0], turned[-1]), _on_edge(turned[count - 1], turned[count])
         chains.append(np.concatenate([ends[0][None], turned[:count], ends[1][None]]))
@@ -72,7 +77,8 @@ def _chains(ring: FloatArray, is_within: BoolArray) -> list[FloatArray]:
 
 def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
     """Return where a short line (2,) to (2,) crosses the edge."""
-    near_m, far_m = np.hypot(*inner), np.hypot(*outer)
+    near_m = np.hypot(*inner)
+    far_m = np.hypot(*outer)
     between = inner + (FARTHEST_M - near_m) / (far_m - near_m) * (outer - inner)
     crossed: FloatArray = between * (FARTHEST_M / np.hypot(*between))
     return crossed
@@ -81,9 +87,11 @@ def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
 def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
     """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is 1, with the next."""
     angle = [np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains]
-    left, rings = set(range(len(chains))), []
+    left = set(range(len(chains)))
+    rings = []
     while left:
-        first = number = min(left)
+        first = min(left)
+        number = first
         parts = []
         while number in left:
             left.remove(number)

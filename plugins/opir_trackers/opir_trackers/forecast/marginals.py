@@ -18,7 +18,8 @@ from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel
 STEP_S = 1.0
 
 #: Nodes of the density, km, and the width of its kernel in the logarithm.
-NODES_KM, WIDTH = np.geomspace(25.0, 20000.0, 24), 0.2
+NODES_KM = np.geomspace(25.0, 20000.0, 24)
+WIDTH = 0.2
 
 #: What a space launcher must gain to orbit, gravity included, m/s: 7 800 at 200 km and 1 500 of losses.
 ORBIT_M_S = 9300.0
@@ -27,7 +28,8 @@ ORBIT_M_S = 9300.0
 def flown(stages: dict[str, FloatArray], steering: Steering) -> FloatArray:
     """Return planar states (4, n) at the ends of the burns: x ahead, y up from the centre, and velocity; nan below."""
     boost = PlanarBoost(stages, steering, np.full(len(steering), np.nan))
-    over, state = boost.over_s, boost.at_rest()
+    over = boost.over_s
+    state = boost.at_rest()
     done = np.full_like(state, np.nan)
     crashed = np.zeros(len(over), dtype=bool)
     for now in np.arange(0.0, over.max() + STEP_S, STEP_S).tolist():
@@ -42,7 +44,8 @@ def flown(stages: dict[str, FloatArray], steering: Steering) -> FloatArray:
 def ranges_m(state: FloatArray) -> FloatArray:
     """Return the ranges (n,), m, of free flights over a round Earth; nan without an impact."""
     x, y, u, v = state
-    radius, momentum = np.hypot(x, y), x * v - y * u
+    radius = np.hypot(x, y)
+    momentum = x * v - y * u
     parameter = momentum**2 / MU
     energy = 0.5 * (u * u + v * v) - MU / radius
     excess = np.sqrt(np.maximum(1.0 + 2.0 * energy * momentum**2 / MU**2, 0.0))
@@ -78,7 +81,8 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     density = np.exp(-0.5 * away**2).sum(axis=1) / (WIDTH * np.sqrt(2.0 * np.pi) * len(log))
     box = model.data["glide"]
     x, y, u, v = end
-    height, speed = np.hypot(x, y) - RADIUS_M, np.hypot(u, v)
+    height = np.hypot(x, y) - RADIUS_M
+    speed = np.hypot(u, v)
     low, high = np.multiply(box["height_km"], 1e3)
     least, most = np.radians(box["angle_deg"])
     level = (angle > least) & (angle < most)

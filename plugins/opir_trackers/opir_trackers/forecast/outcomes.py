@@ -20,7 +20,8 @@ from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.vehicles import FAMILIES, MISSILE, NONE, SPACE, VehicleModel
 
 #: Lowest height of an orbit, m, and what gravity costs a burn of a second at half of the speed of an orbit, m/s.
-_ORBIT_M, _LOSS_M_S2 = 160e3, 3.0
+_ORBIT_M = 160e3
+_LOSS_M_S2 = 3.0
 
 #: Relative error of the needed speed.
 _NEED_SIGMA = 0.08
@@ -54,7 +55,9 @@ class Outcomes:
         """Return the prior weights (families,) of the families; those of missiles fly gliders too."""
         missile, orbit, glide, none = self.groups.tolist()
         weights = np.zeros(len(FAMILIES))
-        weights[MISSILE], weights[SPACE], weights[NONE] = missile + glide, orbit, none + self.odd
+        weights[MISSILE] = missile + glide
+        weights[SPACE] = orbit
+        weights[NONE] = none + self.odd
         return weights
 
     @cached_property
@@ -101,7 +104,8 @@ class Outcomes:
         They end them near the elevation of the arc of least energy, lofted or depressed: the logarithm of the ratio of
         tangents is normal, but for a share of any. 1 without a range.
         """
-        law, (mean, sigma, climb) = self.model.data["elevation"], self.model.data["marginal"]["elevation"]
+        law = self.model.data["elevation"]
+        (mean, sigma, climb) = self.model.data["marginal"]["elevation"]
         log = log_elevation(range_m, angle_rad)
         own = np.exp(-0.5 * np.square(log / law["sigma"])) / law["sigma"]
         every = climb / sigma * np.exp(-0.5 * np.square((log - mean) / sigma))
@@ -117,7 +121,8 @@ class Outcomes:
 
     def gliding(self, height_m: FloatArray, angle_rad: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return the density (p,) of ends of burns for gliders, over that of all boosts."""
-        box, marginal = self.model.data["glide"], self.model.data["marginal"]
+        box = self.model.data["glide"]
+        marginal = self.model.data["marginal"]
         low, high = np.multiply(box["height_km"], 1e3)
         steep = np.radians(box["angle_deg"])
         is_in = (height_m > low) & (height_m < high) & (angle_rad > steep[0]) & (angle_rad < steep[1])

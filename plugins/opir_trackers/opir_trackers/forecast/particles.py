@@ -16,7 +16,9 @@ from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.vehicles import STAGES
 
 #: Particles of a burning track; of a dark one, those whose burn is over, and those that burn again.
-BURNING, OVER, AGAIN = 256, 192, 128
+BURNING = 256
+OVER = 192
+AGAIN = 128
 
 #: Least share of the particles of each family: regions are mostly of missiles.
 _LEAST_SHARE = np.array([0.5, 0.06, 0.04])

@@ -11,18 +11,21 @@ from opir_trackers.forecast.burning_on import Steering
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, VehicleModel
 
 #: A sphere with the Earth's gravity.
-MU, RADIUS_M = EARTH_MU_M3_S2, EARTH_EQUATORIAL_RADIUS_M
+MU = EARTH_MU_M3_S2
+RADIUS_M = EARTH_EQUATORIAL_RADIUS_M
 
 #: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it changes: the
 #: program of a launcher is smooth, and never points far below the horizon.
-_SINES, _LEAST_LEFT_S = (-0.6, 0.97), 15.0
+_SINES = (-0.6, 0.97)
+_LEAST_LEFT_S = 15.0
 
 
 def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations, growths."""
     family_of = np.full(count, family)
     number = rng.choice(np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum())
-    total, seen = np.zeros((count, 4)), np.zeros((count, 4))
+    total = np.zeros((count, 4))
+    seen = np.zeros((count, 4))
     columns = {name: np.zeros((count, STAGES)) for name in ("gap", "burn", "first", "growth")}
     hot = rng.random((count, STAGES)) < model.hot[family]
     gap = np.zeros(count)
@@ -30,9 +33,11 @@ def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Ge
         mean, sigma = model.law(family_of, np.full(count, stage), total, seen)
         logs = mean + sigma * rng.normal(size=(count, 4))
         score = model.scores(family_of, np.full(count, stage), logs)
-        total, seen = total + score, seen + 1.0
+        total = total + score
+        seen = seen + 1.0
         ratio = np.maximum(np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02)
-        burn, first = np.exp(logs[:, BURN]), np.exp(logs[:, FORCE])
+        burn = np.exp(logs[:, BURN])
+        first = np.exp(logs[:, FORCE])
         row = {"gap": gap, "burn": burn, "first": first, "growth": -np.expm1(-ratio) / burn}
         for name, value in row.items():
             columns[name][:, stage] = np.where(stage < number, value, 0.0)
@@ -95,13 +100,15 @@ class PlanarBoost:
         burn, first, growth = (self.stages[name][rows] for name in ("burn", "first", "growth"))
         on = (since >= 0.0) & (since < burn)
         size = np.sum(np.where(on, first / np.maximum(1.0 - growth * since, 0.02), 0.0), axis=1)
-        speed, steering = np.hypot(state[2], state[3]), self.steering.take(rows)
+        speed = np.hypot(state[2], state[3])
+        steering = self.steering.take(rows)
         rising = (now < steering.rise_s) | (speed < 1.0)
         ahead, up = (
             np.where(rising, rest, part / np.maximum(speed, 1.0)) for rest, part in ((0.0, state[2]), (1.0, state[3]))
         )
         lead = steering.leads(np.full(len(speed), now))
-        cosine, sine = np.cos(lead), np.sin(lead)
+        cosine = np.cos(lead)
+        sine = np.sin(lead)
         unit = np.array([ahead * cosine + up * sine, up * cosine - ahead * sine])
         steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
         if len(steered):
@@ -120,7 +127,8 @@ class PlanarBoost:
         radius = np.hypot(x, y)
         up = np.array([x, y]) / radius
         level = np.array([up[1], -up[0]])
-        climb, fast = u * up[0] + v * up[1], u * level[0] + v * level[1]
+        climb = u * up[0] + v * up[1]
+        fast = u * level[0] + v * level[1]
         circular = np.sqrt(MU / radius)
         push = np.maximum(size, 1.0)
         left_s = np.maximum(np.minimum(self.over_s[rows] - now, (circular - fast) / push), _LEAST_LEFT_S)

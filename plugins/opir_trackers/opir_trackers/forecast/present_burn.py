@@ -13,10 +13,13 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO
 
 #: Cells of the burn time between now and its longest value, and that value in standard deviations of its law.
-CELLS, LONGEST = 16, 3.5
+CELLS = 16
+LONGEST = 3.5
 
 #: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no stage.
-_LEAST_MASS, _LEAST_SHARE, _LEAST_FORCE = 0.02, 0.1, 0.5
+_LEAST_MASS = 0.02
+_LEAST_SHARE = 0.1
+_LEAST_FORCE = 0.5
 
 _MIDDLES = (np.arange(CELLS) + 0.5) / CELLS
 
@@ -60,8 +63,10 @@ def present_burns(
     `mean` and `sigma` (p, 4) are those of the logarithms of the stage's law, `highest_m_s2` bounds its last
     acceleration.
     """
-    force, grown = np.maximum(force, _LEAST_FORCE), np.maximum(1.0 + growth * since_s, _LEAST_SHARE)
-    first, rate = force / grown, growth / grown
+    force = np.maximum(force, _LEAST_FORCE)
+    grown = np.maximum(1.0 + growth * since_s, _LEAST_SHARE)
+    first = force / grown
+    rate = growth / grown
     most = mean + LONGEST * sigma
     used_up = np.where(rate > 1e-6, -np.expm1(-most[:, RATIO]) / np.maximum(rate, 1e-6), np.inf)
     longest = np.maximum(np.minimum(np.exp(most[:, BURN]), used_up), since_s + 1.0)

@@ -25,7 +25,8 @@ from opir_trackers.forecast.deferred_regions import DeferredRegion, Outline, Out
 from opir_trackers.forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
-CELLS, BEYOND = 56, 3.0
+CELLS = 56
+BEYOND = 3.0
 
 #: Standard deviation by which all points are spread, m: no forecast is better known.
 LEAST_M = 100.0
@@ -40,7 +41,9 @@ _SHARES = np.linspace(0.0, 1.0, CELLS // 2)
 
 #: Length added to distances before their logarithm, m; directions of points whose mean is longer than this are one;
 #: share of the points that may be near, or beyond the end of such regions.
-NEAR_M, _GATHERED, _FEW = 10e3, 0.85, 0.02
+NEAR_M = 10e3
+_GATHERED = 0.85
+_FEW = 0.02
 
 #: Least and largest ratio of a kernel's width to that of the first density.
 _LOCAL = 0.1, 2.0
@@ -87,7 +90,8 @@ class LogPolar(Plane):
 
     def flat(self, curved: FloatArray) -> FloatArray:
         """Return the points of the map, m."""
-        distance, angle = np.maximum(np.exp(curved[..., 0]) - NEAR_M, 0.0), curved[..., 1] + self._bearing
+        distance = np.maximum(np.exp(curved[..., 0]) - NEAR_M, 0.0)
+        angle = curved[..., 1] + self._bearing
         return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1)
 
     def stretch(self, curved: FloatArray) -> FloatArray:
@@ -121,7 +125,8 @@ def regions(
     polygons are made when they are first read.
     """
     units = unit_vectors(place)
-    middle, is_along = weight @ units, False
+    middle = weight @ units
+    is_along = False
     if origin is not None:
         up = unit_vectors(origin[None])[0]
         is_along = bool(weight @ (units @ up < _FAR_COSINE) < _FEW)
@@ -143,12 +148,15 @@ def _outlines_of(
 ) -> list[Outline]:
     """Return the outlines of the regions of `TRACK_CONTAINMENTS`; `is_along` says that points lie along a flight."""
     heavy = np.flatnonzero(weight > _LEAST_WEIGHT * weight.max())
-    plane, weight = chart.points(place[heavy]), weight[heavy]
+    plane = chart.points(place[heavy])
+    weight = weight[heavy]
     frame = coordinates(plane, weight) if is_along else Plane()
     contours = _Contours(frame, frame.curved(plane), weight)
     outlines = [within_map(*contours.around(share)) for share in TRACK_CONTAINMENTS]
     points = np.concatenate([ring for ring, _ in outlines])
-    places, start, found = chart.places(points), 0, []
+    places = chart.places(points)
+    start = 0
+    found = []
     for ring, cuts in outlines:
         polygons = [[slice(start + one, start + two) for one, two in pairwise(rings)] for rings in cuts]
         # The first ring of a polygon is the outer one, others are holes.
@@ -166,7 +174,8 @@ class _Contours:
     """Lines of equal density on the ground of points (n, 2) in the coordinates of a frame, with weights (n,)."""
 
     def __init__(self, frame: Plane, curved: FloatArray, weight: FloatArray) -> None:
-        self._frame, self._mean = frame, weight @ curved / weight.sum()
+        self._frame = frame
+        self._mean = weight @ curved / weight.sum()
         least = LEAST_M**2 / frame.stretch(self._mean)
         away = curved - self._mean + np.sqrt(least) * _normal_offsets(weight)
         spread = (weight[:, None] * away).T @ away
@@ -189,7 +198,8 @@ class _Contours:
         density = (along * weight) @ across.T / frame.stretch(nodes)
         at = _density_without_own(squares, widths, weight) / frame.stretch(self._mean + away)
         order = np.argsort(-at, kind="stable")
-        self._levels, self._held = at[order], np.cumsum(weight[order])
+        self._levels = at[order]
+        self._held = np.cumsum(weight[order])
         self._generator = _contour_lines(x, y, density.T)
 
     def around(self, share: float) -> tuple[FloatArray, list[list[int]]]:
@@ -242,7 +252,8 @@ def _normal_offsets(weight: FloatArray) -> FloatArray:
     the powers of 1 / 1.3247, the root of x³ = x + 1; the transform is that of Box and Muller.
     """
     share, turn = np.mod(np.arange(1, len(weight) + 1)[:, None] * _R2_STEPS, 1.0).T
-    away, angle = np.sqrt(-2.0 * np.log1p(-share)), 2.0 * np.pi * turn
+    away = np.sqrt(-2.0 * np.log1p(-share))
+    angle = 2.0 * np.pi * turn
     offset = np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1)
     centred: FloatArray = offset - weight @ offset
     return centred
@@ -256,9 +267,12 @@ def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
 
 def _quantiles(unit: FloatArray) -> FloatArray:
     """Return quantiles in equal steps, those of `np.quantile` in a fifth of the time."""
-    ordered, place = np.sort(unit), _SHARES * (len(unit) - 1)
+    ordered = np.sort(unit)
+    place = _SHARES * (len(unit) - 1)
     before = place.astype(np.int64)
-    low, high, share = ordered[before], ordered[np.minimum(before + 1, len(unit) - 1)], place - before
+    low = ordered[before]
+    high = ordered[np.minimum(before + 1, len(unit) - 1)]
+    share = place - before
     step = high - low
     return np.where(share < 0.5, low + step * share, high - step * (1.0 - share))
 

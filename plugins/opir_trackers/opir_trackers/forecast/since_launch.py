@@ -20,11 +20,15 @@ from opir_trackers.lines_of_sight import SPIN
 
 #: Share of the launches not seen at once that are hidden by clouds, with tops up to a height, m, that no thunderstorm
 #: much exceeds; others are seen late at any time of the burn, as when a sensor begins to look. Notional.
-_CLOUDY, _TOP_M = 0.8, 20e3
+_CLOUDY = 0.8
+_TOP_M = 20e3
 
 #: Most ascents that are compared closely, width of the narrowest kernel as a share of the speed, and least speed, m/s;
 #: multiple of it for the first choice.
-_MOST, _SHARE, _SLOWEST_M_S, _CHOICE = 400, 0.06, 100.0, 2.0
+_MOST = 400
+_SHARE = 0.06
+_SLOWEST_M_S = 100.0
+_CHOICE = 2.0
 
 #: Gate, squared distance of the ascent that is most like the target: as for starts from rest.
 _LIKE = 25.0
@@ -68,7 +72,8 @@ def launch_of(ascents: BoostAscents, target: InFlight) -> tuple[FloatArray, Floa
 
     Each ascent is taken where it reaches the height of the target, a draw of it, from a site of a drawn height.
     """
-    motion, draws = _motion(target), _draws(len(ascents.log_weight))
+    motion = _motion(target)
+    draws = _draws(len(ascents.log_weight))
     site_m = _site_heights_m(draws, target.inland)
     sigma_m = float(np.sqrt(motion.covariance[0, 0]))
     raised_m = sigma_m * draws[0]
@@ -101,14 +106,17 @@ def launch_of(ascents: BoostAscents, target: InFlight) -> tuple[FloatArray, Floa
 
 def _motion(target: InFlight) -> _Motion:
     """Return how a target moves over the ground."""
-    position, velocity = target.state[:3], target.state[3:]
+    position = target.state[:3]
+    velocity = target.state[3:]
     up = local_axes(position[None])[0, 2]
     level = velocity - (velocity @ up) * up
     speed = float(np.linalg.norm(level))
     ahead = level / max(speed, 1e-9)
     across = np.cross(up, ahead)
     by = np.zeros((3, 6))
-    by[0, :3], by[1, 3:], by[2, 3:] = up, up, ahead
+    by[0, :3] = up
+    by[1, 3:] = up
+    by[2, 3:] = ahead
     covariance = by @ target.covariance @ by.T
     shift = target.covariance[:3, :3] @ up / covariance[0, 0]
     rest = target.covariance[:3, :3] - np.outer(shift, shift) * covariance[0, 0]
@@ -142,8 +150,10 @@ def _starts(
     The Earth's rotation has moved them, and has turned their headings since they began (Coriolis).
     """
     up, ahead, across = motion.axes
-    above_s, ahead_s = rows[ABOVE_S, :, None], rows[AHEAD_S, :, None]
-    angle, radius_m = rows[ANGLE, :, None], float(np.linalg.norm(position_m))
+    above_s = rows[ABOVE_S, :, None]
+    ahead_s = rows[AHEAD_S, :, None]
+    angle = rows[ANGLE, :, None]
+    radius_m = float(np.linalg.norm(position_m))
     fallen = radius_m - (height_m - site_m)[:, None]
     start = fallen * (up * np.cos(angle) - ahead * np.sin(angle)) - radius_m * up
     turned = 2.0 * start @ SPIN.T @ across / max(float(motion.values[2]), _SLOWEST_M_S)

@@ -21,14 +21,19 @@ DROP = 0.75
 LEAST_BURN_S = 12.0
 
 #: Standard deviations of an ignition, s: after a gap, in hot staging, of a track without a launch.
-RELIT_S, STAGED_S, UNKNOWN_S = 0.7, 2.0, 30.0
+RELIT_S = 0.7
+STAGED_S = 2.0
+UNKNOWN_S = 30.0
 
 #: Staging that is less, and more probable than this: a steady burn, and a new stage.
-_STEADY, _STAGED = 0.2, 0.5
+_STEADY = 0.2
+_STAGED = 0.5
 
 #: The filter's greatest prior probability of thrust in any direction, that from which it counts as one, and the share
 #: of what is none of these that thrusts so. Notional.
-_FREE_PRIOR, _FREE, _FREE_SHARE = 0.1, 0.5, 0.5
+_FREE_PRIOR = 0.1
+_FREE = 0.5
+_FREE_SHARE = 0.5
 
 #: Longest silence, s, after which an estimate still shows the burn.
 _FRESH_S = 1.5
@@ -60,9 +65,11 @@ class StageHistory(Columns):
     def begun(cls, number: IntArray, tick_s: float) -> "StageHistory":
         """Return the histories of new tracks at a time."""
         count = len(number)
-        now, unknown = np.full(count, tick_s), np.full(count, np.nan)
+        now = np.full(count, tick_s)
+        unknown = np.full(count, np.nan)
         logs = np.full((count, STAGES, 4), np.nan)
-        sigma, dark = np.full(count, UNKNOWN_S), np.full(count, np.inf)
+        sigma = np.full(count, UNKNOWN_S)
+        dark = np.full(count, np.inf)
         return cls(number, logs, now - 5.0, sigma, dark, unknown, unknown.copy(), now, np.zeros(count), np.ones(count))
 
     @property
@@ -79,7 +86,8 @@ class StageHistory(Columns):
     @property
     def launch_s(self) -> FloatArray:
         """Return the times (n,) of the first ignitions, s: the last stage's, less the burns and gaps before it."""
-        burn, gap = self.logs[:, :, BURN], self.logs[:, :, GAP]
+        burn = self.logs[:, :, BURN]
+        gap = self.logs[:, :, GAP]
         before = np.sum(np.exp(np.where(np.isnan(burn), -np.inf, burn)), axis=1)
         before += np.sum(np.exp(np.where(np.isnan(gap), -np.inf, gap)), axis=1)
         start: FloatArray = np.where(self.is_dark, self.dark_since_s, self.ignition_s) - before
@@ -105,11 +113,14 @@ class StageHistory(Columns):
 
     def with_end(self, rows: IntArray, end_s: FloatArray, gap_log: float = np.nan) -> "StageHistory":
         """Return the histories with the present stages of some rows over at times (m,)."""
-        rows_, end_s = rows[self.done[rows] < STAGES], end_s[self.done[rows] < STAGES]
-        logs, stage = self.logs.copy(), self.done[rows_]
+        rows_ = rows[self.done[rows] < STAGES]
+        end_s = end_s[self.done[rows] < STAGES]
+        logs = self.logs.copy()
+        stage = self.done[rows_]
         burn = np.maximum(end_s - self.ignition_s[rows_], 1.0)
         since = np.clip(self.steady_s[rows_] - self.ignition_s[rows_], 0.0, burn)
-        force, growth = self.force[rows_], self.growth[rows_]
+        force = self.force[rows_]
+        growth = self.growth[rows_]
         first = force / np.maximum(1.0 + growth * since, 0.1)
         last = force / np.maximum(1.0 - growth * (burn - since), 0.3)
         logs[rows_, stage, BURN] = np.log(burn)
@@ -125,7 +136,8 @@ class StageHistory(Columns):
         unknown."""
         hits, spell, silent_s = estimates.detection_rate.T
         pause_s = spell / np.maximum(hits, 1.0)
-        burning, staging = estimates.weight[:, 0] > 0.5, estimates.burn_share[:, 1]
+        burning = estimates.weight[:, 0] > 0.5
+        staging = estimates.burn_share[:, 1]
         force = force_along(estimates.burn_mean[:, 0])
         then = self._with_launches(burning, launch_s, launch_sigma_s)
         lit = burning & then.is_dark
@@ -167,12 +179,16 @@ class StageHistory(Columns):
         rows = np.flatnonzero(lit)
         if not len(rows):
             return self
-        logs, ignition, sigma = self.logs.copy(), self.ignition_s.copy(), self.ignition_sigma_s.copy()
-        dark, last = self.dark_since_s.copy(), self.done[rows] - 1
+        logs = self.logs.copy()
+        ignition = self.ignition_s.copy()
+        sigma = self.ignition_sigma_s.copy()
+        dark = self.dark_since_s.copy()
+        last = self.done[rows] - 1
         gap = tick_s - 0.5 - self.dark_since_s[rows]
         real = (gap > 1.0 + 3.0 * pause_s[rows]) & (last >= 0) & (last < STAGES - 1)
         logs[rows[real], last[real], GAP] = np.log(gap[real])
-        ignition[rows[real]], sigma[rows[real]] = tick_s - 0.5, RELIT_S
+        ignition[rows[real]] = tick_s - 0.5
+        sigma[rows[real]] = RELIT_S
         logs[rows[~real], last[~real]] = np.nan
         dark[rows] = np.inf
         return evolve(self, logs=logs, ignition_s=ignition, ignition_sigma_s=sigma, dark_since_s=dark)
@@ -183,8 +199,10 @@ class StageHistory(Columns):
             return self
         end_s = self.steady_s[rows] + 1.0
         then = self.with_end(rows, end_s, -np.inf)
-        ignition, sigma = then.ignition_s.copy(), then.ignition_sigma_s.copy()
-        ignition[rows], sigma[rows] = end_s, STAGED_S
+        ignition = then.ignition_s.copy()
+        sigma = then.ignition_sigma_s.copy()
+        ignition[rows] = end_s
+        sigma[rows] = STAGED_S
         return evolve(then, ignition_s=ignition, ignition_sigma_s=sigma)
 
     def as_burning(self) -> "StageHistory":

@@ -21,7 +21,11 @@ from opir_core.errors import ModelError, reason_of
 from opir_core.scene import file_bytes
 
 #: Largest number of stages, and the rows of a stage's law.
-STAGES, BURN, FORCE, RATIO, GAP = 4, 0, 1, 2, 3
+STAGES = 4
+BURN = 0
+FORCE = 1
+RATIO = 2
+GAP = 3
 
 #: Families of vehicles, in the order of their columns.
 FAMILIES = ("missile", "space", "none")
@@ -76,7 +80,8 @@ class VehicleModel:
         """
         count = len(logs)
         family = np.arange(len(FAMILIES))
-        total, number = np.zeros((count, len(family), 4)), np.zeros((count, len(family), 4))
+        total = np.zeros((count, len(family), 4))
+        number = np.zeros((count, len(family), 4))
         log = np.zeros((count, len(family)))
         for stage in range(STAGES):
             mean, variance = self._next(total, number, family)
@@ -86,7 +91,8 @@ class VehicleModel:
             away = np.where(seen, score - mean, 0.0)
             density = -0.5 * away * away / variance - 0.5 * np.log(variance) - np.log(self.sigma[:, upper])
             log += np.sum(np.where(seen, density, 0.0), axis=2)
-            total, number = total + np.where(seen, score, 0.0), number + seen
+            total = total + np.where(seen, score, 0.0)
+            number = number + seen
         done = np.sum(np.isfinite(logs[:, :, BURN]), axis=1)
         cold = np.sum(np.isfinite(logs[:, :, GAP]), axis=1)[:, None]
         was_hot = np.sum(np.isneginf(logs[:, :, GAP]), axis=1)[:, None]
@@ -162,6 +168,7 @@ def _require_law(model: VehicleModel) -> None:
     if missing:
         raise ValueError(f"no {', '.join(missing)}")
     for name in ("median_log", "sigma", "coupling", "stages", "hot", "hot_again"):
-        column, like = getattr(model, name), getattr(own, name)
+        column = getattr(model, name)
+        like = getattr(own, name)
         if column.shape != like.shape or not np.isfinite(column).all():
             raise ValueError(f"the families' {name} is not {like[0].size} finite numbers each")

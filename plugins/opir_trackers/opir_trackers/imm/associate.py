@@ -15,7 +15,8 @@ from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
 
-_NOBODY, _NONE = np.array([-1]), np.empty(0, dtype=np.int64)
+_NOBODY = np.array([-1])
+_NONE = np.empty(0, dtype=np.int64)
 
 
 class Associated(NamedTuple):
@@ -36,7 +37,10 @@ class Associated(NamedTuple):
 
 def associate(models: TrackingModels, now: TrackerState, ahead: Ahead) -> Associated:
     """Return the association of a slice's lines with the tracks that are predicted."""
-    table, lines, pairs, near = now.table, ahead.lines, ahead.pairs, ahead.near
+    table = now.table
+    lines = ahead.lines
+    pairs = ahead.pairs
+    near = ahead.near
     crowds = now.crowds
     if near is None and not pairs.track.size:
         return Associated(unassigned(len(lines)), pairs, pairs, pairs, lines.sensor[:0], crowds, _NONE)
@@ -56,7 +60,8 @@ def associate(models: TrackingModels, now: TrackerState, ahead: Ahead) -> Associ
 
 def _alone(models: TrackingModels, ahead: Ahead, crowds: Crowds) -> Associated:
     """Return the association where no track is in a crowd."""
-    pairs, lines = ahead.pairs, ahead.lines
+    pairs = ahead.pairs
+    lines = ahead.lines
     found = associate_nearest(pairs, lines, models.association)
     shared = ambiguous_tracks(pairs, lines) if found.is_ambiguous else _NONE
     sensor = lines.sensor[found.assigned.line]
@@ -67,7 +72,8 @@ def _in_crowds(
     models: TrackingModels, crowds: Crowds, near: CrowdPairs, ahead: Ahead, table: TrackTable, view: SensorView
 ) -> Associated:
     """Return the association where some tracks are in crowds: these take their lines first."""
-    lines, seen = ahead.lines, table.reports >= 0
+    lines = ahead.lines
+    seen = table.reports >= 0
     update = crowd.updated_crowds(crowds, near, lines, ahead.end_s, models.association, models.config.gate_sigma, view)
     sharing = np.unique(ahead.pairs.track[np.isin(ahead.pairs.line, np.flatnonzero(update.number >= 0))])
     follows = update.crowds.follows(table.number, seen.shape[1])

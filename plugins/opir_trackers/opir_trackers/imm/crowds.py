@@ -30,7 +30,8 @@ from opir_trackers.triangulation import FAR_M
 NEAR_M = 60e3
 
 #: A focal-plane track without a line for this time, s, or this many scans ends.
-_SILENT_S, _SILENT_SCANS = 10.0, 4.0
+_SILENT_S = 10.0
+_SILENT_SCANS = 4.0
 
 
 class SensorView(NamedTuple):
@@ -104,7 +105,9 @@ def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: 
     are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
-    track, line, sensor = track[order], line[order], sensor[order]
+    track = track[order]
+    line = line[order]
+    sensor = sensor[order]
     keys = [np.empty(0, dtype=np.int64)]
     count, sensors = seen.shape
     for lag in range(1, _COMPARED + 1):
@@ -120,7 +123,8 @@ def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: 
 _DECIDED_S = 10.0
 
 #: Sensors that fix a state; and how many neighbours that share a line are compared, in order of their numbers.
-_FIXING, _COMPARED = 2, 3
+_FIXING = 2
+_COMPARED = 3
 
 
 class CrowdPairs(NamedTuple):
@@ -164,8 +168,10 @@ def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Cr
 
     Kept directions share their instants: clocks move focal-plane tracks alone.
     """
-    tracks, kept = crowds.tracks, crowds.kept
-    mine, origin = change[tracks.sensor], view.positions(tracks.sensor, tracks.time_s)
+    tracks = crowds.tracks
+    kept = crowds.kept
+    mine = change[tracks.sensor]
+    origin = view.positions(tracks.sensor, tracks.time_s)
     axes = np.stack([turned_back(tracks.axes[:, row], origin, mine) for row in range(3)], axis=1)
     right = turned_back(kept.direction_ecef, kept.origin_ecef_m, change[kept.sensor])
     tracks = evolve(tracks, axes=axes, time_s=tracks.time_s - mine[:, 2])
@@ -238,7 +244,8 @@ def joined(
     if not len(row):
         return crowds
     row = rows[row]
-    time_s, ones = predicted.time_s, np.ones(len(row))
+    time_s = predicted.time_s
+    ones = np.ones(len(row))
     delay_s = FAR_M / SPEED_OF_LIGHT_M_S * view.light_time
     apart = [
         earth_rotated(predicted.positions(row, (time_s + step - delay_s) * ones), -(time_s + step - delay_s) * ones)
@@ -297,7 +304,8 @@ def label_pairs(near: CrowdPairs, number: IntArray, lines: LinesOfSight) -> Gate
     Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
     tracks, pairs = near
-    count, line = len(pairs.row), pairs.line
+    count = len(pairs.row)
+    line = pairs.line
     return GatedPairs(
         np.searchsorted(number, tracks.number[pairs.row]),
         line,

@@ -62,7 +62,9 @@ class FocalPlaneTracks(Columns):
     @classmethod
     def empty(cls) -> "FocalPlaneTracks":
         """Return no tracks."""
-        whole, none, square = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3, 3))
+        whole = np.empty(0, dtype=np.int64)
+        none = np.empty(0)
+        square = np.empty((0, 3, 3))
         return cls(whole, whole, square, none, np.empty((0, 3, 2)), square, none, none, none)
 
     def predicted(self, time_s: FloatArray | float) -> "FocalPlaneTracks":
@@ -84,7 +86,8 @@ class FocalPlaneTracks(Columns):
         """Return angles (m, 2) of rows (m,) at times (m,), and their variances (m,) on each axis."""
         step = time_s - self.time_s.take(row)
         half = 0.5 * step * step
-        mean, cov = self.mean.take(row, axis=0), self.covariance.take(row, axis=0)
+        mean = self.mean.take(row, axis=0)
+        cov = self.covariance.take(row, axis=0)
         place = mean[:, 0] + step[:, None] * mean[:, 1] + half[:, None] * mean[:, 2]
         variance = cov[:, 0, 0] + 2.0 * step * cov[:, 0, 1] + 2.0 * half * (cov[:, 1, 1] + cov[:, 0, 2])
         variance += 2.0 * step * half * cov[:, 1, 2] + half * half * cov[:, 2, 2]
@@ -111,7 +114,9 @@ def _noise(step: FloatArray) -> FloatArray:
     """Return the covariances (n, 3, 3) of white jerk of unit density over steps (n,)."""
     power = [np.abs(step) ** number for number in range(6)]
     noise = np.empty((len(step), 3, 3))
-    noise[:, 0, 0], noise[:, 1, 1], noise[:, 2, 2] = power[5] / 20.0, power[3] / 3.0, power[1]
+    noise[:, 0, 0] = power[5] / 20.0
+    noise[:, 1, 1] = power[3] / 3.0
+    noise[:, 2, 2] = power[1]
     noise[:, 0, 1] = noise[:, 1, 0] = power[4] / 8.0
     noise[:, 0, 2] = noise[:, 2, 0] = power[3] / 6.0
     noise[:, 1, 2] = noise[:, 2, 1] = power[2] / 2.0
@@ -206,8 +211,10 @@ def updated(
     weight = 1.0 / np.square(lines.sigma_rad[own.line])
     looks = own._replace(off=own.off * weight[:, None])
     tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
-    parts, rows = [equivalent], [mine]
-    row, line = pairs.row[shared], pairs.line[shared]
+    parts = [equivalent]
+    rows = [mine]
+    row = pairs.row[shared]
+    line = pairs.line[shared]
     batch = _batches(scan, lines.time_s)[line]
     for each in np.unique(batch).tolist():
         some = np.flatnonzero(batch == each)
@@ -217,7 +224,8 @@ def updated(
             owner[now.line[chosen]] = now.row[chosen]
             parts.append(equivalent)
             rows.append(mine)
-    seen_s, mine = tracks.seen_s.copy(), np.flatnonzero(owner >= 0)
+    seen_s = tracks.seen_s.copy()
+    mine = np.flatnonzero(owner >= 0)
     np.maximum.at(seen_s, owner[mine], lines.time_s[mine])
     after = evolve(tracks, seen_s=seen_s)
     return FocalPlaneUpdate(after, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
@@ -227,7 +235,8 @@ def _after_batch(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, scan: IntArray, model: AssociationModel
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray, IntArray]:
     """Return the rows after some scans, equivalent lines of those with lines, their rows, and the assigned pairs."""
-    log, look = _log_ratio(model, lines, pairs), ranks(pairs.row * (int(scan.max()) + 1) + scan[pairs.line])
+    log = _log_ratio(model, lines, pairs)
+    look = ranks(pairs.row * (int(scan.max()) + 1) + scan[pairs.line])
     chosen = np.flatnonzero(cheapest_assignment(look, pairs.line, -log))
     looks, weight = _equivalent_looks(lines, pairs, look, _probabilities(lines, pairs, look, log))
     tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
@@ -256,7 +265,8 @@ def _equivalent_looks(
     With this weight it has the same gain and leaves the same covariance as the pairs with probabilities `beta` (m,):
     where these are far apart it is negative. `off` (k, 2) is that weight times the angle, 1/rad.
     """
-    hits, total = np.bincount(look), np.bincount(look, beta)
+    hits = np.bincount(look)
+    total = np.bincount(look, beta)
     off = group_sums(look, beta[:, None] * pairs.off)
     spread = 0.5 * (np.bincount(look, beta * dot(pairs.off, pairs.off)) - dot(off, off))
     whole = np.bincount(look, pairs.variance) / hits
@@ -279,11 +289,15 @@ def _after_looks(
     share = part / np.bincount(place, part)[place]
     looks = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
     mean = group_sums(place, np.column_stack([looks, pairs.off, weight]), len(row))
-    when, pull, total = mean[:, 0], mean[:, 4:6], mean[:, 6]
+    when = mean[:, 0]
+    pull = mean[:, 4:6]
+    total = mean[:, 6]
     before = tracks.take(row).predicted(when)
     whole = np.maximum(1.0 + before.covariance[:, 0, 0] * total, 0.5)
     gain = before.covariance[:, :, 0] / whole[:, None]
-    mean_after, covariance, time_s = tracks.mean.copy(), tracks.covariance.copy(), tracks.time_s.copy()
+    mean_after = tracks.mean.copy()
+    covariance = tracks.covariance.copy()
+    time_s = tracks.time_s.copy()
     mean_after[row] = before.mean + gain[:, :, None] * pull[:, None, :]
     covariance[row] = before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :]
     time_s[row] = when

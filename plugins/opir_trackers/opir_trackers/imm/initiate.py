@@ -37,12 +37,15 @@ def _with_explained(
     """Return the state, and the owners (m,) of lines with 0 for those that a track explains as outliers."""
     if not len(now.table) or not np.count_nonzero(owner < 0):
         return now, owner
-    free, some = np.flatnonzero(owner < 0), np.zeros(len(owner), dtype=np.bool_)
-    path, left = models.path(now.estimates, now.time_s), ahead.lines.take(free)
+    free = np.flatnonzero(owner < 0)
+    some = np.zeros(len(owner), dtype=np.bool_)
+    path = models.path(now.estimates, now.time_s)
+    left = ahead.lines.take(free)
     near = candidates(path, left, ahead.span_s, OUTLIER_SIGMAS, models.light_time)
     pairs = gated(path, left, *near, OUTLIER_SIGMAS, models.light_time)
     mine = np.flatnonzero(owner >= 0)
-    known, owned = now.registration.at(now.time_s), (owner[mine], ahead.lines.take(mine))
+    known = now.registration.at(now.time_s)
+    owned = (owner[mine], ahead.lines.take(mine))
     tracks = known.tracks.of(now.table.number)
     some[free], tracks = explained_looks(pairs, left, owned, tracks, models.config.gate_sigma)
     return evolve(now, registration=evolve(known, tracks=tracks)), np.where(some, 0, owner)
@@ -76,7 +79,8 @@ def _with_initiated(models: TrackingModels, now: TrackerState) -> TrackerState:
     initiation_ = initiation.track_candidates(lines, models.needed_scans, now.registration.loose_rad)
     if not len(initiation_.begun):
         return now
-    begun, span = initiation_.begun, now.time_s - float(lines.time_s.min())
+    begun = initiation_.begun
+    span = now.time_s - float(lines.time_s.min())
     first = prior_estimates(begun, now.time_s, models.config)
     pairs = models.gated_pairs(models.filter.predicted_measurements(first, now.time_s), lines, span)
     pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
@@ -94,7 +98,8 @@ def _with_new_tracks(
     hits = np.bincount(lines_of[lines_of >= 0], minlength=len(first))
     good = hits >= models.needed_scans
     row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
-    owner, count = row[lines_of], int(good.sum())
+    owner = row[lines_of]
+    count = int(good.sum())
     number = np.arange(now.next_number, now.next_number + count)
     fresh = TrackTable.fresh(number, now.time_s, len(models.period_s))
     fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)

@@ -24,11 +24,13 @@ from opir_trackers.track_priors import first_motion
 
 #: The launch point is estimated for tracks no older than this, s, or than some scans: of scanners of 10 s, what it is
 #: becomes known in them.
-_YOUNG_S, _YOUNG_SCANS = 10.0, 3.0
+_YOUNG_S = 10.0
+_YOUNG_SCANS = 3.0
 
 #: A path that is followed back for longer than this, s, from the middle of its lines is compared with ascents instead:
 #: no boost is a cubic from rest through its pitch-over. A comparison takes milliseconds: it is made so often, in s.
-_CUBIC_S, _EVERY_S = 10.0, 2.0
+_CUBIC_S = 10.0
+_EVERY_S = 2.0
 
 #: One sensor alone sees neither height nor climb, which ascents are compared by.
 _SENSORS = 2
@@ -75,13 +77,15 @@ def with_launch_points(models: TrackingModels, now: TrackerState, span_s: float)
     far = np.flatnonzero(is_far & is_launch & (young.seen.sum(axis=1) >= _SENSORS))
     if len(far):
         # Between two comparisons the last one stays.
-        found, due = LaunchPoints.nowhere(len(far)), _due(models, now, rows[far], span_s).nonzero()[0]
+        found = LaunchPoints.nowhere(len(far))
+        due = _due(models, now, rows[far], span_s).nonzero()[0]
         cubic = LaunchPoints(points.place[far[due]], points.covariance[far[due]])
         found.place[due], found.covariance[due] = updated_points(cubic, _by_ascents(models, young.take(far[due])))
         points.place[far], points.covariance[far] = found
     points.covariance[:, 2, 2] += models.config.clock_sigma_s**2
     known = LaunchPoints(now.table.launch[rows], now.table.launch_covariance[rows])
-    launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
+    launch = now.table.launch.copy()
+    covariance = now.table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(known, points)
     return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance))
 
@@ -95,8 +99,10 @@ def _due(models: TrackingModels, now: TrackerState, rows: IntArray, span_s: floa
 
 
 def _young(models: TrackingModels, now: TrackerState, rows: IntArray) -> _Young:
-    table, estimates = now.table.part(rows), now.estimates.part(rows)
-    seen, shared = table.reports >= 0, models.shared_covariance(now, estimates, table)
+    table = now.table.part(rows)
+    estimates = now.estimates.part(rows)
+    seen = table.reports >= 0
+    shared = models.shared_covariance(now, estimates, table)
     range_m = models.biases.ranges_m(estimates.likelier_position_m, now.time_s, seen)
     return _Young(
         path=models.path(estimates, now.time_s),
@@ -109,7 +115,8 @@ def _young(models: TrackingModels, now: TrackerState, rows: IntArray) -> _Young:
 
 def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
     """Return the launch points of paths that are followed back to rest on the ground."""
-    thrust, inland = models.config.thrust, models.config.hypotheses.inland_share
+    thrust = models.config.thrust
+    inland = models.config.hypotheses.inland_share
     motion = first_motion(young.path, young.first_s, young.seen.sum(axis=1) < _SENSORS, thrust)
     prior = LaunchDelayPrior(young.at_once, motion, inland)
     return launches(young.path, young.first_s, prior, thrust.launch_noise_m_s2, young.biased)
@@ -117,7 +124,8 @@ def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
 
 def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
     """Return the launch points that ascents of the law of boosts say; unknown where none is like the track."""
-    when_s, inland = young.middle_s, models.config.hypotheses.inland_share
+    when_s = young.middle_s
+    inland = models.config.hypotheses.inland_share
     if not len(when_s):
         return LaunchPoints.nowhere(0)
     place, velocity, covariance = path_moments(young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased)
@@ -132,7 +140,8 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
         if found is not None:
             mean, spread = found
             # The time of launch falls as that since then grows.
-            mean[3], back = time_s - mean[3], np.diag([1.0, 1.0, 1.0, -1.0])
+            mean[3] = time_s - mean[3]
+            back = np.diag([1.0, 1.0, 1.0, -1.0])
             points.place[row : row + 1], points.covariance[row : row + 1] = on_ground(
                 mean[None], (back @ spread @ back)[None]
             )

@@ -39,7 +39,8 @@ class Mixtures(Columns):
     ) -> "Mixtures":
         """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the tracks' own states."""
         count = len(number)
-        shift, square = np.zeros((count, 6)), np.zeros((count, 6, 6))
+        shift = np.zeros((count, 6))
+        square = np.zeros((count, 6, 6))
         np.add.at(shift, track, probability[:, None] * apart)
         np.add.at(square, track, probability[:, None, None] * apart[:, :, None] * apart[:, None, :])
         spread = square - shift[:, :, None] * shift[:, None, :]
@@ -55,8 +56,10 @@ class Mixtures(Columns):
         move = np.tile(np.eye(6), (len(here), 1, 1))
         move[:, range(3), range(3, 6)] = (time_s - self.time_s[here])[:, None]
         shift = (move @ self.shift[here][:, :, None])[:, :, 0]
-        part, spread = estimates.take(rows), move @ self.spread[here] @ move.transpose(0, 2, 1)
-        boost, coast = part.boost_mean.copy(), part.coast_mean.copy()
+        part = estimates.take(rows)
+        spread = move @ self.spread[here] @ move.transpose(0, 2, 1)
+        boost = part.boost_mean.copy()
+        coast = part.coast_mean.copy()
         boost[:, :COAST] += shift
         coast[:, :COAST] += shift
         return estimates.put(rows, widened(evolve(part, boost_mean=boost, coast_mean=coast), spread))

@@ -41,7 +41,8 @@ class Memo:
         last = self._last.get(name)
         # Records are equal to themselves alone.
         if last is None or last[0] != asked:
-            last = self._last[name] = asked, function(*asked)
+            last = (asked, function(*asked))
+            self._last[name] = last
         answer: _Answer = last[1]
         return answer
 
@@ -73,7 +74,8 @@ class TrackingModels:
         chance = [np.mean(list(sensor.detection_probability.values()) or [UNSTATED]) for sensor in context.sensors]
         model = AssociationModel(clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
-        filter_, biases = filter_of(config, context), Biases.of(context.sensors, config.clock_sigma_s)
+        filter_ = filter_of(config, context)
+        biases = Biases.of(context.sensors, config.clock_sigma_s)
         outcomes = Outcomes(vehicle_model(config.boost_prior), context.hypotheses)
         clutter = clutter_per_sr(context, config.false_alarms_per_sr)
         return cls(
@@ -115,7 +117,8 @@ class TrackingModels:
 
     def gated_pairs(self, path: PredictedMeasurements, lines: LinesOfSight, span_s: float) -> GatedPairs:
         """Return the gated pairs of tracks and the lines of a span."""
-        gate, light_time = self.config.gate_sigma, self.light_time
+        gate = self.config.gate_sigma
+        light_time = self.light_time
         return gated(path, lines, *candidates(path, lines, span_s, gate, light_time), gate, light_time)
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
@@ -136,7 +139,9 @@ class TrackingModels:
 
 
 #: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else the fewest.
-_NEEDED, _SOON_S, _FEWEST = 4, 4.0, 2
+_NEEDED = 4
+_SOON_S = 4.0
+_FEWEST = 2
 
 
 def needed_scans(period_s: FloatArray) -> int:

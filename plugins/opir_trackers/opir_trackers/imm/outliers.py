@@ -37,10 +37,12 @@ _STEP = 0.2
 FRACTIONS = np.append(0.0, 1.0 / (1.0 + np.exp(-np.arange(-4.6, 2.3, _STEP))))
 
 #: Prior mean of the outlier fraction, and its weight in lines.
-_SHARE, _BELIEVED = 0.01, 3.0
+_SHARE = 0.01
+_BELIEVED = 3.0
 
 #: Squared distance exceeded with probability 10⁻³, and the least outlier fraction that is considered.
-_IMPROBABLE, _SOME = 13.8, 0.02
+_IMPROBABLE = 13.8
+_SOME = 0.02
 
 #: Below this fraction, tracks without an improbable line are not counted; so onsets of outliers are seen.
 FEW = 1e-3
@@ -48,7 +50,9 @@ FEW = 1e-3
 _NONE = np.empty(0, dtype=np.int64)
 
 #: EM iterations at most, the change of weights that is none, and the least information of a slice relative to these.
-_TURNS, _SETTLED, _LEAST_TOLD = 4, 0.02, 0.2
+_TURNS = 4
+_SETTLED = 0.02
+_LEAST_TOLD = 0.2
 
 
 class SliceSpan(NamedTuple):
@@ -68,7 +72,8 @@ def _prior_log() -> FloatArray:
     return np.asarray(np.log(np.append(1.0 - some.sum(), some)))
 
 
-_BEFORE, _CLEAN = _prior_log(), np.log1p(-FRACTIONS)
+_BEFORE = _prior_log()
+_CLEAN = np.log1p(-FRACTIONS)
 
 
 class OutlierFractions(NamedTuple):
@@ -176,7 +181,8 @@ def fraction_log_likelihood(square: FloatArray, gate: float, track: IntArray, co
     """
     ratio = 2.0 / gate**2 * np.exp(0.5 * np.minimum(square, gate**2))
     ratio = np.where(square > gate**2, 1.0, ratio)
-    log, log_likelihood = np.log1p(FRACTIONS * (ratio[:, None] - 1.0)), np.zeros((count, len(FRACTIONS)))
+    log = np.log1p(FRACTIONS * (ratio[:, None] - 1.0))
+    log_likelihood = np.zeros((count, len(FRACTIONS)))
     np.add.at(log_likelihood, track, log)
     return log_likelihood
 
@@ -186,11 +192,9 @@ def _weights(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the inlier probabilities (m,) of lines, their predicted directions (m, 2) and squared distances (m,)."""
     measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
-    place, sharp, outlier = (
-        predicted_directions(path, measurements),
-        1.0 / np.square(assigned.sigma_rad),
-        share[assigned.track],
-    )
+    place = predicted_directions(path, measurements)
+    sharp = 1.0 / np.square(assigned.sigma_rad)
+    outlier = share[assigned.track]
     square = np.sum(np.square(assigned.measured - place), axis=1) * sharp
     mine = (1.0 - outlier) * np.exp(-0.5 * square) * sharp / (2.0 * np.pi)
     others = outlier * sharp / (np.pi * span.gate**2)

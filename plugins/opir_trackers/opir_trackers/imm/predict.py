@@ -56,7 +56,8 @@ def _predicted(
         return Ahead(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
-        vantages, state = models.vantages(registration, end_s), estimates.likelier_state
+        vantages = models.vantages(registration, end_s)
+        state = estimates.likelier_state
         path = path._replace(bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages))
     if not crowds.are_there:
         return Ahead(estimates, path, models.gated_pairs(path, lines, span_s), None, lines, end_s, span_s)

@@ -33,7 +33,8 @@ _FASTEST_M_S = 20e3
 _SURE_SIGMAS = 3.0
 
 #: Codes of ends.
-IMPACT, LOST = TRACK_ENDS.index("impact"), TRACK_ENDS.index("lost")
+IMPACT = TRACK_ENDS.index("impact")
+LOST = TRACK_ENDS.index("lost")
 
 
 def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
@@ -43,7 +44,8 @@ def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner:
     """
     if not now.table.number.size:
         return now
-    moments, table = models.moments(now.estimates), now.table
+    moments = models.moments(now.estimates)
+    table = now.table
     silent = now.time_s - table.seen_s > models.config.silence_s
     drop = silent | (now.motion.is_decided & now.motion.are_noise)
     now, idle, down = _with_bounds(models, now, *moments)
@@ -66,7 +68,8 @@ def _with_bounds(
     models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray
 ) -> tuple[TrackerState, BoolArray, BoolArray]:
     """Return the state with uncertain speeds and heights bounded, and which tracks are idle and which came down."""
-    table, needed = now.table, 3 * models.needed_scans
+    table = now.table
+    needed = 3 * models.needed_scans
     uncertain = are_uncertain(covariance, models.config.lost_sigma_m)
     below_ground = are_below_ground(state[:, :3])
     fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
@@ -87,12 +90,14 @@ def _with_bounds(
 
 def _lesser(models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray) -> BoolArray:
     """Return which tracks follow a target that another one follows, or no target: lines of several moved them."""
-    table, added = now.table, models.shared_covariance(now, now.estimates, now.table)
+    table = now.table
+    added = models.shared_covariance(now, now.estimates, now.table)
     wider = covariance.copy() if added is None else covariance + added
     fast = ~(dot(state[:, 3:], state[:, 3:]) <= _FASTEST_M_S**2)
     # The covariance of a track that is nowhere may be nothing that can be solved with.
     wider[fast] = np.eye(6)
-    are_fresh, seen = table.begun_s == now.time_s, table.reports >= 0
+    are_fresh = table.begun_s == now.time_s
+    seen = table.reports >= 0
     return fast | duplicates(table.number, state, wider, now.sightings, table.hits, seen, are_fresh)
 
 
@@ -162,7 +167,8 @@ def _never_seen_together(near: IntArray, number: IntArray, sightings: SharedDete
     scan = scan_numbers(sightings.sensor, sightings.scan)[here]
     seen = np.zeros((len(number), int(scan.max(initial=-1)) + 1), dtype=bool)
     seen[row[here], scan] = True
-    one, other = seen[near[:, 0]], seen[near[:, 1]]
+    one = seen[near[:, 0]]
+    other = seen[near[:, 1]]
     apart: BoolArray = np.any(one & other, axis=1)
     enough: BoolArray = np.count_nonzero(one | other, axis=1) >= ENOUGH_SCANS
     return np.logical_and(enough, ~apart)

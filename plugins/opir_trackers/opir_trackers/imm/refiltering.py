@@ -27,7 +27,9 @@ from opir_trackers.triangulation import FAR_M
 _STEP_S = 2.0
 
 #: Standard deviations of position, m, velocity, m/s, and force, m/s², about the cubic at the start of the stretch.
-_PLACE_M, _SPEED_M_S, _FORCE_M_S2 = 3e3, 300.0, 20.0
+_PLACE_M = 3e3
+_SPEED_M_S = 300.0
+_FORCE_M_S2 = 20.0
 
 #: A track whose first line came within this time before its stretch, s, begins there.
 _FRESH_S = 5.0
@@ -57,10 +59,12 @@ def refiltered(
     `before` are the old estimates, of which the mode probabilities and rates stay; `begun_s` (n,) the first detections.
     """
     instants = np.unique(directions.time_s)
-    place, there = intersections(sums) + centre, sums[..., 11] > 1.5
+    place = intersections(sums) + centre
+    there = sums[..., 11] > 1.5
     first_s = instants[np.argmax(there, axis=1)]
     prior = _Priors(place, there, instants, first_s, begun_s, config, light_time)
-    awake, estimates = float(instants[0]) - _STEP_S, before
+    awake = float(instants[0]) - _STEP_S
+    estimates = before
     for end_s in [*np.arange(awake + _STEP_S, now_s - 1e-6, _STEP_S).tolist(), now_s]:
         step_s = end_s - awake
         mine = np.flatnonzero((directions.time_s > awake) & (directions.time_s <= end_s))
@@ -123,7 +127,9 @@ def _about(fit: FloatArray, prior: ModeEstimates) -> ModeEstimates:
     place = fit[0]
     force = 2.0 * fit[2] + EARTH_MU_M3_S2 * place / np.sqrt(place @ place) ** 3
     mean = prior.boost_mean.copy()
-    mean[0, :3], mean[0, 3:6], mean[0, 6:9] = place, fit[1], force
+    mean[0, :3] = place
+    mean[0, 3:6] = fit[1]
+    mean[0, 6:9] = force
     sigma = np.append(np.repeat([_PLACE_M, _SPEED_M_S, _FORCE_M_S2], 3), 1.0 / prior.boost_root[0, -1, -1])
     root = np.diag(1.0 / sigma)[None]
     return ModeEstimates(

@@ -64,7 +64,8 @@ def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: Imm
         return now
     ready = _ready(tracks, stretch)
     ready = ready[are_open(stretch.table[ready], ranks(tracks.number[ready]))]
-    table, sensor = stretch.table[ready], tracks.sensor[ready]
+    table = stretch.table[ready]
+    sensor = tracks.sensor[ready]
     if len(ready) < 2 or np.ptp(sensor) == 0:
         return evolve(now, crowds=evolve(now.crowds, mixtures=Mixtures.empty(), paired_s=now.time_s))
     model = SetModel(stretch.centre, present=ranks(tracks.number[ready]))
@@ -87,13 +88,16 @@ def _ready(tracks: FocalPlaneTracks, stretch: _Stretch) -> IntArray:
 
 def _stretch(crowds: Crowds) -> _Stretch:
     """Return the kept directions of the focal-plane tracks that there are."""
-    tracks, kept = crowds.tracks, crowds.kept
+    tracks = crowds.tracks
+    kept = crowds.kept
     sensors = int(max(tracks.sensor.max(), kept.sensor.max(initial=0))) + 1
-    key, sought = tracks.number * sensors + tracks.sensor, kept.number * sensors + kept.sensor
+    key = tracks.number * sensors + tracks.sensor
+    sought = kept.number * sensors + kept.sensor
     order = np.argsort(key)
     row = order[np.minimum(np.searchsorted(key[order], sought), len(key) - 1)]
     here = np.flatnonzero(key[row] == sought)
-    kept, row = kept.take(here), row[here]
+    kept = kept.take(here)
+    row = row[here]
     return _Stretch(kept, row, *normal_equations(kept, row, len(tracks), tracks.range_m[row]))
 
 
@@ -103,7 +107,8 @@ def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
     Large sets choose first: the number of their focal-plane track of the first sensor, else another of their own. A set
     that is left without is no track: what a swap has mixed over the stretch fits nothing, and is begun anew.
     """
-    number, taken = np.full(int(group.max()) + 1, -1, dtype=np.int64), set()
+    number = np.full(int(group.max()) + 1, -1, dtype=np.int64)
+    taken = set()
     size = np.bincount(group)
     for row in np.lexsort((tracks.number, tracks.sensor, -size[group])).tolist():
         one = int(tracks.number[row])
@@ -122,7 +127,8 @@ def _repaired(
     if np.count_nonzero(number < 0):
         left = np.flatnonzero(number >= 0)
         now = evolve(now, crowds=evolve(now.crowds, tracks=now.crowds.tracks.take(left)))
-        stretch, number = stretch.of(left), number[left]
+        stretch = stretch.of(left)
+        number = number[left]
     tracks = now.crowds.tracks
     now = _with_rows(now, number, before)
     kept = evolve(stretch.kept, number=number[stretch.row])
@@ -193,7 +199,8 @@ def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
 
 
 #: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners, as of new tracks.
-_LOST_M, _LOST_M_S = 30e3, 300.0
+_LOST_M = 30e3
+_LOST_M_S = 300.0
 
 
 def _are_fixed(sums: FloatArray) -> BoolArray:
@@ -223,7 +230,8 @@ def _with_rows(now: TrackerState, number: IntArray, before: IntArray) -> Tracker
 
     `before` are the tracks that had any. Sensors report of a track what they reported of its focal-plane tracks.
     """
-    tracks, table = now.crowds.tracks, now.table
+    tracks = now.crowds.tracks
+    table = now.table
     reports = table.reports[np.searchsorted(table.number, tracks.number), tracks.sensor]
     kept = np.flatnonzero(np.isin(table.number, number) | ~np.isin(table.number, before))
     after = table.take(kept)

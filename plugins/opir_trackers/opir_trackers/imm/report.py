@@ -35,10 +35,13 @@ def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: Bo
     """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
     tracks = reported.tracks
     no_launch = np.flatnonzero(~launched)
-    launch, covariance = tracks.launch, tracks.launch_covariance
+    launch = tracks.launch
+    covariance = tracks.launch_covariance
     if len(no_launch):
-        launch, covariance = launch.copy(), covariance.copy()
-        launch[no_launch], covariance[no_launch] = np.nan, np.nan
+        launch = launch.copy()
+        covariance = covariance.copy()
+        launch[no_launch] = np.nan
+        covariance[no_launch] = np.nan
     return evolve(
         tracks,
         launch=launch,
@@ -72,8 +75,10 @@ def mixed_with(
     state: FloatArray, covariance: FloatArray, rows: IntArray, other: tuple[FloatArray, FloatArray], share: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with others in shares (m,)."""
-    apart, both = other[0] - state[rows], share[:, None, None]
-    state, covariance = state.copy(), covariance.copy()
+    apart = other[0] - state[rows]
+    both = share[:, None, None]
+    state = state.copy()
+    covariance = covariance.copy()
     state[rows] += share[:, None] * apart
     spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
     mixed = both * other[1] + (1.0 - both) * covariance[rows] + spread
@@ -84,7 +89,8 @@ def mixed_with(
 def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float) -> Tracks:
     """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without type and impact."""
     count = len(state)
-    impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
+    impact = _unknown(count, 6, 3)
+    burnout = _unknown(count, 8, 7)
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
@@ -149,8 +155,10 @@ _LEAST_CHANCE = 1e-6
 
 def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
     """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the rotating Earth."""
-    sine, cosine = sin(EARTH_ROTATION_RAD_S * time_s), cos(EARTH_ROTATION_RAD_S * time_s)
-    fast, slow = EARTH_ROTATION_RAD_S * cosine, EARTH_ROTATION_RAD_S * sine
+    sine = sin(EARTH_ROTATION_RAD_S * time_s)
+    cosine = cos(EARTH_ROTATION_RAD_S * time_s)
+    fast = EARTH_ROTATION_RAD_S * cosine
+    slow = EARTH_ROTATION_RAD_S * sine
     change = np.array(
         (
             *(cosine, sine, 0.0, 0.0, 0.0, 0.0),

@@ -57,7 +57,8 @@ class SingleSensor:
         rows = rows[self._far(table, motion, rows, time_s)] if rows.size else rows
         if not rows.size:
             return estimates
-        found, axes = [], []
+        found = []
+        axes = []
         # A track is compared with thousands of ascents.
         for row in rows.tolist():
             sighting, axis, sensor = self._sighting(estimates, table, motion, row, time_s)
@@ -67,7 +68,8 @@ class SingleSensor:
         if not known:
             return estimates
         moments: list[AlongSight] = [each for each in found if each is not None]
-        mean, axis = np.array([each.mean for each in moments]), np.array(axes)[known]
+        mean = np.array([each.mean for each in moments])
+        axis = np.array(axes)[known]
         # Ascents move relative to the Earth, and the part of its rotation along the line is the same at all distances.
         mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ SPIN.T)
         return self.filter.replaced_along(
@@ -100,7 +102,8 @@ class SingleSensor:
         """
         when = np.full(1, time_s)
         origin = np.concatenate([sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors])
-        number, place = np.argmax(table.reports[rows] >= 0, axis=1), motion.reference_m[rows]
+        number = np.argmax(table.reports[rows] >= 0, axis=1)
+        place = motion.reference_m[rows]
         line = origin[number] - place
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
         return np.asarray(~are_low_orbits(origin)[number] & (sine > _LEAST_SINE))
@@ -110,14 +113,14 @@ class SingleSensor:
     ) -> tuple[Sighting, FloatArray, int]:
         """Return what the sensor of a track sees, its inertial line of sight (3,), and its number."""
         number = int(np.flatnonzero(table.reports[row] >= 0)[0])
-        orbit, first_s = self.biases.sensors[number].orbit, float(table.first_s[row])
+        orbit = self.biases.sensors[number].orbit
+        first_s = float(table.first_s[row])
         then, before, now, after = orbit.position_ecef_m(np.array([first_s, time_s - 0.5, time_s, time_s + 0.5]))
-        mean, back = estimates.boost_mean[row], np.full(3, -time_s)
+        mean = estimates.boost_mean[row]
+        back = np.full(3, -time_s)
         state = earth_rotated(np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back)
-        axes, first_axes = (
-            _image_axes(state[0] - now, state[0]),
-            _image_axes(motion.reference_m[row] - then, motion.reference_m[row]),
-        )
+        axes = _image_axes(state[0] - now, state[0])
+        first_axes = _image_axes(motion.reference_m[row] - then, motion.reference_m[row])
         turned = earth_rotated(axes, -back)
         seen = _image_rows(turned[:2]) @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
         ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])

@@ -59,7 +59,9 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
 _LOST_CHANCE = 1e-4
 
 #: Stated detection probabilities are clipped to these; the last is for sensors that state none.
-_LEAST_STATED, _MOST_STATED, UNSTATED = 0.05, 0.98, 0.8
+_LEAST_STATED = 0.05
+_MOST_STATED = 0.98
+UNSTATED = 0.8
 
 
 @frozen(eq=False, repr=False)
@@ -122,13 +124,20 @@ class TrackTable(Columns):
         known = owner >= 0
         if np.count_nonzero(known) < len(known):
             mine = np.flatnonzero(known)
-            owner, time_s, sensor, reported = owner[mine], time_s[mine], sensor[mine], reported[mine]
-        first_s, seen_s, reports = self.first_s, self.seen_s, self.reports
+            owner = owner[mine]
+            time_s = time_s[mine]
+            sensor = sensor[mine]
+            reported = reported[mine]
+        first_s = self.first_s
+        seen_s = self.seen_s
+        reports = self.reports
         if len(first_s) == 1 and len(owner):
-            first_s, seen_s = np.minimum(first_s, time_s[0]), np.maximum(seen_s, time_s[-1])
+            first_s = np.minimum(first_s, time_s[0])
+            seen_s = np.maximum(seen_s, time_s[-1])
             hits = self.hits + len(owner)
         else:
-            first_s, seen_s = first_s.copy(), seen_s.copy()
+            first_s = first_s.copy()
+            seen_s = seen_s.copy()
             np.minimum.at(first_s, owner, time_s)
             np.maximum.at(seen_s, owner, time_s)
             hits = self.hits + np.bincount(owner, minlength=len(self))

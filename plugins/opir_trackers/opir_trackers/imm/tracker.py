@@ -32,7 +32,8 @@ class ImmTracker(Tracker):
         self._rays = LineOfSightCache(tracking.lines_of_sight)
         self._composition = Composition.of(context.hypotheses)
         self._glides = np.array([one.group == "glide" for one in context.hypotheses], dtype=np.bool_)
-        model, every_s = vehicle_model(tracking.config.boost_prior), tracking.config.regions_every_s
+        model = vehicle_model(tracking.config.boost_prior)
+        every_s = tracking.config.regions_every_s
         self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
 
     def associate(self, detections: Detections) -> IntArray:

@@ -70,14 +70,16 @@ class ImmTracking:
         """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
         lines = self.lines_of_sight(detections) if cached is None else cached
         now = now if now.ended is None else evolve(now, ended=None)
-        is_idle, step_s = now.is_empty, tick_s - now.time_s
+        is_idle = now.is_empty
+        step_s = tick_s - now.time_s
         if is_idle and not len(lines.time_s):
             return evolve(now, time_s=tick_s)
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
         if is_idle:
             idle = bisect_right(ends, lines.time_s.min())
-            now, ends = evolve(now, time_s=[now.time_s, *ends][idle]), ends[idle:]
+            now = evolve(now, time_s=[now.time_s, *ends][idle])
+            ends = ends[idle:]
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
             return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported), step_s))
         cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
@@ -90,7 +92,8 @@ class ImmTracking:
 
         Crowds are paired anew every few seconds.
         """
-        models, lines = self.models, self.models.corrected(now.registration, raw)
+        models = self.models
+        lines = self.models.corrected(now.registration, raw)
         ahead = predict(models, now, end_s, lines)
         found = associate(models, now, ahead)
         then = update(models, now, ahead, found, reported)
@@ -102,7 +105,8 @@ class ImmTracking:
 
     def _assessed(self, now: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after the last one."""
-        table, motion = now.table, now.motion
+        table = now.table
+        motion = now.motion
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self.models.longest(self.models.period_s, table)
@@ -139,17 +143,22 @@ class ImmTracking:
     def reported_tracks(self, now: TrackerState) -> ReportedTracks:
         """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
         confirmed = self.confirmed(now)
-        table, motion = now.table, now.motion
+        table = now.table
+        motion = now.motion
         estimates = now.estimates
         if now.crowds.are_there:
             estimates = now.crowds.mixtures.mixed(estimates, table.number, now.time_s)
         if np.count_nonzero(confirmed) < len(confirmed):
-            estimates, table, motion = estimates.take(confirmed), table.take(confirmed), motion.take(confirmed)
+            estimates = estimates.take(confirmed)
+            table = table.take(confirmed)
+            motion = motion.take(confirmed)
         last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
         if now.ended is not None:
             last = now.ended.and_others(last)
             order = np.argsort(last.table.number, kind="stable")
-            estimates, table, motion = last.estimates.take(order), last.table.take(order), last.motion.take(order)
+            estimates = last.estimates.take(order)
+            table = last.table.take(order)
+            motion = last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
         state, covariance = self.models.moments(estimates)
         added = self.models.shared_covariance(now, estimates, table)

@@ -32,7 +32,8 @@ def update(
     """Return the state after a slice's lines, of reported types (m,), as far as they have tracks."""
     if not now.table.number.size:
         return evolve(now, time_s=ahead.end_s)
-    lines, table = ahead.lines, now.table
+    lines = ahead.lines
+    table = now.table
     if not lines.scan.size:
         after = models.filter.updated(ahead.estimates, ahead.end_s, no_measurements(), ahead.span_s)
         after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
@@ -53,15 +54,20 @@ def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEst
 
     Tracks that were silent, whose burns may begin at the first look, are updated with each look, and few tracks too.
     """
-    estimates, end_s, span_s, used = ahead.estimates, ahead.end_s, ahead.span_s, found.used
+    estimates = ahead.estimates
+    end_s = ahead.end_s
+    span_s = ahead.span_s
+    used = found.used
     if used.track.size <= FEW_PAIRS:
         return models.filter.updated(estimates, end_s, hard_measurements(used), span_s)
     raw = (estimates.detection_rate[:, 2] > span_s)[used.track]
-    each, some = np.flatnonzero(raw), np.flatnonzero(~raw)
+    each = np.flatnonzero(raw)
+    some = np.flatnonzero(~raw)
     few = merged(used.take(some), found.sensor[some], ahead.path)
     pairs = few if not len(each) else GatedPairs.concatenate([few, used.take(each)])
     after = models.filter.updated(estimates, end_s, hard_measurements(pairs), span_s)
-    count, owner = len(estimates), found.owner
+    count = len(estimates)
+    owner = found.owner
     more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(pairs.track, minlength=count)
     last_s = np.full(count, -np.inf)
     np.maximum.at(last_s, used.track, used.time_s)
@@ -78,7 +84,8 @@ def _with_outliers(
 
     `log` (n, fractions) are those of the outlier fractions before; after None where all tracks have next to none.
     """
-    fractions, span = OutlierFractions(log), SliceSpan(ahead.end_s, ahead.span_s, models.config.gate_sigma)
+    fractions = OutlierFractions(log)
+    span = SliceSpan(ahead.end_s, ahead.span_s, models.config.gate_sigma)
     share = fractions.share
     suspects = suspect_tracks(found.assigned, share)
     if suspects.size and found.shared.size:
@@ -91,7 +98,8 @@ def _with_outliers(
     place = np.full(len(after), -1, dtype=np.int64)
     place[suspects] = np.arange(len(suspects))
     mine = found.assigned.take(np.flatnonzero(place[found.assigned.track] >= 0))
-    mine, before = evolve(mine, track=place[mine.track]), ahead.estimates.take(suspects)
+    mine = evolve(mine, track=place[mine.track])
+    before = ahead.estimates.take(suspects)
     weighed = reweighted(models.filter, before, after.take(suspects), span, mine, fractions.take(suspects))
     outliers[suspects] = weighed.outliers
     return after.put(suspects, weighed.estimates), fractions.after(outliers).log

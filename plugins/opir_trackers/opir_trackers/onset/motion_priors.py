@@ -30,12 +30,16 @@ GROUND_SIGMA_M = 1e3
 
 #: Net upward accelerations at lift-off, m/s², and their prior probabilities: a geometric grid over 2 to 40 m/s²;
 #: standard deviations along and across as shares of the mean; notional.
-_LIFT_M_S2, _LIFT_SHARE = (3.0, 6.5, 14.0, 30.0), (0.2, 0.3, 0.3, 0.2)
-_LIFT_SIGMA, _ASIDE_SIGMA = 0.4, 0.2
+_LIFT_M_S2 = (3.0, 6.5, 14.0, 30.0)
+_LIFT_SHARE = (0.2, 0.3, 0.3, 0.2)
+_LIFT_SIGMA = 0.4
+_ASIDE_SIGMA = 0.2
 
 #: Growth of the acceleration, 1/s, and the standard deviation of the jerk as a rate of the specific force, 1/s: growth
 #: of 1 to 3 % a second, and a thrust that turns by 1 to 2 ° a second; notional.
-_GROWTH_PER_S, _TURN_PER_S, _GRAVITY_M_S2 = 0.02, 0.03, 9.8
+_GROWTH_PER_S = 0.02
+_TURN_PER_S = 0.03
+_GRAVITY_M_S2 = 9.8
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
@@ -52,7 +56,8 @@ _IN_FLIGHT = (
 )
 
 #: Standard deviations of the acceleration aside, m/s², and of the jerk, m/s³, of launches in flight; notional.
-_TILTED_M_S2, _UNSTEADY_M_S3 = 10.0, 0.5
+_TILTED_M_S2 = 10.0
+_UNSTEADY_M_S3 = 0.5
 
 #: Mean and standard deviation of the height of bolides, m, and standard deviations aside and upwards of velocity, m/s,
 #: deceleration, m/s², and jerk, m/s³. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
@@ -138,13 +143,15 @@ def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
     Their parameters are place, acceleration, jerk, and the time of lift-off within the interval, linearised.
     """
     first_s, last_s = _EDGES_S[interval : interval + 2].tolist()
-    since_s, spread_s = 0.5 * (first_s + last_s), (last_s - first_s) / np.sqrt(12.0)
+    since_s = 0.5 * (first_s + last_s)
+    spread_s = (last_s - first_s) / np.sqrt(12.0)
     # Position, velocity, acceleration and jerk at the first detection from acceleration and jerk at lift-off.
     of_lift = np.array([0.5 * since_s**2, since_s, 1.0, 0.0])
     of_jerk = np.array([since_s**3 / 6.0, 0.5 * since_s**2, since_s, 1.0])
     jerk = _GROWTH_PER_S * lift_m_s2
     upwards = of_lift * lift_m_s2 + of_jerk * jerk
-    mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3, 3 * ORDERS))
+    mean = np.zeros((ORDERS, 3))
+    root = np.zeros((ORDERS, 3, 3 * ORDERS))
     mean[:, 2] = upwards
     root[0, range(3), range(3)] = WIDE_M, WIDE_M, GROUND_SIGMA_M
     along = lift_m_s2 * np.array([_ASIDE_SIGMA, _ASIDE_SIGMA, _LIFT_SIGMA])
@@ -157,7 +164,8 @@ def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
 def _in_flight(share: float) -> list[_Component]:
     parts = []
     for *upwards, aside_m_s in _IN_FLIGHT:
-        mean, root = np.zeros((ORDERS, 3)), np.full((ORDERS, 3), _UNSTEADY_M_S3)
+        mean = np.zeros((ORDERS, 3))
+        root = np.full((ORDERS, 3), _UNSTEADY_M_S3)
         root[:3, :2] = np.array([WIDE_M, aside_m_s, _TILTED_M_S2])[:, None]
         mean[:3, 2], root[:3, 2] = np.array(upwards).T
         parts.append(_Component(LAUNCH, share / len(_IN_FLIGHT), mean.ravel(), np.diag(root.ravel())))
@@ -167,7 +175,9 @@ def _in_flight(share: float) -> list[_Component]:
 def _drawn(group: int, weight: float, *spread: tuple[float, float]) -> _Component:
     """Return a component of given height (mean, standard deviation) and rates (deviations aside and upwards)."""
     height, *rates = spread
-    mean, root = np.zeros((ORDERS, 3)), np.zeros((ORDERS, 3))
-    mean[0, 2], root[0] = height[0], (WIDE_M, WIDE_M, height[1])
+    mean = np.zeros((ORDERS, 3))
+    root = np.zeros((ORDERS, 3))
+    mean[0, 2] = height[0]
+    root[0] = (WIDE_M, WIDE_M, height[1])
     root[1:] = [(aside, aside, upwards) for aside, upwards in rates]
     return _Component(group, weight, mean.ravel(), np.diag(root.ravel()))

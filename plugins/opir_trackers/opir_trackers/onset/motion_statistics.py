@@ -43,7 +43,8 @@ _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 
 #: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line, and biases of two
 #: sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
-_MISFIT_A_LINE, _MISFIT = 6.0, 30.0
+_MISFIT_A_LINE = 6.0
+_MISFIT = 30.0
 
 #: The columns that are sums over lines.
 _SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
@@ -137,7 +138,8 @@ class MotionStatistics(Columns):
         if not len(mine):
             return self
         mine = mine[owner[mine].argsort(kind="stable")]
-        of, used = owner[mine], lines.take(mine)
+        of = owner[mine]
+        used = lines.take(mine)
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         since_s = used.time_s - self.epoch_s[of]
         # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same at the horizon.
@@ -158,7 +160,8 @@ class MotionStatistics(Columns):
         }
         changed = {}
         for name, each in terms.items():
-            column = changed[name] = getattr(self, name).copy()
+            column = getattr(self, name).copy()
+            changed[name] = column
             column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(-1, *column.shape[1:])
         return evolve(self, **changed)
 
@@ -184,7 +187,8 @@ class MotionStatistics(Columns):
         These are position, velocity, acceleration and jerk in local axes about the point at height 0 below the
         reference point.
         """
-        count, size = len(self.misfit), 3 * ORDERS
+        count = len(self.misfit)
+        size = 3 * ORDERS
         blocks = self.information[:, _SUM_OF_ORDERS] / _FACTORIALS[:, None, None, None] / _FACTORIALS[:, None, None]
         information = blocks.transpose(0, 1, 3, 2, 4).reshape(count, size, size)
         pull = (self.pull / _FACTORIALS[:, None]).reshape(count, size)
@@ -226,7 +230,8 @@ def _line_terms(
     # The point of the line in the plane through the reference point across the view.
     depth = square / dot(apart, lines.direction_ecef)
     off = depth[:, None] * lines.direction_ecef - apart
-    along, foot = np.sum(axes * towards[:, None, :], axis=2), np.sum(axes * off[:, None, :], axis=2)
+    along = np.sum(axes * towards[:, None, :], axis=2)
+    foot = np.sum(axes * off[:, None, :], axis=2)
     scale = 1.0 / (np.square(lines.sigma_rad) * square)
     weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])
     return weight, foot, scale * dot(foot, foot)

@@ -17,7 +17,8 @@ from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE,
 _DAY_S = 86400.0
 
 #: A track is decided once ground and noise together are less probable than the first and a launch more than the second.
-RARE, _SURE = 1e-4, 0.999
+RARE = 1e-4
+_SURE = 0.999
 
 #: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior. Of fires it is
 #: 1e-9 by then, of real space launches seen by scanners of 10 s it was at least 4e-5.
@@ -27,7 +28,8 @@ _NO_LAUNCH = 1e-6
 _HORIZONS = 2.0
 
 #: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has gone out.
-_BURN_S, _GONE_SCANS = 100.0, 5.0
+_BURN_S = 100.0
+_GONE_SCANS = 5.0
 
 
 @frozen(eq=False)
@@ -90,15 +92,21 @@ class GroupPosterior:
         open_ = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
         if not len(open_):
             return statistics
-        mine, pause_s = statistics.part(open_), pause_s[open_]
-        age_s, gone = (seen_s - first_s)[open_], time_s - seen_s[open_] > _GONE_SCANS * pause_s
-        probability, decided = statistics.probability.copy(), statistics.is_decided.copy()
-        found = probability[open_] = self.probabilities(mine, age_s, pause_s, gone)
+        mine = statistics.part(open_)
+        pause_s = pause_s[open_]
+        age_s = (seen_s - first_s)[open_]
+        gone = time_s - seen_s[open_] > _GONE_SCANS * pause_s
+        probability = statistics.probability.copy()
+        decided = statistics.is_decided.copy()
+        found = self.probabilities(mine, age_s, pause_s, gone)
+        probability[open_] = found
         still = found[:, GROUND] + found[:, NOISE]
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
-        horizons, stands = (time_s - mine.epoch_s) / mine.horizon_s(), found.argmax(axis=1) == GROUND
+        horizons = (time_s - mine.epoch_s) / mine.horizon_s()
+        stands = found.argmax(axis=1) == GROUND
         # The track of a ground source has a narrow gate: a launch that was decided to be one would leave it.
-        no_launch, over = found[:, LAUNCH] < _NO_LAUNCH, horizons > _HORIZONS
+        no_launch = found[:, LAUNCH] < _NO_LAUNCH
+        over = horizons > _HORIZONS
         decided[open_] = launched | np.where(stands, no_launch & (horizons > 1.0), over)
         is_seen = time_s - seen_s[open_] < pause_s + step_s
         anew = mine.are_unlike_any_motion() | (over & stands & ~no_launch & is_seen)
@@ -128,7 +136,8 @@ class GroupPosterior:
 
 #: What was first seen longer ago than this, s, and is less probably a launch than before is assessed again after the
 #: second time, s: fires, which are many. Slow launches are by then more probable: they are recognised no later for it.
-_YOUNG_S, _AGAIN_S = 20.0, 5.0
+_YOUNG_S = 20.0
+_AGAIN_S = 5.0
 
 
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:
@@ -140,7 +149,8 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     bordered by v.
     """
     information, pull, misfit = statistics.of_motion()
-    mean, root = priors.mean, priors.root
+    mean = priors.mean
+    root = priors.root
     drawn = information @ mean.T
     off = pull[:, :, None] - drawn
     least = misfit[:, None] - np.sum(mean.T * (pull[:, :, None] + off), axis=1)

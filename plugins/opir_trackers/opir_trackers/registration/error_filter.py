@@ -142,7 +142,8 @@ class ErrorFilter:
 
 
 #: Share of the last slice in the running mean of what is not believed, and the mean at which all begins anew.
-_FORGETTING, _MOST_REFUSED = 0.1, 0.5
+_FORGETTING = 0.1
+_MOST_REFUSED = 0.5
 
 
 def distances(misfits: Misfits, known: Moments) -> FloatArray:

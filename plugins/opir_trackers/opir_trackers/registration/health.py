@@ -19,7 +19,8 @@ _PART = 0.3
 
 #: Mean square of normalised innovations, and number of looks, from which a sensor is said not to be as stated. Outliers
 #: of fewer looks have no share: the looks of tracks that ended are forgotten.
-_WRONG, _ENOUGH = 2.0, 50.0
+_WRONG = 2.0
+_ENOUGH = 50.0
 
 _NAMES = ("east", "north", "clock")
 
@@ -30,7 +31,8 @@ def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
 
     The last result is kept: a live run asks every cycle, and the registration changes with a tick only.
     """
-    sums, known = now.innovations, now.reported
+    sums = now.innovations
+    known = now.reported
     mean = known.mean.reshape(-1, ERRORS)
     sigma = np.sqrt(np.maximum(np.diagonal(known.covariance), 0.0)).reshape(-1, ERRORS)
     hidden = unobservable(known, now.errors.mean_prior())
@@ -98,7 +100,8 @@ def _sentence(
         yield f"clock {found['clock_s'][row]:+.2f} ± {sigma_s:.2f} s" + _unseen(
             hidden, row, names, is_compared, _NAMES[2:]
         )
-    scale, scale_sigma = found["noise_scale"][row], found["noise_scale_sigma"][row]
+    scale = found["noise_scale"][row]
+    scale_sigma = found["noise_scale_sigma"][row]
     if np.isfinite(scale):
         yield f"noise {scale:.2f} ± {max(scale_sigma, 0.01):.2f} × stated"
     if found["outlier_share"][row] > _FEW:
@@ -119,7 +122,8 @@ _FEW = 0.02
 def _bias(found: dict[str, FloatArray], row: int) -> str:
     parts = []
     for axis, name in enumerate(_NAMES[:2]):
-        value, sigma = 1e6 * found["bias_rad"][row, axis], 1e6 * found["bias_sigma_rad"][row, axis]
+        value = 1e6 * found["bias_rad"][row, axis]
+        sigma = 1e6 * found["bias_sigma_rad"][row, axis]
         digits = 0 if sigma >= 1.0 else 1
         # 0 as a sum, as "-0" says nothing.
         parts.append(f"{round(value, digits) + 0.0:.{digits}f} ± {sigma:.{digits}f} µrad {name}")

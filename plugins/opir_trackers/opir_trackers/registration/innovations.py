@@ -152,7 +152,8 @@ class TrackInnovations(Columns):
 
 #: Scans of slow sensors over which a track's looks are counted, and those over which outliers and a second target
 #: are discriminated.
-_SCANS, _RECENT_SCANS = 10.0, 20.0
+_SCANS = 10.0
+_RECENT_SCANS = 20.0
 
 
 #: Looks that a track explains before it has as many of its own: those of the first scans.
@@ -175,9 +176,13 @@ def explained_looks(
     has_own = np.zeros((len(tracks), scans), dtype=np.bool_)
     has_own[owner, scan[: len(owner)]] = True
     near = _nearest(pairs, np.flatnonzero(near))
-    track, line = pairs.track[near], pairs.line[near]
-    mine, sensor = scan[len(owner) :][line], free.sensor[line].astype(np.int64)
-    beside, instead, explained = tracks.beside.copy(), tracks.instead.copy(), tracks.explained.copy()
+    track = pairs.track[near]
+    line = pairs.line[near]
+    mine = scan[len(owner) :][line]
+    sensor = free.sensor[line].astype(np.int64)
+    beside = tracks.beside.copy()
+    instead = tracks.instead.copy()
+    explained = tracks.explained.copy()
     own_looks = tracks.owned.copy()
     np.add.at(own_looks, (owner, lines.sensor), 1.0)
     own = has_own[track, mine]

@@ -45,7 +45,8 @@ class MeanResiduals(NamedTuple):
 def mean_residuals(assigned: GatedPairs, sensor: IntArray, sensors: int) -> MeanResiduals:
     """Return the means of assigned pairs (m,) by track and `sensor` (m,), of a number of sensors, without outliers."""
     key, group = np.unique(assigned.track * sensors + sensor, return_inverse=True)
-    count, residual = len(key), assigned.measured
+    count = len(key)
+    residual = assigned.measured
     middle = np.stack([_medians(group, count, residual[:, axis]) for axis in (0, 1)], axis=1)
     apart = residual - middle[group]
     good = np.flatnonzero(np.sum(apart * apart, axis=1) <= _IMPROBABLE * np.square(assigned.sigma_rad))
@@ -131,7 +132,8 @@ def misfits(
     place = np.full(len(position_m), -1)
     place[rows] = np.arange(len(rows))
     mine = np.flatnonzero(place[means.track] >= 0)
-    track, sensor = means.track[mine], means.sensor[mine]
+    track = means.track[mine]
+    sensor = means.sensor[mine]
     apart = position_m[track] - vantages.origin_m[sensor]
     range_m = np.sqrt(np.sum(apart * apart, axis=1))
     slope = means.axes[mine] / range_m[:, None, None]

@@ -27,7 +27,8 @@ _LONE = 3
 
 #: Comparisons of targets after which they are made less often, and the least number of them a second. Errors and
 #: noise change over a minute.
-_OFTEN, _MANY = 600, 20
+_OFTEN = 600
+_MANY = 20
 
 #: Looks that tracks explain as outliers, from which all looks are counted.
 _SOME = 0.5
@@ -74,8 +75,10 @@ class Registration:
     @classmethod
     def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
         """Return the registration before the first look."""
-        known, wide = errors.reported(), errors.moments()
-        apart_rad, none = _angle_sigmas(known), np.empty(0, dtype=np.int64)
+        known = errors.reported()
+        wide = errors.moments()
+        apart_rad = _angle_sigmas(known)
+        none = np.empty(0, dtype=np.int64)
         sensors = len(apart_rad)
         sums = SensorInnovations.of(sensors), TrackInnovations.fresh(none, sensors)
         return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
@@ -258,7 +261,9 @@ def shifted(estimates: ModeEstimates, change: FloatArray, tracks: Followed, vant
     if not len(estimates) or not change.any():
         return estimates
     moved = state_shifts(tracks.state, tracks.seen, vantages) @ change
-    boost, coast, burn = estimates.boost_mean.copy(), estimates.coast_mean - moved, estimates.burn_mean.copy()
+    boost = estimates.boost_mean.copy()
+    coast = estimates.coast_mean - moved
+    burn = estimates.burn_mean.copy()
     boost[:, :COAST] -= moved
     burn[:, :, :COAST] -= moved[:, None]
     return evolve(estimates, boost_mean=boost, coast_mean=coast, burn_mean=burn)

@@ -41,7 +41,8 @@ class Vantages(NamedTuple):
         """Return those of sensors at a scene time, with equal weights."""
         when = np.array([time_s - _HALF_S, time_s, time_s + _HALF_S])
         places = np.array([sensor.orbit.position_ecef_m(when) for sensor in sensors])
-        count, now = len(sensors), np.full(len(sensors), time_s)
+        count = len(sensors)
+        now = np.full(len(sensors), time_s)
         axes = local_axes(places[:, 1])
         return cls(
             earth_rotated(places[:, 1], now),
@@ -59,7 +60,8 @@ class Vantages(NamedTuple):
         over_ground = velocity_m_s.copy()
         over_ground[:, 0] += EARTH_ROTATION_RAD_S * position_m[:, 1]
         over_ground[:, 1] -= EARTH_ROTATION_RAD_S * position_m[:, 0]
-        east, north = np.broadcast_to(self.axes[:, 0], apart.shape), np.broadcast_to(self.axes[:, 1], apart.shape)
+        east = np.broadcast_to(self.axes[:, 0], apart.shape)
+        north = np.broadcast_to(self.axes[:, 1], apart.shape)
         clock = self.velocity_m_s - over_ground[:, None]
         return np.stack([np.cross(apart, north), np.cross(east, apart), clock], axis=3)
 

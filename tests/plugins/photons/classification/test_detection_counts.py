@@ -28,7 +28,9 @@ def counts_so_far(chance: Array, looks: int) -> list[Array]:
     """Return the counts (n,) at a detection in each step of a burn, from one look at random in the step per burn."""
     rng = np.random.default_rng([7, looks])
     hits = rng.random((BURNS, MOMENTS * looks)) < np.repeat(chance, looks)
-    counts, burns, so_far = np.cumsum(hits, axis=1), np.arange(BURNS), list[Array]()
+    counts = np.cumsum(hits, axis=1)
+    burns = np.arange(BURNS)
+    so_far = list[Array]()
     for step in range(MOMENTS):
         look = step * looks + rng.integers(looks, size=BURNS)
         so_far.append(counts[burns, look][hits[burns, look]].astype(np.float64))
@@ -39,14 +41,16 @@ def counts_so_far(chance: Array, looks: int) -> list[Array]:
 @pytest.mark.parametrize("looks", [1, 4])
 @pytest.mark.parametrize("name", CHANCES)
 def test_counts_have_the_mean_and_variance_of_bernoulli_looks(name: str, looks: int) -> None:
-    chance, period_s = CHANCES[name], 2.5
+    chance = CHANCES[name]
+    period_s = 2.5
     launches = np.stack([np.zeros(MOMENTS), chance])
     step_s = np.full(launches.size, looks * period_s)
     mean, variance = (column.reshape(2, -1)[1] for column in type_densities._counts(launches.ravel(), step_s, period_s))
     for step, counts in enumerate(counts_so_far(chance, looks)):
         if chance[step] == 0.0:
             continue
-        sampled, moment = counts.var(), np.mean((counts - counts.mean()) ** 4)
+        sampled = counts.var()
+        moment = np.mean((counts - counts.mean()) ** 4)
         assert abs(mean[step] - counts.mean()) <= QUANTILE * np.sqrt(sampled / len(counts)) + 1e-9
         slack = QUANTILE * np.sqrt(max(moment - sampled**2, 0.0) / len(counts)) + 1e-9
         assert -slack <= variance[step] - sampled <= 0.25 + slack

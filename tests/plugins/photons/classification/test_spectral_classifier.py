@@ -50,7 +50,9 @@ NAMES = [each.name for each in HYPOTHESES]
 NOISE, GROUND, BOLIDE, SRBM, IRBM, ICBM, SLV, NONE = range(len(HYPOTHESES))
 
 #: Reported events, 1/s: of flights (SRBM, IRBM, ICBM, SLV), and of a source detected 200 times on average.
-FLIGHT_RATES, OTHER_RATE, MEAN_COUNT = np.array([0.2, 0.3, 0.4, 0.1]), 0.1, 200.0
+FLIGHT_RATES = np.array([0.2, 0.3, 0.4, 0.1])
+OTHER_RATE = 0.1
+MEAN_COUNT = 200.0
 #: Rates too low to matter.
 NEVER = -1e9
 
@@ -94,7 +96,8 @@ def posterior(**chances: float) -> NDArray[np.float64]:
 def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     """Return sightings of apparent intensities and noise (n,) or (n, B), W/sr."""
     signal = np.atleast_2d(np.asarray(intensity, dtype=np.float64).T).T
-    rows, zeros = len(signal), np.zeros(len(signal))
+    rows = len(signal)
+    zeros = np.zeros(len(signal))
     whole = np.zeros(rows, dtype=np.int32)
     return ClassifierInputs(
         time_s=zeros,
@@ -114,7 +117,9 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
 
 
 def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None:
-    measured, noise, count = np.array([96.0, 57.0, 31.0, 80.0]), 4.0, 70
+    measured = np.array([96.0, 57.0, 31.0, 80.0])
+    noise = 4.0
+    count = 70
     log = known_classifier().log_posterior(sightings(measured, noise, count))
     # Counts begin at 1: the density below 0.5 is reflected.
     counted = norm.pdf(count, 50.0, 40.0) + norm.pdf(1 - count, 50.0, 40.0)
@@ -193,12 +198,15 @@ def test_classes_are_reported_where_the_scene_reports_classes() -> None:
 @pytest.mark.parametrize("bands", [1, 2, 3, 8])
 def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     rng = np.random.default_rng([3, bands])
-    parts, rows = [], 5
+    parts = []
+    rows = 5
     for _ in range(3):
         root = rng.standard_normal((4, bands + 1, bands + 1))
         parts.append(Components(rng.standard_normal(4), rng.standard_normal((4, bands + 1)) * 3.0, root @ root.mT))
     mixture = Mixture.of([parts])
-    signal, variance, count = rng.standard_normal((rows, bands)), rng.random((rows, bands)), rng.standard_normal(rows)
+    signal = rng.standard_normal((rows, bands))
+    variance = rng.random((rows, bands))
+    count = rng.standard_normal(rows)
     seen, counted = mixture.log_densities(np.zeros(rows, dtype=np.int64), signal, variance, count)
     every = [(w, m, c) for p in parts for w, m, c in zip(p.log_weight, p.mean, p.covariance, strict=True)]
     for row in range(rows):
@@ -213,10 +221,8 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
 
 
 def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
-    few, more = (
-        [one(0.0, [1.0, 2.0], [1.0, 1.0])],
-        Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1))),
-    )
+    few = [one(0.0, [1.0, 2.0], [1.0, 1.0])]
+    more = Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)))
     both = Mixture.of([few, [more]])
     arguments = np.array([[0.3]]), np.array([[0.2]]), np.array([1.0])
     alone = Mixture.of([few]).log_densities(np.zeros(1, np.int64), *arguments)[0]
@@ -305,7 +311,8 @@ def tracks(*, knows_burnout: bool) -> Tracks:
 
 
 def test_confidence_is_the_probability_of_what_is_reported() -> None:
-    seen, classifier = sightings([96.0, 57.0, 31.0, 500.0], 4.0, 70), known_classifier()
+    seen = sightings([96.0, 57.0, 31.0, 500.0], 4.0, 70)
+    classifier = known_classifier()
     log = classifier.log_posterior(seen)
     reported = classifier.reported(log)
     assert {0, UNKNOWN_TYPE} <= set(reported.tolist())
@@ -325,7 +332,8 @@ def judged(**changes: Any) -> Any:
 
 
 def test_confidence_follows_when_motion_revises_types() -> None:
-    model, plain = PosteriorConfidence(known_classifier()), judged(confidence=np.array([0.8, 0.8]))
+    model = PosteriorConfidence(known_classifier())
+    plain = judged(confidence=np.array([0.8, 0.8]))
     found = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
     rows = np.arange(2), found.reported_type
     assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
@@ -334,7 +342,8 @@ def test_confidence_follows_when_motion_revises_types() -> None:
 
 @pytest.mark.parametrize("knows_burnout", [True, False])
 def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
-    classifier, model = known_classifier(), ConstantConfidence(0.5)
+    classifier = known_classifier()
+    model = ConstantConfidence(0.5)
     found = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
     assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
     assert np.array_equal(found.hypothesis_log_probability[1], ALIKE[1])

@@ -25,10 +25,12 @@ PROFILES = [profile.name for kind in TARGET_TYPES for profile in core_target_cla
 
 #: Radius of the sphere that launches are placed on, m, and of a geostationary orbit and a low one.
 RADIUS_M = 6.371e6
-GEOSTATIONARY_M, LOW_M = 4.2164e7, 7.4e6
+GEOSTATIONARY_M = 4.2164e7
+LOW_M = 7.4e6
 
 #: Semi-major axis, m, and flattening of WGS 84 (NIMA TR8350.2, table 3.1).
-MAJOR_AXIS_M, FLATTENING = 6378137.0, 1.0 / 298.257223563
+MAJOR_AXIS_M = 6378137.0
+FLATTENING = 1.0 / 298.257223563
 
 POINTS = 1500
 
@@ -37,8 +39,10 @@ Array = NDArray[np.float64]
 
 def kolmogorov_distance(values: Array) -> float:
     """Return the largest difference between the empirical distribution of values (n,) and the uniform one on [0, 1]."""
-    ordered, count = uniform.cdf(np.sort(values)), len(values)
-    above, below = np.arange(1, count + 1) / count - ordered, ordered - np.arange(count) / count
+    ordered = uniform.cdf(np.sort(values))
+    count = len(values)
+    above = np.arange(1, count + 1) / count - ordered
+    below = ordered - np.arange(count) / count
     return float(max(above.max(), below.max()))
 
 
@@ -48,12 +52,14 @@ def assert_even(values: Array) -> None:
 
 def on_the_sphere_m(site: Geodetic) -> Array:
     """Return the points (n, 3) of the sphere above or below sites on the ellipsoid, along the ellipsoid's normals."""
-    sine, cosine = np.sin(site.latitude_rad), np.cos(site.latitude_rad)
+    sine = np.sin(site.latitude_rad)
+    cosine = np.cos(site.latitude_rad)
     normal = np.stack([cosine * np.cos(site.longitude_rad), cosine * np.sin(site.longitude_rad), sine], axis=1)
     squared = FLATTENING * (2.0 - FLATTENING)
     foot = normal * (MAJOR_AXIS_M / np.sqrt(1.0 - squared * sine**2))[:, None] * [1.0, 1.0, 1.0 - squared]
     # |foot + h normal| is the sphere's radius.
-    along, length = np.sum(foot * normal, axis=1), np.sum(foot * foot, axis=1)
+    along = np.sum(foot * normal, axis=1)
+    length = np.sum(foot * foot, axis=1)
     height = -along + np.sqrt(along**2 - length + RADIUS_M**2)
     return foot + height[:, None] * normal
 
@@ -113,13 +119,15 @@ def test_aim_points_are_geodesics_of_the_drawn_direction_and_range_on_a_sphere()
     sphere = Geodesic(RADIUS_M, 0.0)
     for row, name in enumerate(names):
         profile = boost_profile(name)
-        least, most = 1.01 * profile.minimum_range_m, min(profile.maximum_range_m, 1.5e7) / 1.01
+        least = 1.01 * profile.minimum_range_m
+        most = min(profile.maximum_range_m, 1.5e7) / 1.01
         range_m = np.exp(np.log(least) + drawn[row, 0] * (np.log(most) - np.log(least)))
         latitude, longitude = np.degrees([site.latitude_rad[row], site.longitude_rad[row]])
         end = sphere.Direct(latitude, longitude, 360.0 * drawn[row, 1], range_m)
         # The distance of the two end points, by the haversine of their angle.
         other = np.radians(end["lat2"]), np.radians(end["lon2"])
-        north, east = aim.latitude_rad[row] - other[0], aim.longitude_rad[row] - other[1]
+        north = aim.latitude_rad[row] - other[0]
+        east = aim.longitude_rad[row] - other[1]
         haversine = (
             np.sin(0.5 * north) ** 2 + np.cos(aim.latitude_rad[row]) * np.cos(other[0]) * np.sin(0.5 * east) ** 2
         )

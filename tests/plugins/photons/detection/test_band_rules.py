@@ -32,7 +32,8 @@ def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.m
             steep = mpmath.mpf(noise[0]) / noise[band]
             slopes = rule.lower[band] * steep, rule.upper[band] * steep
             off = [rule.tolerance * mpmath.sqrt(1 + slope**2) for slope in slopes]
-            low, high = max(rule.coincidence, slopes[0] * y - off[0]), slopes[1] * y + off[1]
+            low = max(rule.coincidence, slopes[0] * y - off[0])
+            high = slopes[1] * y + off[1]
             value *= max(tail(low - snr[band]) - tail(high - snr[band]), mpmath.mpf(0)) if high > low else 0
         return value
 
@@ -82,7 +83,8 @@ def test_a_wide_gate_keeps_its_far_side(snr: list[float], noise: list[float]) ->
 @pytest.mark.parametrize("rule", [PAIR, TRIPLE, TOLERANT], ids=["pair", "triple", "tolerant"])
 @pytest.mark.parametrize("scale", [1.0, 3.0, 30.0])
 def test_the_quick_way_is_as_near_as_it_says(rule: RatioGates, scale: float) -> None:
-    rng, bands = np.random.default_rng(8), len(rule.lower)
+    rng = np.random.default_rng(8)
+    bands = len(rule.lower)
     snr = rng.uniform(0.0, 14.0, (1500, bands)) * np.array([1.0, 1.0, 0.4])[:bands]
     snr *= rng.choice([1.0, scale], (1500, 1))
     noise = 10.0 ** rng.uniform(-0.7, 0.7, (1500, bands))
@@ -98,7 +100,8 @@ def test_a_slack_leaves_probabilities_within_it() -> None:
 
 @pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
 def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioGates) -> None:
-    rng, rows = np.random.default_rng(4), 40_000
+    rng = np.random.default_rng(4)
+    rows = 40_000
     for snr in ([6.0, 9.0, 1.5], [4.0, 4.5, 3.0], [9.0, 14.0, 3.5]):
         passed = rule.passes(np.array(snr) + rng.normal(size=(rows, 3)), rule.slopes(np.ones((rows, 3)))).sum()
         chance = float(np.exp(rule.log_chances(np.array([snr]), rule.slopes(np.ones((1, 3))))[0][0]))
@@ -111,7 +114,9 @@ def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioG
 def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
     rule: AnyBand | RatioGates,
 ) -> None:
-    rng, snr, ones = np.random.default_rng(5), np.array([6.0, 8.0, 2.5]), np.ones((60_000, 3))
+    rng = np.random.default_rng(5)
+    snr = np.array([6.0, 8.0, 2.5])
+    ones = np.ones((60_000, 3))
     free = snr + rng.normal(size=ones.shape)
     kept = free[rule.passes(free, rule.slopes(ones))]
     drawn = rule.conditional(np.tile(snr, (len(kept), 1)), rule.slopes(ones[: len(kept)]), rng.random((len(kept), 4)))
@@ -130,7 +135,8 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
     ids=["many pass", "hardly any passes", "inverted"],
 )
 def test_proposals_until_one_passes_follow_the_law_of_the_inverse(snr: list[float], least: float, most: float) -> None:
-    rng, ones = np.random.default_rng(6), np.ones((6_000, 3))
+    rng = np.random.default_rng(6)
+    ones = np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
     chance = np.full(len(ones), np.exp(TRIPLE.log_chances(rows[:1], TRIPLE.slopes(ones[:1]))[0][0]))
     assert least < TRIPLE.passing(rows[:1], chance[:1])[0] < most
@@ -147,9 +153,11 @@ def test_proposals_until_one_passes_follow_the_law_of_the_inverse(snr: list[floa
 
 @pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
 def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) -> None:
-    rng, rows = np.random.default_rng(8), 40_000
+    rng = np.random.default_rng(8)
+    rows = 40_000
     for snr in ([6.0, 9.0, 1.5], [4.0, 4.5, 3.0], [1.0, 12.0, 3.5], [9.0, 29.0, 3.5]):
-        signal, ones = np.tile(snr, (rows, 1)), np.ones((rows, 3))
+        signal = np.tile(snr, (rows, 1))
+        ones = np.ones((rows, 3))
         chance = np.exp(rule.log_chances(signal[:1], rule.slopes(ones[:1]))[0])
         share = float(rule.passing(signal[:1], chance)[0])
         passed = rule.passes(rule.proposed(signal, rule.slopes(ones), rng.random((rows, 4))), rule.slopes(ones)).sum()
@@ -165,7 +173,8 @@ def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> N
             return super().proposed(snr, slopes, uniforms)
 
     rule = Counted(5.0, 3.0, np.array([-INF, 0.3]), np.array([INF, 3.0]))
-    rng, ones = np.random.default_rng(9), np.ones((5_000, 2))
+    rng = np.random.default_rng(9)
+    ones = np.ones((5_000, 2))
     # A faint source of the right colour: free draws would take thousands of tries each.
     snr = np.array([1.6, 2.4]) * rng.uniform(0.9, 1.1, (len(ones), 1))
     chance = np.exp(rule.log_chances(snr, rule.slopes(ones))[0])
@@ -177,7 +186,8 @@ def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> N
 
 def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
     rng = np.random.default_rng(7)
-    snr, seeds = rng.uniform(3.0, 9.0, (500, 3)), rng.integers(0, 2**64, 500, dtype=np.uint64)
+    snr = rng.uniform(3.0, 9.0, (500, 3))
+    seeds = rng.integers(0, 2**64, 500, dtype=np.uint64)
     chance = np.exp(TRIPLE.log_chances(snr, TRIPLE.slopes(np.ones((500, 3))))[0])
     whole = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
     part = slice(100, 137)

@@ -18,7 +18,8 @@ from opir_photons.detection import (
 @pytest.mark.parametrize("snr", [0.0, 4.0])
 def test_draws_of_reference_cells_cross_as_often_as_student_says(cells: int, snr: float) -> None:
     """400 000 looks; 4 standard deviations."""
-    rng, looks = np.random.default_rng(cells), 400_000
+    rng = np.random.default_rng(cells)
+    looks = 400_000
     reference = rng.normal(3.0, 2.0, (looks, cells))
     tested = rng.normal(3.0 + 2.0 * snr, 2.0, looks)
     spread = reference.std(axis=1, ddof=1) * np.sqrt(1.0 + 1.0 / cells)
@@ -32,7 +33,8 @@ def test_draws_of_reference_cells_cross_as_often_as_student_says(cells: int, snr
 @pytest.mark.parametrize("probability", [1e-3, 2.867e-7])
 @pytest.mark.parametrize("cells", [16, 32, 200])
 def test_a_loss_of_snr_stands_for_the_estimated_noise(probability: float, cells: int) -> None:
-    loss, threshold = float(cfar_loss(probability, cells)), float(threshold_sigma(probability))
+    loss = float(cfar_loss(probability, cells))
+    threshold = float(threshold_sigma(probability))
     limit = float(cfar_threshold(probability, cells))
     assert float(cfar_probability_of_detection(loss * threshold, limit, cells)) == pytest.approx(0.5, abs=1e-6)
     snr = np.linspace(0.0, 3.0 * threshold, 100)
@@ -47,7 +49,9 @@ def test_the_loss_falls_to_nothing_with_many_cells() -> None:
 
 
 def test_effective_looks_are_those_of_the_variance_of_a_mean() -> None:
-    rng, rho, looks = np.random.default_rng(11), 0.8, 25
+    rng = np.random.default_rng(11)
+    rho = 0.8
+    looks = 25
     series = np.empty((200_000, looks))
     series[:, 0] = rng.normal(size=len(series))
     for look in range(1, looks):
@@ -61,7 +65,8 @@ def test_effective_looks_are_those_of_the_variance_of_a_mean() -> None:
 @pytest.mark.parametrize("cells", [2, 3, 8, 64, 1_000_000])
 @pytest.mark.parametrize("probability", [0.3, 0.16, 1e-3, 1e-6, 1e-12, 8e-24])
 def test_losses_of_any_number_of_cells_give_half(cells: int, probability: float) -> None:
-    loss, limit = float(cfar_loss(probability, cells)), float(cfar_threshold(probability, cells))
+    loss = float(cfar_loss(probability, cells))
+    limit = float(cfar_threshold(probability, cells))
     snr = loss * float(threshold_sigma(probability))
     assert loss >= 1.0
     assert float(cfar_probability_of_detection(snr, limit, cells)) == pytest.approx(0.5, abs=1e-9)

@@ -14,16 +14,21 @@ from scipy.stats import binom, norm
 
 def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tuple[int, int]:
     """Return how many false alarms are confirmed, of how many: points drawn in a plane, scan by scan."""
-    rng, side, scans, margin = np.random.default_rng(seed), 300.0, 400, float(radius.max(initial=0.0))
+    rng = np.random.default_rng(seed)
+    side = 300.0
+    scans = 400
+    margin = float(radius.max(initial=0.0))
     drawn = [rng.random((rng.poisson(chance * side * side), 2)) * side for _ in range(scans)]
     trees = [cKDTree(points) for points in drawn]
-    confirmed = total = 0
+    confirmed = 0
+    total = 0
     for scan in range(len(radius), scans):
         inner = drawn[scan][np.all((drawn[scan] > margin) & (drawn[scan] < side - margin), axis=1)]
         hits = np.zeros(len(inner), dtype=np.int64)
         for back, reach in enumerate(radius, start=1):
             hits += trees[scan - back].query_ball_point(inner, reach, return_length=True) > 0
-        confirmed, total = confirmed + int(np.sum(hits >= needed - 1)), total + len(inner)
+        confirmed = confirmed + int(np.sum(hits >= needed - 1))
+        total = total + len(inner)
     return confirmed, total
 
 
@@ -55,7 +60,8 @@ def test_small_chances_are_not_lost() -> None:
 @pytest.mark.parametrize("chance", [0.1, 1e-3, 2.867e-7, 1e-12])
 @pytest.mark.parametrize("correlation", [-0.1, 0.05, 0.3, 0.8, 0.99])
 def test_a_crossing_repeats_as_the_integral_over_the_first_says(chance: float, correlation: float) -> None:
-    limit, spread = norm.isf(chance), np.sqrt(1.0 - correlation**2)
+    limit = norm.isf(chance)
+    spread = np.sqrt(1.0 - correlation**2)
 
     def both(first: float) -> float:
         return float(norm.pdf(first) * norm.sf((limit - correlation * first) / spread))
@@ -77,8 +83,13 @@ def test_noise_without_correlation_forgets_and_noise_that_stays_crosses_again() 
 
 def test_confirmations_of_correlated_noise_are_those_of_series_of_cells() -> None:
     """A chain of looks at one cell, whose neighbours cross independently; 4 standard deviations."""
-    rng, chance, rho, radius, looks = np.random.default_rng(8), 0.02, 0.6, np.array([1.2, 1.4]), 400_000
-    limit, before = norm.isf(chance), np.empty((2, looks))
+    rng = np.random.default_rng(8)
+    chance = 0.02
+    rho = 0.6
+    radius = np.array([1.2, 1.4])
+    looks = 400_000
+    limit = norm.isf(chance)
+    before = np.empty((2, looks))
     now = rng.normal(size=looks)
     for scan in range(2):
         before[scan] = rho ** (scan + 1) * now + np.sqrt(1.0 - rho ** (2 * scan + 2)) * rng.normal(size=looks)

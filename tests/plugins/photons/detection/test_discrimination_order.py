@@ -108,9 +108,11 @@ def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
 
 def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchmark_: SimpleNamespace) -> None:
     # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of many repetitions.
-    rng, found = np.random.default_rng(9), []
+    rng = np.random.default_rng(9)
+    found = []
     for _ in range(400):
-        plume, other = rng.normal(1.0, 1.0, 80), rng.normal(0.0, 1.0, 60)
+        plume = rng.normal(1.0, 1.0, 80)
+        other = rng.normal(0.0, 1.0, 60)
         found.append(benchmark_.area(plume, other))
     middle, low, high = np.array(found).T
     true = norm.cdf(np.sqrt(0.5))
@@ -119,14 +121,16 @@ def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchma
 
 
 def test_a_gain_of_nothing_is_seldom_significant(benchmark_: SimpleNamespace) -> None:
-    rng, p = np.random.default_rng(10), []
+    rng = np.random.default_rng(10)
+    p = []
     for _ in range(400):
         shared = rng.normal(0.0, 1.0, (2, 60))
         worse, better = (
             [row + rng.normal(0.0, 1.0, 60) + (side == 0) for side, row in enumerate(shared)] for _ in "ab"
         )
         hidden = rng.random(60) < 0.2
-        worse[0][hidden] = better[0][hidden] = -np.inf
+        worse[0][hidden] = -np.inf
+        better[0][hidden] = worse[0][hidden]
         p.append(benchmark_.area_gain(worse, better, of_looks=False)[2])
     assert 0.015 < np.mean(np.array(p) < 0.05) < 0.10
 

@@ -78,11 +78,15 @@ def test_noise_is_that_of_electrons_photons_and_leaking_structure(sky: str, chan
     sensors = [with_plane(one, {**cold, **planes[one["id"]], **changes}) for one in (DSP, SBIRS, NEXTGEN)]
     plan = opir.compile_plan(scene(sensors, "IS", **SKIES[sky]))
     exposed = looks_of(plan, 97)
-    found, chain = plan.detection.response(exposed), plan.detection.environment
+    found = plan.detection.response(exposed)
+    chain = plan.detection.environment
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(exposed.sensor == number)
-        own, light = exposed.take(rows), sensor.radiometer
-        plane, pixel, view = light.focal_planes[0], light.ifov_rad, chain.views(own)
+        own = exposed.take(rows)
+        light = sensor.radiometer
+        plane = light.focal_planes[0]
+        pixel = light.ifov_rad
+        view = chain.views(own)
         bands = [chain.bands.index(band) for band in sensor.bands]
         radiance, rms, part = chain.background.structured_radiances_w_m2_sr(bands, view)
         range_m = np.linalg.norm(view.point_ecef_m - own.sensor_ecef_m, axis=1)
@@ -146,7 +150,8 @@ def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
         response = plan.detection.response(looks_of(plan))
         return response.snr * response.noise_w_m2
 
-    whole, limited = signals(1e9), signals(2e3)
+    whole = signals(1e9)
+    limited = signals(2e3)
     # 16 subframes; the brightest pixel has the mean shares 0.4985 and 0.4730 of Airy patterns blurred by 0.33 pixels:
     # tests/against/test_against_displaced_spots.py holds such shares against images.
     per_unit = math.pi / 4 * 0.36 * 0.49 * 0.01 * np.array([2.75e-6, 4.5e-6]) / (h * c)
@@ -164,7 +169,8 @@ def test_lines_of_sight_have_the_bound_of_their_centroids(temporal: str) -> None
     plan = opir.compile_plan(scene([{**sensor, "bands": {"SWIR": [2.5, 3.0]}}], "I"))
     found, truth = joined(windows_of(plan, [60.0]))
     rows = truth.target >= 0
-    config, pixel = plan.sensors[0].radiometer.focal_planes[0], plan.sensors[0].radiometer.ifov_rad
+    config = plan.sensors[0].radiometer.focal_planes[0]
+    pixel = plan.sensors[0].radiometer.ifov_rad
     sigma = spot_rad(config, 2.75)
     weights = filter_weights("matched", 1, sigma, pixel)
     gain = float(FilteredSpot.of(weights, spread_of(config, 2.75, pixel)).response())

@@ -33,7 +33,8 @@ def test_another_band_never_lowers_the_probability_of_detection(
     if max(snr) == 0.0:
         assert quantile(snr, noise[1:]) == -5.0
         return
-    fewer, all_ = quantile(snr, noise[1:]), quantile([*snr[:place], more, *snr[place:]], noise)
+    fewer = quantile(snr, noise[1:])
+    all_ = quantile([*snr[:place], more, *snr[place:]], noise)
     assert all_ >= fewer - 1e-12 * abs(fewer + 5.0)
     useless = quantile([*snr[:place], 0.0, *snr[place:]], noise)
     assert useless == pytest.approx(fewer, abs=1e-12 * (abs(fewer) + 5.0))
@@ -41,14 +42,17 @@ def test_another_band_never_lowers_the_probability_of_detection(
 
 @given(st.integers(min_value=1, max_value=5), st.floats(min_value=1.0, max_value=9.0))
 def test_false_alarms_are_those_of_one_band(bands: int, threshold: float) -> None:
-    rule, nothing = rule_of(bands, threshold), np.zeros((1, bands))
+    rule = rule_of(bands, threshold)
+    nothing = np.zeros((1, bands))
     log_chance, _ = rule.log_chances(nothing, rule.directions(nothing, np.full((1, bands), 1e-13)))
     assert log_chance[0] == pytest.approx(norm.logsf(threshold), rel=1e-12)
 
 
 @pytest.mark.parametrize("snr", [[4.0, 3.0, 0.0], [0.5, 0.2, 0.1], [0.0, 0.0, 0.0]])
 def test_free_draws_pass_as_often_as_the_probability_says(snr: list[float]) -> None:
-    rule, rng, rows = rule_of(3, 2.0), np.random.default_rng(1), 200_000
+    rule = rule_of(3, 2.0)
+    rng = np.random.default_rng(1)
+    rows = 200_000
     signal = np.array([snr])
     slopes = rule.directions(signal, np.ones((1, 3)))
     passed = rule.passes(signal + rng.normal(size=(rows, 3)), slopes).sum()
@@ -58,7 +62,9 @@ def test_free_draws_pass_as_often_as_the_probability_says(snr: list[float]) -> N
 
 @pytest.mark.parametrize("snr", [[4.0, 3.0, 0.0], [1.0, 0.2, 0.5]])
 def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(snr: list[float]) -> None:
-    rule, rng, rows = rule_of(3, 3.0), np.random.default_rng(2), 400_000
+    rule = rule_of(3, 3.0)
+    rng = np.random.default_rng(2)
+    rows = 400_000
     signal = np.tile(snr, (rows, 1))
     slopes = rule.directions(signal, np.ones(signal.shape))
     free = signal + rng.normal(size=signal.shape)
@@ -73,7 +79,8 @@ def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(snr: 
 
 
 def test_a_draw_detects_however_bright_or_faint_the_source() -> None:
-    rule, rng = rule_of(2), np.random.default_rng(3)
+    rule = rule_of(2)
+    rng = np.random.default_rng(3)
     snr = np.concatenate([10.0 ** rng.uniform(-6.0, 100.0, (500, 2)), np.zeros((500, 2))])
     slopes = rule.directions(snr, 10.0 ** rng.uniform(-60.0, 0.0, snr.shape))
     drawn = rule.conditional(snr, slopes, rng.random((1000, 3)))

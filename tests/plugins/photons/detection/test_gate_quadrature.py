@@ -68,9 +68,11 @@ def test_a_look_costs_few_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gate_integrals, "_density", None)
-    snr, noise = np.array([[6.0, 12.0, 2.5], [40.0, 70.0, 3.1]]), np.ones((2, 3))
+    snr = np.array([[6.0, 12.0, 2.5], [40.0, 70.0, 3.1]])
+    noise = np.ones((2, 3))
     margins = np.full((2, 7), 9.0)
-    margins[:, 0], margins[:, 4] = snr[:, 0] - 5.0, snr[:, 2] - 2.0
+    margins[:, 0] = snr[:, 0] - 5.0
+    margins[:, 4] = snr[:, 2] - 2.0
     chance = fast_probability(PAPER, snr, PAPER.slopes(noise), margins)
     from scipy.special import ndtr
 

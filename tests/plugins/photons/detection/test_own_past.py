@@ -39,7 +39,8 @@ def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earli
     # The ring of a matched filter is negative: a spot that has left its core adds.
     assert (left <= whole * 1.2).all()
     # Light of the same targets, seen alone a lag earlier.
-    config, pixel_rad = plan.sensors[0].radiometer.focal_planes[0], plan.sensors[0].radiometer.ifov_rad
+    config = plan.sensors[0].radiometer.focal_planes[0]
+    pixel_rad = plan.sensors[0].radiometer.ifov_rad
     later = np.flatnonzero((since_s > LAG_S + 0.5) & (since_s < 30.0))[::4]
     assert len(later) >= 20
     for row in later.tolist():

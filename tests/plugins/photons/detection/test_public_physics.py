@@ -62,7 +62,9 @@ def test_latency_of_aligned_scans_is_geometric(probability: float) -> None:
 @pytest.mark.parametrize("probability", [0.1, 0.6, 1.0])
 def test_latency_against_simulated_scans(phase: str, probability: float) -> None:
     """The law is within 99.9 % of 50 000 launches whose looks are drawn one by one."""
-    rng, period_s, launches = np.random.default_rng(20), 0.2, 50_000
+    rng = np.random.default_rng(20)
+    period_s = 0.2
+    launches = 50_000
     first_s = period_s * (rng.random(launches) if phase == "random" else np.ones(launches))
     detected = rng.random((200, launches)) < probability
     latency_s = first_s + period_s * detected.argmax(axis=0)

@@ -65,7 +65,8 @@ def log_density(case: Case, y: np.ndarray) -> np.ndarray:
         below = np.maximum(low * y - case.off(low), case.rule.coincidence) - expected
         above = high * y + case.off(high) - expected
         flipped = below > 0.0
-        near, far = np.where(flipped, -below, above), np.where(flipped, -above, below)
+        near = np.where(flipped, -below, above)
+        far = np.where(flipped, -above, below)
         with np.errstate(divide="ignore", invalid="ignore"):
             inside = log_ndtr(near) + np.log(-np.expm1(np.minimum(log_ndtr(far) - log_ndtr(near), 0.0)))
         total = total + np.where(above > below, inside, -INF)
@@ -80,7 +81,8 @@ def law(case: Case) -> tuple[np.ndarray, np.ndarray, float]:
         y = np.linspace(start, highest, points)
         height = log_density(case, y)
         alive = np.flatnonzero(height > height.max() - 60.0)
-        start, highest = y[max(alive[0] - 1, 0)], y[min(alive[-1] + 1, points - 1)]
+        start = y[max(alive[0] - 1, 0)]
+        highest = y[min(alive[-1] + 1, points - 1)]
     density = np.exp(height - height.max())
     parts = 0.5 * (density[1:] + density[:-1]) * (y[1] - y[0])
     return y, np.concatenate([[0.0], np.cumsum(parts)]) / parts.sum(), float(np.log(parts.sum()) + height.max())
@@ -92,7 +94,8 @@ def test_draws_invert_the_law_and_chances_are_its_integral(seed: int) -> None:
     case = drawn_case(seed)
     y, shares, log_chance = law(case)
     rows = len(SHARES)
-    snr, noise = np.tile(case.snr, (rows, 1)), np.tile(case.noise, (rows, 1))
+    snr = np.tile(case.snr, (rows, 1))
+    noise = np.tile(case.noise, (rows, 1))
     assert case.rule.log_chances(snr[:1], case.rule.slopes(noise[:1]))[0][0] == pytest.approx(log_chance, abs=3e-6)
     level = np.column_stack([np.tile(SHARES[::-1, None], (1, len(case.snr))), SHARES])
     drawn = case.rule.conditional(snr, case.rule.slopes(noise), level)
@@ -120,7 +123,8 @@ def test_tails_where_gates_open_far_out_are_mpmaths(
 ) -> None:
     mpmath.mp.dps = 40
     rule = RatioGates(threshold, 3.0, np.array([0.0, 0.0]), np.array([INF, upper]))
-    slope, opens = mpmath.mpf(upper) * noise[0] / noise[1], mpmath.mpf(3) * noise[1] / noise[0] / mpmath.mpf(upper)
+    slope = mpmath.mpf(upper) * noise[0] / noise[1]
+    opens = mpmath.mpf(3) * noise[1] / noise[0] / mpmath.mpf(upper)
 
     def density(y: mpmath.mpf) -> mpmath.mpf:
         tail = [mpmath.erfc((edge - snr[1]) / mpmath.sqrt(2)) / 2 for edge in (mpmath.mpf(3), slope * y)]
@@ -149,7 +153,8 @@ def test_what_is_drawn_again_has_the_law_of_free_draws_that_pass(rule: AnyBand |
     """Two samples, 40 cells a band: chi-squared at 99.9 % over the 14 bands of all cases together (Bonferroni)."""
     from scipy.stats import chi2
 
-    rng, tries = np.random.default_rng(9), 600_000
+    rng = np.random.default_rng(9)
+    tries = 600_000
     ones = np.ones((tries, len(snr)))
     free = snr + rng.normal(size=ones.shape)
     kept = free[rule.passes(free, rule.slopes(ones))]

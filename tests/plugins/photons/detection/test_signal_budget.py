@@ -41,12 +41,17 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::7], looks.scan[::7])
-    found, chain = plan.detection.response(exposed), plan.detection.environment
-    compared, noisy = 0, 0
+    found = plan.detection.response(exposed)
+    chain = plan.detection.environment
+    compared = 0
+    noisy = 0
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(exposed.sensor == number)
-        own, light = exposed.take(rows), sensor.radiometer
-        path, aspect, view = chain.paths(own), chain.aspect_rad(own), chain.views(own)
+        own = exposed.take(rows)
+        light = sensor.radiometer
+        path = chain.paths(own)
+        aspect = chain.aspect_rad(own)
+        view = chain.views(own)
         for place, band in enumerate(sensor.bands):
             name = chain.bands.index(band)
             intensity = chain.intensities_w_sr([name], own, path.height_m, aspect)[0]

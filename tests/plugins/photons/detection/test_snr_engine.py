@@ -46,7 +46,8 @@ def test_no_slicing_changes_a_byte(plan: Any, whole: tuple[Detections, Detection
 
 
 def test_neighbours_change_nobodys_draws() -> None:
-    alone, crowd = opir.compile_plan(scene([SBIRS], "R")), opir.compile_plan(scene())
+    alone = opir.compile_plan(scene([SBIRS], "R"))
+    crowd = opir.compile_plan(scene())
     found, _ = joined(windows_of(alone, [60.0]))
     everyone, truth = joined(windows_of(crowd, [60.0]))
     # In the whole scene B is sensor 1 and R target 1.
@@ -92,7 +93,10 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
-    reads, made, philox, words = [], [], np.random.Philox, Reader.words
+    reads = []
+    made = []
+    philox = np.random.Philox
+    words = Reader.words
     monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
     monkeypatch.setattr(Reader, "words", lambda *place: reads.append(place) or words(*place))
     engine = Engine(plan)
@@ -115,7 +119,8 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
 @pytest.mark.slow
 def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD))
-    asked, inner = [], type(plan.detection).measure_noise
+    asked = []
+    inner = type(plan.detection).measure_noise
     monkeypatch.setattr(type(plan.detection), "measure_noise", lambda *given: asked.append(given[1]) or inner(*given))
     window = Engine(plan).advance(plan.end_ns)
     assert len(asked) == 1
@@ -134,18 +139,19 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
     whole = Engine(plan).advance(plan.end_ns)
-    measured, again, placed = [], [], []
-    inner, to_pass, directions = (
-        type(plan.detection).measure_response,
-        snr.accepted_draws,
-        false_alarms._directions,
-    )
+    measured = []
+    again = []
+    placed = []
+    inner = type(plan.detection).measure_response
+    to_pass = snr.accepted_draws
+    directions = false_alarms._directions
     monkeypatch.setattr(type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g))
     monkeypatch.setattr(snr, "accepted_draws", lambda *given: again.append(len(given[1])) or to_pass(*given))
     monkeypatch.setattr(false_alarms, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
     monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
-    seen, kinds = int((whole.truth.target >= 0).sum()), len(set(plan.detection.alike.tolist()))
+    seen = int((whole.truth.target >= 0).sum())
+    kinds = len(set(plan.detection.alike.tolist()))
     assert measured == [seen]
     assert seen > 50 * kinds
     # Of each kind what targets' draws left, and the exceedances of noise.
@@ -179,8 +185,10 @@ class _Given:
 def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(signal: float) -> None:
     """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %, Bonferroni of 24."""
     gates = {**NEXTGEN, "spectral_discrimination": "triple-coincidence", "threshold_sigma": 5.0}
-    model, rows = opir.compile_plan(scene((DSP, SBIRS, gates))).detection, 60_000
-    receiver, rng = model.receivers[2], np.random.default_rng(int(signal))
+    model = opir.compile_plan(scene((DSP, SBIRS, gates))).detection
+    rows = 60_000
+    receiver = model.receivers[2]
+    rng = np.random.default_rng(int(signal))
     noise = np.tile(model.dark_noise_w_m2[2], (rows, 1))
     # The colour of a plume, which lies within the gates.
     colour = model.environment.reference_intensity_w_sr[receiver.bands] / model.dark_noise_w_m2[2]
@@ -220,7 +228,8 @@ def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
 def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
     wide = opir.compile_plan(scene([DSP], "I", duration_s=200))
     found, truth = joined(windows_of(wide, [200.0]))
-    found, truth = found.take(truth.target >= 0), truth.take(truth.target >= 0)
+    found = found.take(truth.target >= 0)
+    truth = truth.take(truth.target >= 0)
     true = wide.targets.position_ecef_m(truth.target, truth.emission_time_s) - found.sensor_ecef_m
     true /= np.linalg.norm(true, axis=1)[:, None]
     squared = np.sum(((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1)

@@ -47,7 +47,8 @@ def looks_at(height_m: np.ndarray, longitude_deg: float, sensor: int = 0) -> Exp
     """Return looks of one sensor at heights over a place on the equator."""
     target = geodetic_to_ecef(0.0, np.radians(longitude_deg), height_m)
     at = np.broadcast_to(geodetic_to_ecef(0.0, 0.0, 35_786e3), target.shape)
-    rows, time_s = len(height_m), np.full(len(height_m), 0.5)
+    rows = len(height_m)
+    time_s = np.full(len(height_m), 0.5)
     return Exposures(
         time_s=time_s,
         emission_time_s=time_s,

@@ -30,7 +30,8 @@ SKIES = {
 def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, sensors: Any, tolerance: float) -> None:
     chosen = {"model": "snr", "probability_tolerance": tolerance}
     near = opir.compile_plan(scene(sensors, detection=chosen, duration_s=220, **SKIES[sky]))
-    interpolant, looks = interpolant_of(near, near.look_geometry()), Looks.between(near.pairs, 0, near.end_ns)
+    interpolant = interpolant_of(near, near.look_geometry())
+    looks = Looks.between(near.pairs, 0, near.end_ns)
     assert interpolant is not None
     spans = interpolant.over(looks)
     exposed = near.look_geometry().exposures(looks.pair, looks.scan)
@@ -40,7 +41,8 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, senso
     most = 2.0 * tolerance if tolerance <= 1e-6 else tolerance
     assert np.abs(probability - ndtr(exact.probit)).max() <= most
     # Signals are held midway between knots: where something is seen, hardly any is off by more than is said.
-    shared, seen = spans.response(np.arange(len(looks.scan))), probability > 1e-7
+    shared = spans.response(np.arange(len(looks.scan)))
+    seen = probability > 1e-7
     off = np.abs(shared.snr - exact.snr)[seen] / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
     assert np.mean(off <= 1.0) > 0.998
     assert off.max() < 3.0
@@ -68,7 +70,8 @@ class _Mute:
     """A model that keeps its kinks to itself."""
 
     def __init__(self, model: Any) -> None:
-        self.probability_tolerance, self.response = model.probability_tolerance, model.response
+        self.probability_tolerance = model.probability_tolerance
+        self.response = model.response
         self.measure_response = model.measure_response
         self.breakpoints_s = lambda: None
 
@@ -82,7 +85,9 @@ def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     margin = plan.detection.response(exposed).snr[:, 0] - 5.0
     assert np.allclose(chance, ndtr(margin), rtol=1e-12)
     bins = np.digitize(chance, np.linspace(0.0, 1.0, 21)[1:-1])
-    hits, expected, spread = np.zeros(20), np.zeros(20), np.zeros(20)
+    hits = np.zeros(20)
+    expected = np.zeros(20)
+    spread = np.zeros(20)
     for seed in range(12):
         engine = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed)))
         truth = joined([engine.advance(plan.end_ns)])[1]

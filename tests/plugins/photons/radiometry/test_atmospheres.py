@@ -15,7 +15,8 @@ from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 
-SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
+SWIR = Band("SWIR", 2.5, 3.0)
+MWIR = Band("MWIR", 4.0, 5.0)
 CONTEXT = AtmosphereContext(bands=(SWIR, MWIR), path="atmosphere", seed=5)
 MODEL = lowtran_atmosphere(LowtranConfig(), CONTEXT)
 SENSOR_M = geodetic_to_ecef(0.0, 0.0, 35_786e3)
@@ -103,7 +104,8 @@ def test_bands_are_found_by_their_edges_or_made_of_parts():
 
 
 def test_a_band_of_parts_is_their_mean_by_width():
-    wide, parts = Band("WIDE", 3.5, 5.0), (Band("a", 3.5, 4.0), Band("b", 4.0, 5.0))
+    wide = Band("WIDE", 3.5, 5.0)
+    parts = (Band("a", 3.5, 4.0), Band("b", 4.0, 5.0))
     context = AtmosphereContext(bands=(wide, *parts), path="atmosphere", seed=0)
     model = lowtran_atmosphere(LowtranConfig(), context)
     some = paths([0.0, 5e3, 20e3], [1.0, 0.3, 0.1])

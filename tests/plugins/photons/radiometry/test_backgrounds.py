@@ -43,7 +43,8 @@ def background(cloud=None, bands=BANDS, **settings):
     return earth_background(EarthConfig(**settings), context)
 
 
-CLEAR, CLOUDY = background(), background(CloudConfig(top_km=10.0))
+CLEAR = background()
+CLOUDY = background(CloudConfig(top_km=10.0))
 
 
 def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
@@ -125,7 +126,8 @@ def test_clutter_is_the_stated_share():
 
 
 def test_bands_side_by_side_add_up_and_stand_ins_count_by_width():
-    wide, odd = Band("WIDE", 3.5, 5.0), Band("ODD", 4.0, 4.5)
+    wide = Band("WIDE", 3.5, 5.0)
+    odd = Band("ODD", 4.0, 4.5)
     context = BackgroundContext(bands=(wide, odd), path="background", epoch_us=0, make_atmosphere=sky)
     model = earth_background(EarthConfig(bands={"ODD": "MWIR"}), context)
     view = looks(0.8, 0.5)
@@ -228,7 +230,8 @@ def test_structure_is_shares_of_emission_and_of_sunlight():
     part = {"thermal_rms": 0.2, "solar_rms": 0.5, "scale_km": 12.0, "exponent": 2.8}
     settings = StructuresConfig(terrain=StructureConfig(**part), cloud=StructureConfig(thermal_rms=0.0, solar_rms=0.4))
     swir = NAMES.index("SWIR")
-    view, night = looks([0.4, 0.9], [0.6, 0.6]), looks([0.4, 0.9], [-0.3, -0.3])
+    view = looks([0.4, 0.9], [0.6, 0.6])
+    night = looks([0.4, 0.9], [-0.3, -0.3])
     clear, cloudy = (background(cloud, structure=settings) for cloud in (None, CloudConfig(top_km=10.0)))
     radiance, rms, number = clear.structured_radiances_w_m2_sr([swir], view)
     emitted = clear.radiance_w_m2_sr(swir, night)
@@ -258,6 +261,7 @@ def test_sea_and_cloudy_skies_have_structures_of_their_own():
     cumulus = background(sky="cumulus_top2.7km", bands=LOWTRAN_BANDS)
     view = looks([0.4], [0.6])
     numbers = [model.structured_radiances_w_m2_sr([0], view)[2][0] for model in (sea, cumulus)]
-    of_sea, of_cloud = sea.structures[numbers[0]], cumulus.structures[numbers[1]]
+    of_sea = sea.structures[numbers[0]]
+    of_cloud = cumulus.structures[numbers[1]]
     assert of_sea == Structure(1e3 * StructuresConfig().sea.scale_km, StructuresConfig().sea.exponent)
     assert of_cloud == Structure(1e3 * StructuresConfig().cloud.scale_km, StructuresConfig().cloud.exponent)

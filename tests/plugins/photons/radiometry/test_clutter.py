@@ -21,8 +21,10 @@ def test_the_spectrum_is_the_transform_of_the_correlation(exponent: float) -> No
     scale = 7.0
     nodes, weights = np.polynomial.legendre.leggauss(40)
     edges = np.linspace(0.0, 40.0 * scale, 400)
-    half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
-    distance, step = (middle + half * nodes).ravel(), (half * weights).ravel()
+    half = 0.5 * np.diff(edges)[:, None]
+    middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
+    distance = (middle + half * nodes).ravel()
+    step = (half * weights).ravel()
     for wavenumber in (0.02, 0.3, 2.0):
         hankel = 2 * np.pi * distance * j0(wavenumber * distance) * structure_correlation(distance, scale, exponent)
         expected = float((hankel * step).sum())
@@ -42,7 +44,8 @@ def smoothed_correlation(off: np.ndarray, sigma: float, scale: float) -> np.ndar
 
     Two pixels and two spots make a triangle and a Gaussian of √2 σ along each axis.
     """
-    step, reach = 0.02, 1.0 + 8.0 * sigma
+    step = 0.02
+    reach = 1.0 + 8.0 * sigma
     grid = np.arange(-reach + 0.5 * step, reach, step)
     shift = grid[:, None] - np.linspace(-1.0, 1.0, 401)
     triangle = np.clip(1.0 - np.abs(np.linspace(-1.0, 1.0, 401)), 0.0, None)
@@ -68,7 +71,9 @@ def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(kind: str, pixels: i
 
 def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation() -> None:
     """Of the directions of a drift the mean is taken, here over 64 of them."""
-    sigma, scale, drift = 0.5, 6.0, 1.3
+    sigma = 0.5
+    scale = 6.0
+    drift = 1.3
     transfer = SpatialTransfer.of(np.ones((1, 1)), PointSpread(math.inf, sigma), drift)
     turn = 2 * np.pi * (np.arange(64) + 0.5) / 64
     apart = smoothed_correlation(drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale).mean()
@@ -103,7 +108,8 @@ def test_structure_far_larger_than_the_filter_leaves_less_by_the_power_law() -> 
 def test_correlation_of_looks() -> None:
     weights = filter_weights("matched", 1, 0.35, 1.0)
     transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.35), 50.0)
-    registered, drifting = FrameDifference(5.0, 0.02, 0.0), FrameDifference(5.0, 0.0, 0.002)
+    registered = FrameDifference(5.0, 0.02, 0.0)
+    drifting = FrameDifference(5.0, 0.0, 0.002)
     # Registration errors are new in each frame; a frame is in two differences, a lag apart.
     jittered = transfer.correlation(10.0, 3.0, [0.0, 0.1, 5.0, 7.0], registered)
     np.testing.assert_allclose(jittered, [1.0, 0.0, -0.5, 0.0], atol=2e-3)

@@ -14,7 +14,8 @@ from scipy.integrate import quad
 
 def test_dark_current_is_a_straight_line_in_one_over_cutoff_and_temperature() -> None:
     """Rule 07 above 4.635 um: ln J against 1 / (λ T) has the slope -1.16239 · 1.24 eV um over Boltzmann's constant."""
-    cutoff, temperature = np.array([5.0, 9.0, 12.0]), np.array([80.0, 77.0, 60.0])
+    cutoff = np.array([5.0, 9.0, 12.0])
+    temperature = np.array([80.0, 77.0, 60.0])
     inverse = 1.0 / (cutoff * temperature)
     logarithm = np.log(dark_current_density_a_cm2(cutoff, temperature))
     slope = np.diff(logarithm) / np.diff(inverse)

@@ -17,7 +17,8 @@ class TestField:
     def test_places_are_uniform_over_the_region(self):
         sources = fire_sources(FireConfig(field=field(60.0)), context())
         where = ecef_to_geodetic(sources.trajectories.start_ecef_m)
-        sines, longitudes = np.sin(where.latitude_rad), np.degrees(where.longitude_rad)
+        sines = np.sin(where.latitude_rad)
+        longitudes = np.degrees(where.longitude_rad)
         low, high = np.sin(np.radians([-10.0, 20.0]))
         assert stats.kstest(sines, stats.uniform(low, high - low).cdf).pvalue > 1e-3
         assert stats.kstest(longitudes, stats.uniform(30.0, 30.0).cdf).pvalue > 1e-3

@@ -69,7 +69,9 @@ def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
 @pytest.mark.parametrize("pixels", [1, 2, 3])
 def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None:
     """400 000 photons; 4.5 standard deviations for each of the pixels."""
-    rng, sigma, thrown = np.random.default_rng(7), 0.4, 400_000
+    rng = np.random.default_rng(7)
+    sigma = 0.4
+    thrown = 400_000
     spot = rng.uniform(-0.5, 0.5, (thrown, 2)) + sigma * rng.normal(size=(thrown, 2))
     place = np.floor(spot + 0.5 * pixels).astype(int)
     inside = np.all((place >= 0) & (place < pixels), axis=1)
@@ -100,7 +102,8 @@ def test_filters_pass_their_core_and_no_uniform_background() -> None:
 
 
 def test_no_weights_of_sum_zero_have_more_signal_over_noise_than_the_matched_filter() -> None:
-    rng, sigma = np.random.default_rng(3), 0.45
+    rng = np.random.default_rng(3)
+    sigma = 0.45
     matched = filter_weights("matched", 1, sigma, 1.0)
     best = signal_gain(matched, sigma, 1.0) / math.sqrt(noise_gain(matched))
     for _ in range(200):
@@ -129,14 +132,17 @@ def test_sampling_and_blur() -> None:
     # Q of 2: the cut-off of the aperture, D/λ, is half a cycle per pixel.
     assert float(sampling_ratio(4.0, 0.5, 4e-6)) == pytest.approx(2.0)
     rng = np.random.default_rng(5)
-    turn, along = rng.uniform(0, 2 * np.pi, 10**6), rng.uniform(-0.5, 0.5, 10**6)
+    turn = rng.uniform(0, 2 * np.pi, 10**6)
+    along = rng.uniform(-0.5, 0.5, 10**6)
     spot = 3.0 * rng.normal(size=10**6) + 4.0 * rng.normal(size=10**6) + 20.0 * along * np.cos(turn)
     assert float(blurred_sigma_rad(3.0, 4.0, 20.0)) == pytest.approx(spot.std(), rel=3e-3)
 
 
 def lattice_sigma(snr: float, width: float, signal: float, phases: int) -> float:
     """The bound by a plain sum of derivatives taken by differences, at phases over the whole pixel."""
-    reach, step, total = math.ceil(6 * width) + 2, 1e-5, 0.0
+    reach = math.ceil(6 * width) + 2
+    step = 1e-5
+    total = 0.0
     edges = np.arange(-reach, reach + 2) - 0.5
 
     def image(x: float, y: float) -> np.ndarray:
@@ -157,7 +163,8 @@ def test_the_centroid_bound_is_that_of_a_sum_over_pixels(width: float, snr: floa
     expected = lattice_sigma(snr, width, signal, 16)
     found = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
     assert found == pytest.approx(28e-6 * expected, rel=1e-3)
-    white, photons = float(centroid_factor_rad(width, 1.0)) / snr, float(photon_centroid_variance(width, 1.0)) / signal
+    white = float(centroid_factor_rad(width, 1.0)) / snr
+    photons = float(photon_centroid_variance(width, 1.0)) / signal
     assert math.sqrt(float(joined_centroid_variance(white**2, photons))) == pytest.approx(expected, rel=0.05)
 
 

@@ -140,7 +140,9 @@ class TestSeaGlint:
         side = np.cross(mirror, up) / np.linalg.norm(np.cross(mirror, up))
         to_sensor = np.cos(away) * mirror + np.sin(away) * side
         rng = np.random.default_rng(3)
-        count, variance, cone = 2_000_000, 0.003 + 0.00512 * 5.0, 0.03
+        count = 2_000_000
+        variance = 0.003 + 0.00512 * 5.0
+        cone = 0.03
         slopes = rng.normal(size=(count, 2)) * np.sqrt(variance / 2.0)
         east, north, _ = local_axes(geodetic_to_ecef(np.radians(10.0), np.radians(20.0), 0.0))
         facet = up - slopes[:, :1] * east - slopes[:, 1:] * north
@@ -205,7 +207,8 @@ def fresnel(cosine, index=1.33):
     """Reflectance of unpolarised light, by the angles of Snell's law."""
     one = np.arccos(cosine)
     other = np.arcsin(np.sin(one) / index)
-    across, along = np.sin(one - other) / np.sin(one + other), np.tan(one - other) / np.tan(one + other)
+    across = np.sin(one - other) / np.sin(one + other)
+    along = np.tan(one - other) / np.tan(one + other)
     return 0.5 * (across**2 + along**2)
 
 

@@ -53,7 +53,8 @@ def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     latitude = np.full(2, np.radians(30.0))
     target = geodetic_to_ecef(latitude, np.zeros(2), np.array([0.0, 50e3]))
     foot = geodetic_to_ecef(latitude, np.zeros(2), np.zeros(2))
-    up, away = np.array([np.cos(latitude[0]), 0.0, np.sin(latitude[0])]), sensor[1] - foot[1]
+    up = np.array([np.cos(latitude[0]), 0.0, np.sin(latitude[0])])
+    away = sensor[1] - foot[1]
     zenith = np.arccos(np.dot(up, away) / np.linalg.norm(away))
     found = parallax(sensor, target)
     assert found.shift_m[0] == pytest.approx(0.0, abs=1e-3)

@@ -19,7 +19,8 @@ from opir_photons.radiometry.planck import band_ratio, two_colour_temperature
 from opir_core.cli.main import main
 from opir_core.interfaces.protocols import Band
 
-SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
+SWIR = Band("SWIR", 2.5, 3.0)
+MWIR = Band("MWIR", 4.0, 5.0)
 TEMPERATURES = st.floats(0.0, 1e9)
 EDGES = st.floats(0.05, 1e4)
 
@@ -27,7 +28,8 @@ EDGES = st.floats(0.05, 1e4)
 @given(TEMPERATURES, EDGES, EDGES)
 def test_radiance_is_finite_and_turns_with_its_edges(temperature, one, other):
     for radiance in (band_radiance, band_photon_radiance):
-        lower, upper = min(one, other), max(one, other)
+        lower = min(one, other)
+        upper = max(one, other)
         value = float(radiance(temperature, lower, upper))
         assert np.isfinite(value)
         assert value >= 0.0
@@ -36,7 +38,8 @@ def test_radiance_is_finite_and_turns_with_its_edges(temperature, one, other):
 
 @given(st.floats(20.0, 1e5), st.floats(1.0, 30.0), st.floats(1e-3, 10.0), st.floats(1e-6, 1.0))
 def test_radiance_rises_with_temperature_and_adds_up_over_bands(temperature, lower, width, share):
-    upper, middle = lower + width, lower + share * width
+    upper = lower + width
+    middle = lower + share * width
     whole = float(band_radiance(temperature, lower, upper))
     assert float(band_radiance(temperature * 1.001, lower, upper)) > whole
     parts = band_radiance(temperature, [lower, middle], [middle, upper])
@@ -63,7 +66,9 @@ def test_the_slope_is_the_derivative():
 
 
 def test_a_sphere_shows_a_quarter_of_its_surface():
-    radius, radiance, distance = 5.0, 1e4, 3.6e7
+    radius = 5.0
+    radiance = 1e4
+    distance = 3.6e7
     by_surface = irradiance_of_sphere(radiance, 4.0 * np.pi * radius**2, distance)
     assert by_surface == pytest.approx(irradiance_of_projected_area(radiance, np.pi * radius**2, distance), rel=1e-15)
     intensity = grey_body_intensity(1500.0, np.pi * radius**2, 0.3, 2.5, 3.0)
@@ -93,7 +98,9 @@ def test_two_colours_give_the_temperature_back():
 
 @pytest.mark.slow
 def test_the_variance_of_a_temperature_is_what_noise_makes_of_it():
-    truth, noise, draws = 1600.0, 0.01, 5_000
+    truth = 1600.0
+    noise = 0.01
+    draws = 5_000
     rng = np.random.default_rng(7)
     first, second = (float(band_radiance(truth, band.lower_um, band.upper_um)) for band in (SWIR, MWIR))
     noisy = rng.normal(1.0, noise, (2, draws))

@@ -24,7 +24,8 @@ from opir_core.scene.target_classes import core_profiles
 TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8"))
 BANDS = tuple(Band(name, *edges) for name, edges in TABLE["bands_um"].items())
 CLASSES = tuple(TABLE["peak_w_sr"])
-BEST_M, LATE_S = 25_000.0, 50.0
+BEST_M = 25_000.0
+LATE_S = 50.0
 
 
 def context(count=1, bands=BANDS, profiles=None, types=None, burn_time_s=120.0):
@@ -49,7 +50,8 @@ def plume(**settings):
 
 
 def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
-    made, exact = [], planck.band_radiance
+    made = []
+    exact = planck.band_radiance
     monkeypatch.setattr(plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place))
 
     def integrals(count):
@@ -124,7 +126,8 @@ def test_rows_do_not_depend_on_their_company():
     configs = [PlumeConfig(), PlumeConfig(scale=2.0, altitude_km=(0.0, 50.0), altitude_scale=(1.0, 0.1), stages=2)]
     both = plume_signatures(configs, context(2, profiles=("SRBM", "ICBM_liquid"), types=("SRBM", "ICBM")))
     alone = plume_signatures(configs[1:], context(profiles=("ICBM_liquid",)))
-    times, heights = np.linspace(0.0, 119.0, 50), np.linspace(0.0, 300e3, 50)
+    times = np.linspace(0.0, 119.0, 50)
+    heights = np.linspace(0.0, 300e3, 50)
     assert intensity(both, 1, times, heights, target=1).tolist() == intensity(alone, 1, times, heights).tolist()
     one_by_one = [float(intensity(both, 1, t, h, target=1)[0]) for t, h in zip(times, heights, strict=True)]
     assert intensity(both, 1, times, heights, target=1).tolist() == one_by_one
@@ -170,12 +173,15 @@ def test_after_burnout_the_warm_body_alone_is_seen():
     )
     plume = plume_signatures([config], context)
     everyone = np.zeros(2, dtype=np.int32)
-    time_s, altitude_m, aspect_rad = np.array([181.0, 1500.0]), np.array([2e5, 9e5]), np.array([0.1, 1.5])
+    time_s = np.array([181.0, 1500.0])
+    altitude_m = np.array([2e5, 9e5])
+    aspect_rad = np.array([0.1, 1.5])
     for number, band in enumerate(bands):
         reported = plume.intensity_w_sr(number, everyone, time_s, altitude_m, aspect_rad)
         wavelength_um = np.linspace(band.lower_um, band.upper_um, 20001)
         # Planck's law in W m⁻² sr⁻¹ µm⁻¹, summed by the trapezoidal rule.
-        c1, c2 = 1.191042972e8, 1.438776877e4
+        c1 = 1.191042972e8
+        c2 = 1.438776877e4
         radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
         assert reported == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
 
@@ -194,7 +200,8 @@ def of_propellant(name, profile="SLV"):
 
 
 def test_soot_dies_with_height_and_leaves_the_gases():
-    sooty, clean = of_propellant("kerosene"), of_propellant("storable")
+    sooty = of_propellant("kerosene")
+    clean = of_propellant("storable")
     low, high = (spectrum_of(sooty, altitude_m=at) / spectrum_of(clean, altitude_m=at) for at in (5e3, 100e3))
     assert low[3] > 10.0  # between the gases' bands soot is nearly all
     assert high == pytest.approx(np.ones(len(WIDE)), abs=0.25)

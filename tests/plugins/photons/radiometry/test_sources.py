@@ -33,10 +33,8 @@ def test_emitters_of_a_list_have_their_own_values_or_the_blocks():
 
 def test_a_fire_is_a_flat_grey_body():
     sources = fire_sources(FireConfig(at=HERE, temperature_k=900.0, emissivity=0.5, area_m2=200.0), context())
-    up, (_, north, _) = (
-        local_axes(sources.trajectories.start_ecef_m)[0, 2],
-        local_axes(sources.trajectories.start_ecef_m)[0],
-    )
+    up = local_axes(sources.trajectories.start_ecef_m)[0, 2]
+    (_, north, _) = local_axes(sources.trajectories.start_ecef_m)[0]
     whole = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
     assert intensity(sources, 1) == pytest.approx(whole, rel=1e-12)
     assert intensity(sources, 1, to_sensor=(up + north) / np.sqrt(2.0)) == pytest.approx(
@@ -54,7 +52,8 @@ def test_a_flare_shines_to_all_sides():
 
 def test_sources_shine_from_start_to_end():
     sources = flare_sources(FlareConfig(at=HERE, start_s=50.0, end_s=70.0), context())
-    row, times = np.zeros(4, np.int32), np.array([49.9, 50.0, 70.0, 70.1])
+    row = np.zeros(4, np.int32)
+    times = np.array([49.9, 50.0, 70.0, 70.1])
     assert np.isfinite(sources.trajectories.position_ecef_m(row, times)[:, 0]).tolist() == [False, True, True, False]
     always = flare_sources(FlareConfig(at=HERE), context(duration_s=600.0)).trajectories
     assert always.ignition_s[0] < 0.0

@@ -37,9 +37,12 @@ def test_a_sphere_of_facets_reflects_as_much(phase):
     )
     sine = np.sqrt(1.0 - cosine**2)
     normal = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1)
-    sun, sensor = np.array([0.0, 0.0, 1.0]), np.array([np.sin(phase), 0.0, np.cos(phase)])
+    sun = np.array([0.0, 0.0, 1.0])
+    sensor = np.array([np.sin(phase), 0.0, np.cos(phase)])
     facets = np.maximum(normal @ sun, 0.0) * np.maximum(normal @ sensor, 0.0)
-    radius, albedo, light = 1.7, 0.3, 22.0
+    radius = 1.7
+    albedo = 0.3
+    light = 22.0
     summed = albedo / np.pi * light * radius**2 * facets.mean() * 4.0 * np.pi
     found = float(lambert_sphere_intensity(light, albedo * np.pi * radius**2, phase))
     assert found == pytest.approx(summed, rel=2e-5, abs=1e-6 * light)

@@ -72,7 +72,8 @@ def true_impact():
 
 def assert_hits(arcs):
     """The impact is the true one to 1e-6 of the 3700 km flown and of the 700 s of flight."""
-    found, true = impacts(arcs)[0], true_impact()
+    found = impacts(arcs)[0]
+    true = true_impact()
     range_m = float(great_circle_m(np.array([[np.radians(35.0), np.radians(-120.0), 0.0]]), true[None])[0])
     assert range_m > 3e6
     assert great_circle_m(found[None], true[None])[0] < 1e-6 * range_m
@@ -102,7 +103,8 @@ def test_looks_of_one_instant_make_no_arc():
 def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
     time_s, sensor = both(np.arange(31.0, 91.0, 1.0))
     rays = rays_at(time_s, sensor, np.random.default_rng(3))
-    whole, arcs = begun(rays), begun(rays.take(slice(0, 20)))
+    whole = begun(rays)
+    arcs = begun(rays.take(slice(0, 20)))
     for first in range(20, len(rays), 10):
         part = rays.take(slice(first, first + 10))
         arcs = arc_fit.updated(arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True)
@@ -117,9 +119,11 @@ def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
 @pytest.mark.slow
 def test_errors_of_an_arc_are_as_its_covariance_says():
     time_s, sensor = both(np.arange(31.0, 91.0, 1.0))
-    rng, at = np.random.default_rng(5), np.array([60.0])
+    rng = np.random.default_rng(5)
+    at = np.array([60.0])
     truth = true_position(at)[0]
-    count, sight = 200, rays_at(time_s, sensor)
+    count = 200
+    sight = rays_at(time_s, sensor)
     rays = LinesOfSight.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
     owner = np.repeat(np.arange(count), len(sight))
     arcs = arc_fit.initialised(ArcFits.unfitted(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
@@ -166,7 +170,8 @@ def test_a_short_memory_follows_what_is_recent():
     time_s, sensor = both(np.arange(31.0, 91.0, 1.0))
     arcs = begun(rays_at(time_s, sensor))
     faded = arcs.discounted(0.5)
-    state, half = states_at(arcs, np.array([60.0]))[1], states_at(faded, np.array([60.0]))[1]
+    state = states_at(arcs, np.array([60.0]))[1]
+    half = states_at(faded, np.array([60.0]))[1]
     assert half == pytest.approx(2.0 * state, rel=1e-6)
     assert arcs.discounted(1.0) is arcs
 
@@ -180,7 +185,8 @@ def test_launches_are_where_first_rays_meet_the_ground():
         stub_sensor("B", -90.0, detection_probability={"ICBM": 0.8, "IRBM": 0.8, "SRBM": 0.8}),
     )
     watch = SensorSchedule.of(sensors, least=0.01, most=1.0)
-    owner, sensor = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
+    owner = np.array([0, 0, 1, 1])
+    sensor = np.array([0, 1, 0, 1])
     line = places[owner] - origins[sensor]
     distance = np.linalg.norm(line, axis=1)
     rays = LinesOfSight(
@@ -202,7 +208,8 @@ def test_launches_are_where_first_rays_meet_the_ground():
 
 def test_launches_err_as_their_covariance_says():
     rng = np.random.default_rng(7)
-    count, site_m = 2000, 800.0
+    count = 2000
+    site_m = 800.0
     place = geodetic_to_ecef(np.radians(50.0), np.radians(-120.0), site_m * rng.normal(size=count))
     longitude = np.radians(SLOTS_DEG)
     origins = 4.2164e7 * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
@@ -229,7 +236,9 @@ def test_parameters_of_a_shot_are_those_it_was_made_of():
     from opir_core.geometry import local_axes
 
     place = geodetic_to_ecef(np.radians(20.0), np.radians(70.0), 50e3)
-    azimuth, angle, speed = np.radians(300.0), np.radians(25.0), 6500.0
+    azimuth = np.radians(300.0)
+    angle = np.radians(25.0)
+    speed = 6500.0
     local = speed * np.array([np.sin(azimuth) * np.cos(angle), np.cos(azimuth) * np.cos(angle), np.sin(angle)])
     state = np.concatenate([place, local @ local_axes(place)])
     found = trajectory_parameters(state[None])

@@ -72,7 +72,8 @@ LONGER = {
 def test_sigma_is_the_papers_law(kind):
     """At half of the boost the law says sigma_0 exp(-k / 2): tens of kilometres, whatever the range of the arc."""
     tick_s, sigma, looks, plan = sigmas_and_looks(kind, sigma_0_m=2e5, convergence=3.0)
-    chance, burn_s = plan.sensors[0].detection_probability[kind], {"SRBM": 65.0, "ICBM": 210.0}[kind]
+    chance = plan.sensors[0].detection_probability[kind]
+    burn_s = {"SRBM": 65.0, "ICBM": 210.0}[kind]
     half = int(np.argmin(np.abs(tick_s - 2.0 - 0.5 * burn_s)))
     law = 2e5 * np.exp(-3.0 * looks[half] / (2 * burn_s / 0.1 * chance))
     assert law == pytest.approx(2e5 * np.exp(-1.5), rel=0.1)
@@ -90,7 +91,8 @@ def test_after_the_boost_all_detections_are_in():
 def test_expected_detections_are_those_of_the_boost_so_far_and_the_reported_types():
     """Ten detections a second: a boost of 130 s is no short-range one, one of 250 s lasts as long as any."""
     schedule = SensorSchedule(np.array([0.1]), np.ones((1, 3)))
-    seen, elapsed = np.ones((4, 1), dtype=bool), np.array([1.0, 130.0, 250.0, 30.0])
+    seen = np.ones((4, 1), dtype=bool)
+    elapsed = np.array([1.0, 130.0, 250.0, 30.0])
     share = np.array([[1.0, 1.0, 1.0]] * 3 + [[float(kind == "SRBM") for kind in TARGET_TYPES]])
     expected = expected_looks(schedule, seen, elapsed, share)
     assert expected[0] == pytest.approx(10.0 * (65.0 + 120.0 + 210.0) / 3.0, rel=1e-6)
@@ -167,10 +169,12 @@ def test_an_unstated_bias_takes_no_detections_from_the_arcs() -> None:
     biased = evolve(right, line_of_sight_ecef=np.where((right.sensor == 1)[:, None], moved, right.line_of_sight_ecef))
     sigma_m = []
     for detections in (right, biased):
-        tracker, cut = plan.make_tracker(), 0
+        tracker = plan.make_tracker()
+        cut = 0
         for tick in range(1, 51):
             end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
-            tracks, cut = tracker.step(float(tick), detections.take(slice(cut, end))), end
+            tracks = tracker.step(float(tick), detections.take(slice(cut, end)))
+            cut = end
         # Tracks may begin in another order.
         sigma_m.append(np.sort(np.sqrt(tracks.impact_covariance[:, 0, 0])))
     assert len(sigma_m[0]) == 3

@@ -30,7 +30,8 @@ def states():
 
 @pytest.mark.parametrize("step_s", [1.0, 4.0])
 def test_falls_are_those_of_the_integrator(step_s):
-    start, step = states(), np.full(12, step_s)
+    start = states()
+    step = np.full(12, step_s)
     reported = fall().propagated(start, step)
     expected = np.concatenate(propagate(start[:, :3], start[:, 3:], step, FORCES), axis=1)
     slowed = np.linalg.norm(expected[:, 3:] - propagate(start[:, :3], start[:, 3:], step, Forces(("j2",)))[1], axis=1)
@@ -43,7 +44,8 @@ def test_falls_are_those_of_the_integrator(step_s):
 
 
 def test_transitions_are_the_slopes_of_the_fall():
-    start, step = states(), np.full(12, 1.0)
+    start = states()
+    step = np.full(12, 1.0)
     reported = fall().transition(start, step)
     ahead = np.stack([fall().propagated(start + h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
     back = np.stack([fall().propagated(start - h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
@@ -63,7 +65,8 @@ def test_the_noise_is_that_of_the_fall_where_there_is_no_air():
 
 
 def test_states_are_the_same_bits_alone_and_among_others():
-    start, step = states(), np.ones(12)
+    start = states()
+    step = np.ones(12)
     every = fall().propagated(start, step)
     for row in range(12):
         assert np.array_equal(fall().propagated(start[row : row + 1], step[:1])[0], every[row])
@@ -71,7 +74,8 @@ def test_states_are_the_same_bits_alone_and_among_others():
 
 def test_imm_of_a_scene_with_drag_lets_it_slow_what_coasts():
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=FORCES)
-    filter_, start = filter_of(ImmConfig(motion="coast"), context), states()[:9]
+    filter_ = filter_of(ImmConfig(motion="coast"), context)
+    start = states()[:9]
     root = np.broadcast_to(np.diag(1.0 / np.repeat([100.0, 10.0], 3)), (9, COAST, COAST))
     boost = np.concatenate([start, np.zeros((9, 4))], axis=1), np.broadcast_to(np.eye(10), (9, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
@@ -100,7 +104,8 @@ def test_drag_stops_what_is_light_and_never_throws_it_back(speed_m_s):
     state, falling = light(8e3, speed_m_s)
     air = np.cross([0.0, 0.0, falling.drag.air_rotation_rad_s], state[:, :3])
     reported = falling.propagated(state, np.ones(8))
-    before, after = state[:, 3:] - air, reported[:, 3:] - air
+    before = state[:, 3:] - air
+    after = reported[:, 3:] - air
     assert (np.sum(before * after, axis=1) > 0.0).all()
     assert (np.linalg.norm(after, axis=1) < 0.5 * np.linalg.norm(before, axis=1)).all()
     # w' = -k w² leaves 1 / k t of any speed that was many times as large.
@@ -130,7 +135,8 @@ def test_air_is_that_of_all_heights_a_state_may_have():
 def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
     forces = Forces(("j2",), Drag(coefficient_kg_m2))
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=forces)
-    filter_, (start, _) = filter_of(ImmConfig(motion="coast"), context), light(9e3, 600.0)
+    filter_ = filter_of(ImmConfig(motion="coast"), context)
+    (start, _) = light(9e3, 600.0)
     root = np.broadcast_to(np.diag(1.0 / np.repeat([1000.0, 100.0], 3)), (8, COAST, COAST))
     boost = np.concatenate([start, np.zeros((8, 4))], axis=1), np.broadcast_to(np.eye(10), (8, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))

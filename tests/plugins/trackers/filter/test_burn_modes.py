@@ -11,7 +11,8 @@ from opir_trackers.filter.thrust import Thrust
 from opir_core.estimation.square_root import covariance
 from opir_core.flight.forces import Forces
 
-TILT, ALONG = 0.05, np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+TILT = 0.05
+ALONG = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
 STAGE = NewStage(20.0, 10.0, 0.01, 0.01, every_s=40.0, tilt=TILT)
 MODES = BurnModes(Thrust(np.radians(3.0), 30.0, 0.5, 0.001, Forces(zonal=())), STAGE)
 #: A burn at 2 km/s with 60 m/s², known well.
@@ -84,7 +85,8 @@ def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
 @pytest.mark.parametrize("force", [60.0, 20.0])
 def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
     """Looks of 300 m a second: a stage of 20 m/s² instead of 60 is 1.3 km behind after eight seconds."""
-    truth, known = STATE[None].copy(), burns()
+    truth = STATE[None].copy()
+    known = burns()
     truth[0, 6:9] *= force / 60.0
     for _ in range(8):
         truth = MODES.motion.propagated(truth, np.ones(1))
@@ -113,7 +115,8 @@ def _seen(mode, place_m, sigma_m):
 
 
 def test_without_stages_a_burn_has_no_parts():
-    alone, boost = BurnModes(MODES.motion, None), (STATE[None], np.diag(1.0 / SIGMA)[None])
+    alone = BurnModes(MODES.motion, None)
+    boost = (STATE[None], np.diag(1.0 / SIGMA)[None])
     (mean, root), _ = alone.predicted(boost, burns(), 1.0)
     after = burn_modes.carried(MODES.motion, *boost, np.ones(1))
     assert np.array_equal(mean, after[0])

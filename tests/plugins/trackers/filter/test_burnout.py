@@ -7,7 +7,8 @@ from opir_trackers.filter.mode_mixing import coast_from_boost
 
 from opir_core.estimation.square_root import covariance
 
-FORCE_M_S2, EXACT = 40.0, 1e-3
+FORCE_M_S2 = 40.0
+EXACT = 1e-3
 
 
 def boosts(silent_s, pause_s, force_sigma, copies=1):
@@ -15,8 +16,11 @@ def boosts(silent_s, pause_s, force_sigma, copies=1):
 
     State and force at the last look are known but for the size of the force.
     """
-    step, push = np.eye(10), silent_s * np.eye(3)
-    step[3:6, 6:9], step[:3, 3:6], step[:3, 6:9] = push, push, 0.5 * silent_s * push
+    step = np.eye(10)
+    push = silent_s * np.eye(3)
+    step[3:6, 6:9] = push
+    step[:3, 3:6] = push
+    step[:3, 6:9] = 0.5 * silent_s * push
     sigma = np.concatenate([np.full(6, EXACT), [force_sigma, EXACT, EXACT], [EXACT]])
     root = np.triu(np.linalg.qr(np.diag(1.0 / sigma) @ np.linalg.inv(step))[1])
     mean = step @ np.array([7e6, 0.0, 0.0, 3000.0, 0.0, 0.0, FORCE_M_S2, 0.0, 0.0, 0.01])
@@ -36,7 +40,8 @@ def drawn_burnouts(period_s, chance, seed):
 @pytest.mark.parametrize("copies", [1, 2])
 @pytest.mark.parametrize("chance", [1.0, 0.9, 0.5])
 def test_a_regular_scanner_knows_when_the_burn_ended(chance, copies):
-    period_s, silent_s = 10.0, 100.0
+    period_s = 10.0
+    silent_s = 100.0
     drawn = drawn_burnouts(period_s, chance, 2)
     mean, root = coast_from_boost(boosts(silent_s, period_s / chance, EXACT, copies), period_s)
     assert mean[:, 3] == pytest.approx(3000.0 + FORCE_M_S2 * drawn.mean(), rel=5e-3)

@@ -30,9 +30,12 @@ def test_a_constant_force_far_from_masses_is_a_parabola(count):
     rng = np.random.default_rng(1)
     state = np.concatenate([7e6 + rng.normal(size=(count, 3)), rng.normal(size=(count, 7))], axis=1)
     step = rng.uniform(0.5, 3.0, count)
-    motion, s = FreeThrust(1.0, 0.0, NOWHERE), step[:, None]
+    motion = FreeThrust(1.0, 0.0, NOWHERE)
+    s = step[:, None]
     after = motion.propagated(state, step)
-    place, speed, force = state[:, :3], state[:, 3:6], state[:, 6:9]
+    place = state[:, :3]
+    speed = state[:, 3:6]
+    force = state[:, 6:9]
     assert after[:, :3] == pytest.approx(place + s * speed + 0.5 * s**2 * force, rel=1e-12)
     assert after[:, 3:6] == pytest.approx(speed + s * force, rel=1e-9)
     assert np.array_equal(after[:, 6:], state[:, 6:])
@@ -44,7 +47,8 @@ def test_a_constant_force_far_from_masses_is_a_parabola(count):
 def test_the_transition_is_the_slope_of_the_motion():
     motion = FreeThrust(1.0, 0.001, Forces())
     state = np.array([[6.5e6, 1e5, 2e5, 500.0, 1500.0, 100.0, -20.0, 5.0, 9.0, 0.01]])
-    step, sizes = np.array([1.0]), np.array([100.0] * 3 + [1.0] * 3 + [0.1] * 3 + [1e-3])
+    step = np.array([1.0])
+    sizes = np.array([100.0] * 3 + [1.0] * 3 + [0.1] * 3 + [1e-3])
     slopes = np.empty((10, 10))
     for k, size in enumerate(sizes):
         moved = np.zeros(10)
@@ -55,7 +59,8 @@ def test_the_transition_is_the_slope_of_the_motion():
 
 def test_the_process_noise_is_that_of_an_integrated_random_walk():
     """After t the force has the variance q² t, the velocity q² t³ / 3, the position q² t⁵ / 20 on each axis."""
-    q, t = 2.5, 1.7
+    q = 2.5
+    t = 1.7
     root = FreeThrust(q, 0.002, Forces()).noise_root(np.array([t, t]), np.zeros((2, 10)))
     variance = np.diagonal(root @ root.transpose(0, 2, 1), axis1=1, axis2=2)
     known = np.repeat(q**2 * np.array([t**5 / 20.0, t**3 / 3.0, t]), 3)
@@ -92,7 +97,8 @@ def test_a_burn_after_the_dark_is_old_new_or_free(count):
 def followed(force_of, seconds, looks_m=200.0, modes=MODES, first=None, seed=2):
     """Return burns after positions of `looks_m` each second of a target with a force, and its last state."""
     rng = np.random.default_rng(seed)
-    truth, motion = np.concatenate([COAST, np.zeros(4)])[None], FreeThrust(1.0, 0.0, Forces(zonal=()))
+    truth = np.concatenate([COAST, np.zeros(4)])[None]
+    motion = FreeThrust(1.0, 0.0, Forces(zonal=()))
     boost, burns = lit() if first is None else first
     shares = []
     for second in range(seconds):
@@ -141,7 +147,8 @@ def test_an_improbable_free_burn_is_not_computed():
     """Once dropped, two modes are updated, as before the dark."""
     _, shares, _ = followed(along(20.0), 60)
     assert shares[-1, 2] == 0.0
-    boost, burns = burn_modes.moments(old_burns()), old_burns()
+    boost = burn_modes.moments(old_burns())
+    burns = old_burns()
     assert len(MODES.modes(boost, burns)) == 2
     assert len(MODES.modes(*lit())) == 3
     assert MODES.predicted(boost, burns, 1.0)[1][2][0, 2] == 0.0

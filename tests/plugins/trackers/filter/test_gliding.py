@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 import opir_core as opir
 
-MU, SPIN = 3.986004418e14, np.array([0.0, 0.0, 7.292115e-5])
+MU = 3.986004418e14
+SPIN = np.array([0.0, 0.0, 7.292115e-5])
 START = np.array([6378137.0 + 60e3, 0.0, 0.0, 0.0, 3200.0, 2400.0])
 
 
@@ -38,7 +39,8 @@ def flown(until_s, lift, drag, start=START):
     """Return the ECEF state of a flight whose lift and drag are shares of the weight less the centrifugal force."""
 
     def rates(_time_s, state):
-        place, velocity = state[:3], state[3:]
+        place = state[:3]
+        velocity = state[3:]
         radius = np.linalg.norm(place)
         inertial = velocity + np.cross(SPIN, place)
         weight = MU / radius**2 - inertial @ inertial / radius
@@ -56,7 +58,8 @@ def test_an_equilibrium_glide_is_the_mean_of_gliders(since_s):
     falls = flown(since_s, 0.0, 0.0)
     glides = flown(since_s, 1.0, 0.45)
     state, covariance = glided(falls[None], 1e-6 * np.eye(6)[None], np.array([since_s]))
-    off, moved = np.abs(state[0] - glides), np.linalg.norm((glides - falls).reshape(2, 3), axis=1)
+    off = np.abs(state[0] - glides)
+    moved = np.linalg.norm((glides - falls).reshape(2, 3), axis=1)
     # Forces along the axes of the fall: a fifth of what they spread by.
     assert np.all(off.reshape(2, 3).max(axis=1) < 0.1 * moved)
     assert np.linalg.eigvalsh(covariance[0]).min() > 0.0
@@ -77,7 +80,8 @@ def test_gliders_are_held_and_falls_are_not():
 @pytest.mark.slow
 def test_the_state_of_a_glider_is_held_after_its_burn():
     run = opir.simulate(opir.scene_from_mapping(SCENE))
-    tracks, burnout_s = run.tracks, run.plan.targets.burnout_s[0]
+    tracks = run.tracks
+    burnout_s = run.plan.targets.burnout_s[0]
     late = tracks.take(np.flatnonzero((tracks.tick_s > burnout_s + 15.0) & (tracks.tick_s < burnout_s + 30.0)))
     assert len(late) > 10
     start = true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([burnout_s - 1e-3]))[0]

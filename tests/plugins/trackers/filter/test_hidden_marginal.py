@@ -37,7 +37,8 @@ def test_what_is_along_the_axis_has_the_given_moments(seed):
 def test_the_rest_is_as_likely_as_before_given_what_is_along_the_axis():
     mean, root, axis, rows = estimate(6)
     after, held = replaced(mean, root, axis, MEAN, SPREAD)
-    gains, left = [], []
+    gains = []
+    left = []
     for each in (covariance(root)[0], covariance(held)[0]):
         gain = np.linalg.solve(rows @ each @ rows.T, rows @ each).T
         gains.append(gain)

@@ -12,7 +12,9 @@ from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
 
-FORCES, COUNT, END_S = Forces(), 12, 40.0
+FORCES = Forces()
+COUNT = 12
+END_S = 40.0
 FILTER = ImmFilter(
     Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, coast_detection=0.01
 )
@@ -35,7 +37,8 @@ def burning(coasts: float) -> ModeEstimates:
 def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> AngleMeasurements:
     """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a second."""
     rng = np.random.default_rng(4)
-    track, time_s = np.repeat(tracks, 20), END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
+    track = np.repeat(tracks, 20)
+    time_s = END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
     origin = np.tile(SENSORS_M, (10 * len(tracks), 1))
     place = FILTER.predicted_measurements(bank, END_S).positions(track, time_s)
     apart = place - origin
@@ -57,9 +60,11 @@ def rows_alike(one: ModeEstimates, other: ModeEstimates, rows: np.ndarray) -> No
 
 def test_silence_finds_the_coast_as_if_no_look_had_been_expected() -> None:
     bank = burning(1e-4)
-    expected, whole = FILTER.predicted_open(bank, 1.0), FILTER.predicted(bank, 1.0)
+    expected = FILTER.predicted_open(bank, 1.0)
+    whole = FILTER.predicted(bank, 1.0)
     for rows in (np.arange(COUNT), np.arange(1)):
-        part, moved = expected.take(rows), whole.take(rows)
+        part = expected.take(rows)
+        moved = whole.take(rows)
         dark = FILTER.updated(part, END_S, no_measurements(), 1.0)
         rows_alike(
             FILTER.with_open_coast(dark, part, bank.take(rows), 1.0),
@@ -71,7 +76,8 @@ def test_silence_finds_the_coast_as_if_no_look_had_been_expected() -> None:
 
 def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
     bank = burning(1e-4)
-    expected, whole = FILTER.predicted_open(bank, 1.0), FILTER.predicted(bank, 1.0)
+    expected = FILTER.predicted_open(bank, 1.0)
+    whole = FILTER.predicted(bank, 1.0)
     seen = np.arange(0, COUNT, 2)
     looks = looks_at(expected, seen)
     after = FILTER.with_open_coast(FILTER.updated(expected, END_S, looks, 1.0), expected, bank, 1.0)
@@ -99,6 +105,8 @@ def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
 
 
 def test_where_sensors_follow_bodies_no_coast_is_shut_out() -> None:
-    bank, follows = burning(1e-4), evolve(FILTER, coast_detection=1.0)
-    expected, whole = follows.predicted_open(bank, 1.0), follows.predicted(bank, 1.0)
+    bank = burning(1e-4)
+    follows = evolve(FILTER, coast_detection=1.0)
+    expected = follows.predicted_open(bank, 1.0)
+    whole = follows.predicted(bank, 1.0)
     rows_alike(expected, whole, np.arange(COUNT))

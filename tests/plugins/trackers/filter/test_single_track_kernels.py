@@ -21,7 +21,9 @@ from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
 
-FORCES, COUNT, END_S = Forces(), 30, 40.0
+FORCES = Forces()
+COUNT = 30
+END_S = 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
 STAGE = NewStage(20.0, 10.0, 0.01, 0.01, 40.0, 0.05)
@@ -67,10 +69,12 @@ def sights_of(bank: ModeEstimates, seen: np.ndarray) -> AngleMeasurements:
 
 def same(one: ModeEstimates, many: ModeEstimates, row: int) -> None:
     for name in names_of(ModeEstimates):
-        mine, theirs = getattr(one, name)[0], getattr(many, name)[row]
+        mine = getattr(one, name)[0]
+        theirs = getattr(many, name)[row]
         if name.endswith("root"):
             # Signs of rows are of no account.
-            mine, theirs = mine.swapaxes(-1, -2) @ mine, theirs.swapaxes(-1, -2) @ theirs
+            mine = mine.swapaxes(-1, -2) @ mine
+            theirs = theirs.swapaxes(-1, -2) @ theirs
             scale = np.sqrt(np.diagonal(theirs, axis1=-2, axis2=-1))
             unit = scale[..., :, None] * scale[..., None, :]
             assert np.allclose(mine / unit, theirs / unit, atol=1e-9), name
@@ -84,16 +88,19 @@ def test_a_track_alone_is_followed_as_among_others(model: str) -> None:
     bank = bank_of(filter_.boost.size)
     # One track in three goes unseen.
     seen = np.flatnonzero(np.arange(COUNT) % 3 > 0)
-    sights, moved = sights_of(bank, seen), filter_.predicted(bank, 1.0)
+    sights = sights_of(bank, seen)
+    moved = filter_.predicted(bank, 1.0)
     after = filter_.updated(moved, END_S, sights, 1.0)
-    outlook, moments = filter_.predicted_measurements(after, END_S), filter_.moments(after)
+    outlook = filter_.predicted_measurements(after, END_S)
+    moments = filter_.moments(after)
     for row in range(COUNT):
         alone = filter_.predicted(bank.take([row]), 1.0)
         same(alone, moved, row)
         mine = sights.take(np.flatnonzero(sights.track == row))
         reported = filter_.updated(alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0)
         same(reported, after, row)
-        ahead, known = filter_.predicted_measurements(reported, END_S), filter_.moments(reported)
+        ahead = filter_.predicted_measurements(reported, END_S)
+        known = filter_.moments(reported)
         assert np.allclose(ahead.derivative[0], outlook.derivative[row], rtol=1e-9)
         spread, others = (side @ side.T for side in (ahead.root[0], outlook.root[row]))
         unit = np.sqrt(np.outer(np.diag(others), np.diag(others))) + 1e-30
@@ -103,8 +110,10 @@ def test_a_track_alone_is_followed_as_among_others(model: str) -> None:
 
 
 def test_slopes_and_noise_of_one_thrust_are_those_of_many() -> None:
-    state, step = bank_of(THRUST).boost_mean, np.full(COUNT, -1.0)
-    slopes, noise = THRUSTING.slopes(state), THRUSTING.noise_root(step, state)
+    state = bank_of(THRUST).boost_mean
+    step = np.full(COUNT, -1.0)
+    slopes = THRUSTING.slopes(state)
+    noise = THRUSTING.noise_root(step, state)
     for row in range(COUNT):
         one = state[[row]]
         assert np.allclose(THRUSTING.slopes(one)[0], slopes[row], rtol=1e-10, atol=1e-16)
@@ -114,7 +123,8 @@ def test_slopes_and_noise_of_one_thrust_are_those_of_many() -> None:
 def test_rays_are_gated_for_one_track_as_among_others() -> None:
     filter_ = FILTERS["thrust"]
     bank = bank_of(THRUST)
-    outlook, rng = filter_.predicted_measurements(bank, END_S), np.random.default_rng(7)
+    outlook = filter_.predicted_measurements(bank, END_S)
+    rng = np.random.default_rng(7)
     time_s = END_S - np.sort(rng.uniform(0.0, 1.0, COUNT))[::-1]
     apart = outlook.positions(np.arange(COUNT), time_s) - SENSORS_M[0]
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=(COUNT, 3))
@@ -140,7 +150,9 @@ def test_rays_are_gated_for_one_track_as_among_others() -> None:
 
 def test_a_slight_turn_is_that_of_a_later_time() -> None:
     rng = np.random.default_rng(11)
-    place, time_s, later_s = 42164e3 * rng.normal(size=(20, 3)), rng.uniform(0.0, 2e4, 20), rng.uniform(-0.1, 0.1, 20)
+    place = 42164e3 * rng.normal(size=(20, 3))
+    time_s = rng.uniform(0.0, 2e4, 20)
+    later_s = rng.uniform(-0.1, 0.1, 20)
     both = both_earth_rotated(place, place[::-1], time_s)
     rotate_slightly(both, later_s)
     exact = both_earth_rotated(place, place[::-1], time_s + later_s)
@@ -149,7 +161,8 @@ def test_a_slight_turn_is_that_of_a_later_time() -> None:
 
 
 def test_what_is_kept_of_a_step_cannot_be_written_to() -> None:
-    step, state = np.ones(1), bank_of(THRUST).boost_mean[:1]
+    step = np.ones(1)
+    state = bank_of(THRUST).boost_mean[:1]
     root = FALL.noise_root(step)
     assert root is not None
     with pytest.raises(ValueError, match="read-only"):

@@ -35,7 +35,10 @@ def rate(_time_s: float, state: np.ndarray) -> np.ndarray:
 
     The relative growth of the force obeys the rocket equation of constant mass flow: its rate is its square.
     """
-    place, velocity, force, growth = state[:3], state[3:6], state[6:9], state[9]
+    place = state[:3]
+    velocity = state[3:6]
+    force = state[6:9]
+    growth = state[9]
     fall = Motion(COAST, 0.0, Forces()).gravity(place[None])[0] + force
     air = velocity - np.cross(SPIN, place)
     speed = np.sqrt(air @ air + 1.0)
@@ -58,7 +61,8 @@ def test_a_step_is_the_integral_of_the_rate(step_s: float, off: float) -> None:
 
 
 def test_transition_is_the_slope_of_the_motion() -> None:
-    start, step = states(20), np.full(20, 1.0)
+    start = states(20)
+    step = np.full(20, 1.0)
     moved = motion().propagated(start, step)
     matrix = motion().transition(0.5 * (start + moved), step)
     scale = np.repeat([10.0, 0.1, 0.01, 1e-4], [3, 3, 3, 1])
@@ -70,8 +74,11 @@ def test_transition_is_the_slope_of_the_motion() -> None:
 
 
 def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others() -> None:
-    start, steps = states(40), np.random.default_rng(1).uniform(-1.0, 2.0, 40)
-    moved, path, rates = motion().propagated(start, steps), motion().taylor(start), motion().jerk(start)
+    start = states(40)
+    steps = np.random.default_rng(1).uniform(-1.0, 2.0, 40)
+    moved = motion().propagated(start, steps)
+    path = motion().taylor(start)
+    rates = motion().jerk(start)
     for row in range(40):
         one = start[[row]]
         assert np.array_equal(motion().jerk(one)[0], rates[row])
@@ -80,7 +87,8 @@ def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others() -> None
 
 
 def test_the_path_of_a_slice_is_the_motion() -> None:
-    start, since = states(20), np.full(20, -1.0)
+    start = states(20)
+    since = np.full(20, -1.0)
     assert np.allclose(
         taylor_positions(motion().taylor(start), taylor_weights(since)),
         motion().propagated(start, since)[:, :3],

@@ -18,7 +18,9 @@ from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
 
-FREE, SIGMA_RAD, FLIGHTS = Forces(), 2e-5, 40
+FREE = Forces()
+SIGMA_RAD = 2e-5
+FLIGHTS = 40
 TICKS_S = np.arange(10.0, 66.0)
 
 
@@ -27,13 +29,15 @@ class Watched:
 
     def __init__(self, seed: int) -> None:
         self.flown = flown("SRBM", FLIGHTS, seed, "smooth")
-        rng, parts = np.random.default_rng(seed), []
+        rng = np.random.default_rng(seed)
+        parts = []
         time_s = np.tile(np.arange(5.1, TICKS_S[-1], 0.1), FLIGHTS)
         row = np.repeat(np.arange(FLIGHTS), len(time_s) // FLIGHTS)
         for slot in SLOTS_RAD:
             seen = (rng.random(len(row)) < 0.8) & (time_s > self.flown.start_s[row])
             seen &= time_s < self.flown.burnout_s[row]
-            track, when = row[seen], time_s[seen]
+            track = row[seen]
+            when = time_s[seen]
             origin = ecef_to_eci(GEO_M * np.tile([np.cos(slot), np.sin(slot), 0.0], (len(when), 1)), when)
             line = self.places(track, when) - origin
             axes = tangent_axes(line / np.linalg.norm(line, axis=1)[:, None])
@@ -59,7 +63,8 @@ def errors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return each flight's mean NEES / 6 (n,), and all errors of speed (m,), from 20 s after ignition to burnout."""
     filter_ = ImmFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf, stage=stage)
-    every, burnout = np.arange(FLIGHTS), watched.flown.burnout_s
+    every = np.arange(FLIGHTS)
+    burnout = watched.flown.burnout_s
     place = watched.places(every, np.full(FLIGHTS, TICKS_S[0] - 1.0))
     up = place / np.linalg.norm(place, axis=1)[:, None]
     speed = np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], place)
@@ -67,7 +72,9 @@ def errors(
     root = np.tile(np.diag(1.0 / np.concatenate([np.repeat([20e3, 300.0], 3), sigma])), (FLIGHTS, 1, 1))
     coast = mean[:, :COAST], root[:, :COAST, :COAST]
     bank = ModeEstimates(np.tile([1.0, 0.0], (FLIGHTS, 1)), mean, root, *coast, np.zeros((FLIGHTS, 3)))
-    squares, off, before = [[] for _ in every], [], 0
+    squares = [[] for _ in every]
+    off = []
+    before = 0
     for tick_s in TICKS_S:
         cut = int(np.searchsorted(watched.looks.time_s, tick_s + 1e-9))
         bank = filter_.updated(filter_.predicted(bank, 1.0), tick_s, watched.looks.take(slice(before, cut)), 1.0)
@@ -84,7 +91,8 @@ def errors(
 
 @pytest.mark.slow
 def test_thrust_along_the_velocity_errs_less_than_any_jerk_and_says_so() -> None:
-    watched, usual = Watched(3), ThrustConfig()
+    watched = Watched(3)
+    usual = ThrustConfig()
     thrust = Thrust(np.radians(usual.tilt_deg), usual.tilt_s, usual.noise_m_s2, usual.growth_noise_per_s, FREE)
     square, off = errors(watched, thrust, np.array([0.01]), np.array([10.0, 10.0, 10.0, 0.01]), stage_of(usual))
     _, other = errors(watched, Motion(BOOST, 0.3, FREE), np.zeros(3), np.repeat([20.0, 0.5], 3))
@@ -95,7 +103,8 @@ def test_thrust_along_the_velocity_errs_less_than_any_jerk_and_says_so() -> None
 
 
 def test_rays_of_a_target_say_that_it_burns_where_no_sensor_sees_it_cold() -> None:
-    watched, odds = Watched(4), []
+    watched = Watched(4)
+    odds = []
     mean = np.concatenate([watched.states(np.arange(FLIGHTS), 20.0), np.full((FLIGHTS, 6), 0.1)], axis=1)
     root = np.tile(np.diag(1.0 / np.repeat([1e3, 100.0, 10.0, 0.5], 3)), (FLIGHTS, 1, 1))
     bank = ModeEstimates(

@@ -34,7 +34,8 @@ def hidden(line, state):
 
 def test_boosts_of_many_kinds_are_where_the_law_says():
     """Those that climb: what a strong kick leads down again flies into the ground, and is no boost."""
-    rng, squared = np.random.default_rng(4), []
+    rng = np.random.default_rng(4)
+    squared = []
     while len(squared) < 24:
         since_s = float(rng.uniform(30.0, 90.0))
         boost = rng.uniform(0.0, 6.28), np.radians(rng.uniform(6.0, 20.0)), rng.uniform(15.0, 25.0)
@@ -92,10 +93,13 @@ def test_launchers_are_steered_to_heights_of_orbits():
 def test_missiles_end_their_boosts_climbing_and_above_the_ground():
     """Those whose program leads into the ground look, until then, like boosts that climb less than any."""
     own = slice(0, NUMBERS[MISSILES])
-    lit, path, share = ASCENTS.burns[:, own], ASCENTS.path[:, :, own], np.exp(ASCENTS.log_weight[own])
+    lit = ASCENTS.burns[:, own]
+    path = ASCENTS.path[:, :, own]
+    share = np.exp(ASCENTS.log_weight[own])
     last = np.array([np.flatnonzero(each)[-1] for each in lit.T])
     climb, level = (path[last, row, np.arange(len(last))] for row in (CLIMB, LEVEL))
-    angle, near = np.degrees(np.arctan2(climb, level)), path[last, HEIGHT, np.arange(len(last))] < 200.0
+    angle = np.degrees(np.arctan2(climb, level))
+    near = path[last, HEIGHT, np.arange(len(last))] < 200.0
     share /= share.sum()
     assert np.mean(near) > 0.1
     assert share[near].sum() < 0.01

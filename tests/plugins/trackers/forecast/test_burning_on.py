@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 
-RADIUS_M, MU = 6378137.0, 3.986004418e14
+RADIUS_M = 6378137.0
+MU = 3.986004418e14
 SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 COUNT = 30
 STILL = np.zeros((STAGES, burning_on.STEPS, COUNT, 2))
@@ -19,7 +20,8 @@ def states(rng: np.random.Generator) -> np.ndarray:
     """Return inertial states (COUNT, 6) over the equator, flying east, some 50 s after a launch."""
     place = np.zeros((COUNT, 3))
     place[:, 0] = RADIUS_M + rng.uniform(8e3, 40e3, COUNT)
-    speed, angle = rng.uniform(700.0, 2500.0, COUNT), rng.uniform(0.5, 1.2, COUNT)
+    speed = rng.uniform(700.0, 2500.0, COUNT)
+    angle = rng.uniform(0.5, 1.2, COUNT)
     velocity = np.stack([speed * np.sin(angle), speed * np.cos(angle), np.zeros(COUNT)], axis=1)
     return np.concatenate([place, velocity + np.cross(SPIN, place)], axis=1)
 
@@ -27,7 +29,8 @@ def states(rng: np.random.Generator) -> np.ndarray:
 def burns_and_steering(rng: np.random.Generator) -> tuple[RemainingBurns, Steering]:
     """Return one or two burns that remain, 50 s after the first ignition, with a dark gap between them."""
     burn = np.zeros((COUNT, STAGES))
-    burn[:, 0], burn[::2, 1] = rng.uniform(5.0, 60.0, COUNT), rng.uniform(30.0, 90.0, COUNT // 2)
+    burn[:, 0] = rng.uniform(5.0, 60.0, COUNT)
+    burn[::2, 1] = rng.uniform(30.0, 90.0, COUNT // 2)
     gap = np.where(burn > 0.0, [0.0, 6.0, 0.0, 0.0], 0.0)
     start = np.cumsum(burn + gap, axis=1) - burn
     size = np.where(burn > 0.0, rng.uniform(15.0, 40.0, burn.shape), 0.0)
@@ -43,7 +46,8 @@ def rates(time_s: float, state: np.ndarray, burns: RemainingBurns, steering: Ste
         for s in range(STAGES)
         if burns.start_s[k, s] <= time_s < burns.start_s[k, s] + burns.burn_s[k, s]
     )
-    place, air = state[:3], state[3:] - np.cross(SPIN, state[:3])
+    place = state[:3]
+    air = state[3:] - np.cross(SPIN, state[:3])
     ahead = air / np.linalg.norm(air)
     side = np.cross(ahead, place)
     down = np.cross(ahead, side / np.linalg.norm(side))
@@ -55,16 +59,21 @@ def rates(time_s: float, state: np.ndarray, burns: RemainingBurns, steering: Ste
 @pytest.mark.slow
 def test_burns_flown_on_are_those_of_another_integrator() -> None:
     rng = np.random.default_rng(3)
-    start, (burns, steering) = states(rng), burns_and_steering(rng)
+    start = states(rng)
+    (burns, steering) = burns_and_steering(rng)
     after, later, least = burning_on.flown_on(start, burns, steering, STILL)
     errors = []
     for k in range(COUNT):
         used = burns.burn_s[k] > 0.0
         edges = np.sort(np.concatenate([burns.start_s[k, used], (burns.start_s + burns.burn_s)[k, used]]))
-        now, state, low = 0.0, start[k], np.inf
+        now = 0.0
+        state = start[k]
+        low = np.inf
         for edge in edges[edges > 0.0].tolist():
             leg = solve_ivp(rates, (now, edge), state, args=(burns, steering, k), rtol=1e-8, atol=1e-3, max_step=5.0)
-            state, now, low = leg.y[:, -1], edge, min(low, np.linalg.norm(leg.y[:3], axis=0).min())
+            state = leg.y[:, -1]
+            now = edge
+            low = min(low, np.linalg.norm(leg.y[:3], axis=0).min())
         assert later[k] == pytest.approx(now, abs=1e-9)
         assert least[k] > low - 1e3
         errors.append(np.linalg.norm(after[k, 3:] - state[3:]))

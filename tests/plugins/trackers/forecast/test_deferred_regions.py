@@ -18,7 +18,8 @@ RING = np.array([[0.0, 0.0], [0.0, 0.1], [0.1, 0.0], [0.0, 0.0]])
 @pytest.fixture
 def made(monkeypatch):
     """Return a list that gets an entry whenever outlines are made."""
-    calls, make = [], regions_module._outlines_of
+    calls = []
+    make = regions_module._outlines_of
 
     def counted(*points, **how):
         calls.append(points)

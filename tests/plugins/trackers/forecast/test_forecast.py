@@ -20,7 +20,8 @@ from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.scene import core_hypotheses
 
-RADIUS_M, MU = 6378137.0, 3.986004418e14
+RADIUS_M = 6378137.0
+MU = 3.986004418e14
 SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 POINT_MASS = Forces(zonal=())
 HYPOTHESES = core_hypotheses()
@@ -46,7 +47,8 @@ def estimated(state: np.ndarray, force: Any, growth: Any, burning: float, rng: n
     mean = np.concatenate([state, push, np.broadcast_to(growth, count)[:, None]], axis=1)
     mean = mean + rng.normal(size=mean.shape) * SIGMA
     root = np.tile(np.diag(1.0 / SIGMA), (count, 1, 1))
-    weight, rate = np.tile([burning, 1.0 - burning], (count, 1)), np.tile([400.0, 20.0, 0.05], (count, 1))
+    weight = np.tile([burning, 1.0 - burning], (count, 1))
+    rate = np.tile([400.0, 20.0, 0.05], (count, 1))
     return ModeEstimates(weight, mean, root, mean[:, :6], root[:, :6, :6], rate)
 
 
@@ -82,7 +84,8 @@ def impacts_of(state: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     def ground(_time_s: float, state: np.ndarray) -> float:
         return float(ecef_to_geodetic(state[None, :3]).height_m[0])
 
-    ground.terminal, ground.direction = True, -1.0  # type: ignore[attr-defined]
+    ground.terminal = True
+    ground.direction = -1.0  # type: ignore[attr-defined]
     places = np.full((len(state), 2), np.nan)
     for row, (one, start_s) in enumerate(zip(state, time_s.tolist(), strict=True)):
         fall = solve_ivp(rates, (0.0, 9000.0), one, events=ground, rtol=1e-8, atol=1e-2)
@@ -97,26 +100,34 @@ class Flights:
     """Flights of the law of missiles at random instants of their burns, as often as the classes say."""
 
     def __init__(self, count: int, seed: int) -> None:
-        model, rng, drawn = vehicle_model(), np.random.default_rng(seed), 20 * count
-        stages, steering = drawn_stages(model, MISSILE, drawn, rng), drawn_steering(drawn, model.data, seed)
+        model = vehicle_model()
+        rng = np.random.default_rng(seed)
+        drawn = 20 * count
+        stages = drawn_stages(model, MISSILE, drawn, rng)
+        steering = drawn_steering(drawn, model.data, seed)
         range_m = marginals.ranges_m(marginals.flown(stages, steering))
         weight = np.where(np.isfinite(range_m), OUTCOMES.missiles(range_m).sum(axis=1), 0.0)
         rows = rng.choice(drawn, count, p=weight / weight.sum())
-        stages, steering = {name: value[rows] for name, value in stages.items()}, steering.take(rows)
+        stages = {name: value[rows] for name, value in stages.items()}
+        steering = steering.take(rows)
         used = np.sum(stages["burn"] > 0.0, axis=1)
-        self.stage, each = rng.integers(0, used), np.arange(count)
+        self.stage = rng.integers(0, used)
+        each = np.arange(count)
         starts = np.cumsum(stages["gap"] + stages["burn"], axis=1) - stages["burn"]
         self.since = rng.uniform(0.3, 0.95, count) * stages["burn"][each, self.stage]
         now = starts[each, self.stage] + self.since
         until = {**stages, "burn": np.clip(now[:, None] - starts, 0.0, stages["burn"])}
         x, y, u, v = marginals.flown({**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering)
-        radius, speed = np.hypot(x, y), np.hypot(u, v)
+        radius = np.hypot(x, y)
+        speed = np.hypot(u, v)
         self.state = states(radius - RADIUS_M, speed, np.arcsin((x * u + y * v) / (radius * speed)))
         self.away_m = RADIUS_M * np.arctan2(x, y)
         left = np.where(starts < now[:, None], stages["burn"] - until["burn"], stages["burn"])
         shrink = np.maximum(1.0 - stages["growth"] * until["burn"], 0.02)
-        size, growth = stages["first"] / shrink, stages["growth"] / shrink
-        self.force, self.growth = size[each, self.stage], growth[each, self.stage]
+        size = stages["first"] / shrink
+        growth = stages["growth"] / shrink
+        self.force = size[each, self.stage]
+        self.growth = growth[each, self.stage]
         burns = RemainingBurns(np.maximum(starts - now[:, None], 0.0), left, size, growth, now)
         still = np.zeros((STAGES, burning_on.STEPS, count, 2))
         out, later, _ = burning_on.flown_on(self.state, burns, steering, still)
@@ -130,7 +141,8 @@ class Flights:
 
 @pytest.mark.slow
 def test_flights_of_the_own_law_fall_into_the_stated_shares_of_regions() -> None:
-    flights, rng = Flights(150, 12), np.random.default_rng(13)
+    flights = Flights(150, 12)
+    rng = np.random.default_rng(13)
     seen = estimated(flights.state, flights.force, flights.growth, 1.0, rng)
     found = forecast(seen, burning_since(flights.since, flights.logs), away_m=flights.away_m)
     known = [row for row in range(150) if found.regions[row] and np.isfinite(flights.impact[row, 0])]
@@ -199,7 +211,8 @@ def test_a_boost_unlike_any_raises_none_of_these(since_s: float) -> None:
     The bound is ten times the prior. By the declared priors it cannot be more than a half: as many vehicles of known
     classes have odd stages as are none of these.
     """
-    rng, none = np.random.default_rng(6), NAMES.index("none of these")
+    rng = np.random.default_rng(6)
+    none = NAMES.index("none of these")
     slow = estimated(states(3e4, 500.0, 0.5), 4.0, 0.0002, 1.0, rng)
     found = forecast(slow, burning_since(since_s, no_stages(1)))
     assert found.given_launch[0, none] > 10.0 * OUTCOMES.prior[none]
@@ -259,7 +272,8 @@ def test_what_is_precisely_in_orbit_is_a_space_launch_whatever_its_stages_and_no
     assert found.given_launch[0, NAMES.index("SLV")] > 0.95
     assert found.given_launch[0, NAMES.index("none of these")] < 0.02
     rest = tuple(one for one in HYPOTHESES if one.group != "orbit")
-    seen, launch = estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9)), np.array([[0.0, -2e6 / RADIUS_M, -620.0]])
+    seen = estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9))
+    launch = np.array([[0.0, -2e6 / RADIUS_M, -620.0]])
     without = Outcomes(vehicle_model(), rest)
     left = forecasts(
         without, seen, over, np.array([120.0]), launch, np.zeros((1, len(rest))), 0.0, POINT_MASS

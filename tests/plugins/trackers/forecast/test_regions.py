@@ -154,7 +154,8 @@ def test_a_far_point_of_no_weight_changes_nothing(weight: float, origin: tuple[f
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("rest", [1e-3, 1e-6, 1e-7, 1e-11, 1e-30, 5e-324])
 def test_a_point_of_nearly_all_weight_has_a_region(rest: float) -> None:
-    place, weight = points_about((0.5, 1.0), normal(64, (1e4, 1e4))), np.full(64, rest)
+    place = points_about((0.5, 1.0), normal(64, (1e4, 1e4)))
+    weight = np.full(64, rest)
     weight[0] = 1.0
     for region in regions(place, weight / weight.sum()):
         assert region.area_km2 > 1e-2

@@ -32,7 +32,9 @@ def in_flight(boost, since_s, seen_s=5.0, rng=None, height_m=0.0):
 
 def test_launches_of_many_kinds_were_when_and_where_the_law_says():
     """Their forces, pitch-overs and headings are none of its draws; the time is unknown to a fifth of itself."""
-    rng, squared, late = np.random.default_rng(5), [], []
+    rng = np.random.default_rng(5)
+    squared = []
+    late = []
     while len(late) < 40:
         since_s = float(rng.uniform(25.0, 70.0))
         boost = rng.uniform(0.0, 6.28), np.radians(rng.uniform(4.0, 14.0)), rng.uniform(14.0, 26.0), 0.006
@@ -113,7 +115,8 @@ def test_a_kernel_and_a_regression_leave_the_moments_of_normal_variables():
     rng = np.random.default_rng(3)
     truth = rng.normal(size=20_000)
     hidden = (2.0 * truth + rng.normal(size=20_000))[:, None]
-    noise, seen_at = np.array([[0.3**2]]), 0.7
+    noise = np.array([[0.3**2]])
+    seen_at = 0.7
     mean, covariance, samples = hidden_moments(
         truth[:, None] - seen_at, hidden, np.ones(1), noise, np.zeros(len(truth))
     )

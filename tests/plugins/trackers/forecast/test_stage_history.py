@@ -38,7 +38,8 @@ DARK = [(float(tick), estimates(0.0, 50.0, silent_s=tick - 60.0)) for tick in ra
 
 def test_a_gap_ends_a_stage_and_its_figures_are_kept() -> None:
     lit = [(float(tick), estimates(1.0, 18.0)) for tick in range(75, 80)]
-    dark, again = after(FIRST + DARK), after(FIRST + DARK + lit)
+    dark = after(FIRST + DARK)
+    again = after(FIRST + DARK + lit)
     assert dark.is_dark[0]
     assert dark.done[0] == again.done[0] == 1
     assert not again.is_dark[0]
@@ -80,7 +81,9 @@ def test_tracks_keep_their_histories_whatever_comes_and_goes() -> None:
 
 def test_a_burn_in_another_direction_is_remembered_as_evidence_for_none_of_these() -> None:
     turned = [(61.0, estimates(1.0, 20.0, free=0.95)), (62.0, estimates(1.0, 20.0, free=0.3))]
-    known, doubtful, free = after(FIRST), after([*FIRST, (61.0, estimates(1.0, 20.0, free=0.3))]), after(FIRST + turned)
+    known = after(FIRST)
+    doubtful = after([*FIRST, (61.0, estimates(1.0, 20.0, free=0.3))])
+    free = after(FIRST + turned)
     for history in (known, doubtful):
         assert not history.log_free.any()
     # Odds of 19 : 1 that were 1 : 9 count for half of what is none of these.

@@ -12,7 +12,8 @@ def joint(family: int) -> tuple[np.ndarray, np.ndarray]:
     """Return mean (16,) and covariance (16, 16) of the rows of four stages, by the definition of the model."""
     model = vehicle_model()
     upper = (np.arange(STAGES) > 0).astype(int)
-    mean, sigma = model.median_log[family, upper].ravel(), model.sigma[family, upper].ravel()
+    mean = model.median_log[family, upper].ravel()
+    sigma = model.sigma[family, upper].ravel()
     correlation = np.zeros((16, 16))
     for row in range(4):
         block = np.full((STAGES, STAGES), model.coupling[family, row])
@@ -30,7 +31,8 @@ def test_the_next_stage_given_earlier_ones_is_that_of_the_joint_normal_law(famil
     logs = np.full((1, STAGES, 4), np.nan)
     logs[0, :done] = (mean + rng.normal(size=16) * np.sqrt(np.diag(covariance))).reshape(STAGES, 4)[:done]
     known = model.given(logs)
-    here, there = slice(0, 4 * done), slice(4 * done, 4 * done + 4)
+    here = slice(0, 4 * done)
+    there = slice(4 * done, 4 * done + 4)
     gain = np.linalg.solve(covariance[here, here], covariance[here, there]).T
     away = logs[0, :done].ravel() - mean[here]
     found = model.law(np.array([family]), np.array([done]), known.total[:, family], known.number[:, family])
@@ -50,7 +52,8 @@ def test_unknown_rows_say_nothing_and_hot_staging_says_that_it_comes_again() -> 
     model = vehicle_model()
     logs = np.full((2, STAGES, 4), np.nan)
     logs[:, 0] = model.median_log[MISSILE, 0]
-    logs[0, 0, GAP], logs[1, 0, GAP] = np.nan, -np.inf
+    logs[0, 0, GAP] = np.nan
+    logs[1, 0, GAP] = -np.inf
     known = model.given(logs)
     assert known.number[:, MISSILE, GAP].tolist() == [0.0, 0.0]
     assert known.number[:, MISSILE, BURN].tolist() == [1.0, 1.0]
@@ -59,12 +62,16 @@ def test_unknown_rows_say_nothing_and_hot_staging_says_that_it_comes_again() -> 
 
 def test_the_evidence_of_a_burn_is_the_density_of_forces_and_growths_of_its_law() -> None:
     """Boosts are drawn by the law, seen at one time: those near a force and growth, counted, against the evidence."""
-    model, rng, count, since = vehicle_model(), np.random.default_rng(6), 2_000_000, 40.0
+    model = vehicle_model()
+    rng = np.random.default_rng(6)
+    count = 2_000_000
+    since = 40.0
     mean, sigma = (part[0] for part in model.law(np.array([0]), np.array([0]), np.zeros((1, 4)), np.zeros((1, 4))))
     burn, first, ratio, _ = np.exp(mean[:, None] + sigma[:, None] * rng.normal(size=(4, count)))
     rate = (1.0 - 1.0 / ratio) / burn
     on = burn > since
-    force, growth = (first / (1.0 - rate * since))[on], (rate / (1.0 - rate * since))[on]
+    force = (first / (1.0 - rate * since))[on]
+    growth = (rate / (1.0 - rate * since))[on]
     for there in ((30.0, 0.014), (22.0, 0.008), (45.0, 0.022)):
         near = (np.abs(force - there[0]) < 1.5) & (np.abs(growth - there[1]) < 0.001)
         density = np.count_nonzero(near) / count / (3.0 * 0.002)
@@ -80,7 +87,8 @@ def test_the_evidence_of_a_burn_is_the_density_of_forces_and_growths_of_its_law(
 @pytest.mark.slow
 def test_the_marginal_law_of_ranges_is_that_of_fresh_flights() -> None:
     model = vehicle_model()
-    found, kept = marginal_of(model, 20000, 7), model.data["marginal"]
+    found = marginal_of(model, 20000, 7)
+    kept = model.data["marginal"]
     assert found["range_km"] == kept["range_km"]
     # 20 000 boosts: 4 % of a density of 0.2 in kernels of 0.2.
     assert found["density"] == pytest.approx(kept["density"], rel=0.25)

@@ -33,7 +33,8 @@ def test_two_lines_of_one_track_contest_nothing() -> None:
 
 def test_tracks_begin_in_a_crowd_where_at_most_two_sensors_see_them() -> None:
     place = np.array([[0.0, 0.0, 0.0], [20e3, 0.0, 0.0], [500e3, 0.0, 0.0]])
-    two, three = np.array([[True, True, False]] * 3), np.ones((3, 3), dtype=bool)
+    two = np.array([[True, True, False]] * 3)
+    three = np.ones((3, 3), dtype=bool)
     assert begun_near(place, 2, two).tolist() == [0, 1]
     assert not len(begun_near(place, 2, three))
     assert not len(begun_near(place, 1, two))
@@ -41,7 +42,9 @@ def test_tracks_begin_in_a_crowd_where_at_most_two_sensors_see_them() -> None:
 
 def test_crowds_follow_a_change_of_the_errors_that_are_taken_off_their_lines() -> None:
     sensors = (stub_sensor("A", -40.0), stub_sensor("B", 20.0))
-    view, which, target = SensorView(sensors, np.zeros(2), False), np.array([0, 1]), np.array([5.9e6, 1.2e6, 2.4e6])
+    view = SensorView(sensors, np.zeros(2), False)
+    which = np.array([0, 1])
+    target = np.array([5.9e6, 1.2e6, 2.4e6])
     change = np.array([[60e-6, -40e-6, 0.0], [-20e-6, 50e-6, 0.25]])
     origin = view.positions(which, np.zeros(2))
     motion = target - origin, np.tile([100.0, 800.0, 900.0], (2, 1)), np.zeros((2, 3))

@@ -7,7 +7,8 @@ from opir_trackers.lines_of_sight import no_lines_of_sight
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])
-SEEN, OLD = np.ones((2, 2), dtype=bool), np.zeros(2, dtype=bool)
+SEEN = np.ones((2, 2), dtype=bool)
+OLD = np.zeros(2, dtype=bool)
 
 
 def states(apart_m: float, sigma_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -33,7 +34,9 @@ def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
 
 def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pairing() -> None:
     """With a third beside them, one of the first sensor alone and one of the second may be of different targets."""
-    number, hits, old = np.array([3, 7, 9]), np.array([40, 12, 30]), np.zeros(3, dtype=bool)
+    number = np.array([3, 7, 9])
+    hits = np.array([40, 12, 30])
+    old = np.zeros(3, dtype=bool)
     state, covariance = (np.concatenate([each, each[:1]]) for each in states(3e3, 2e3))
     seen = SharedDetections(np.repeat(number, 2), np.zeros(6, dtype=np.int32), np.arange(6), np.zeros(6))
     reported = {

@@ -7,7 +7,9 @@ from opir_trackers.imm import focal_plane
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.lines_of_sight import LinesOfSight
 
-RANGE_M, SIGMA_RAD, PERIOD_S = 3.7e7, 2e-5, 0.1
+RANGE_M = 3.7e7
+SIGMA_RAD = 2e-5
+PERIOD_S = 0.1
 MODEL = AssociationModel(np.array([0.8]), 100.0)
 
 
@@ -25,7 +27,8 @@ def begun(place_m: np.ndarray, speed_m_s: np.ndarray) -> FocalPlaneTracks:
 
 def looks(place_m: np.ndarray, speed_m_s: np.ndarray, chance: float, rng: np.random.Generator, start_s: float):
     """Return a second of lines of targets (n, 2), and the target of each."""
-    parts, whose = [], []
+    parts = []
+    whose = []
     for scan in range(10):
         seen = np.flatnonzero(rng.random(len(place_m)) < chance)
         when = start_s + PERIOD_S * scan
@@ -33,7 +36,8 @@ def looks(place_m: np.ndarray, speed_m_s: np.ndarray, chance: float, rng: np.ran
         at[:, :2] += SIGMA_RAD * RANGE_M * rng.normal(size=(len(seen), 2))
         unit = at / np.linalg.norm(at, axis=1)[:, None]
         number = np.full(len(seen), round(10 * start_s) + scan)
-        sensor, sigma = np.zeros(len(seen), dtype=np.int32), np.full(len(seen), SIGMA_RAD)
+        sensor = np.zeros(len(seen), dtype=np.int32)
+        sigma = np.full(len(seen), SIGMA_RAD)
         parts.append(LinesOfSight(np.full(len(seen), when), sensor, number, np.zeros((len(seen), 3)), unit, sigma))
         whose.append(seen)
     return LinesOfSight.concatenate(parts), np.concatenate(whose)
@@ -47,7 +51,10 @@ def places_m(tracks: FocalPlaneTracks) -> np.ndarray:
 def followed(place_m, speed_m_s, chance: float, seconds: int, seed: int):
     """Return tracks after some seconds, their equivalent lines, and the looks and the share that is right by second."""
     rng = np.random.default_rng(seed)
-    tracks, right, parts, seen = begun(place_m, speed_m_s), [], [], []
+    tracks = begun(place_m, speed_m_s)
+    right = []
+    parts = []
+    seen = []
     for second in range(seconds):
         lines, whose = looks(place_m, speed_m_s, chance, rng, second + 0.05)
         near = focal_plane.candidate_pairs(tracks, lines, 1.0, 4.5)
@@ -73,7 +80,8 @@ def test_a_lone_target_is_followed_as_well_as_its_covariance_says(chance: float)
 
 
 def test_two_that_part_keep_their_lines_and_equivalent_lines_are_no_surer_than_looks() -> None:
-    place, speed = np.array([[0.0, 0.0], [200.0, 0.0]]), np.array([[0.0, 250.0], [0.0, -250.0]])
+    place = np.array([[0.0, 0.0], [200.0, 0.0]])
+    speed = np.array([[0.0, 250.0], [0.0, -250.0]])
     tracks, lines, seen, right = followed(place, speed, 0.8, 12, 1)
     assert np.linalg.norm(places_m(tracks) - (place + 12.0 * speed), axis=1).max() < 600.0
     assert right[8:].mean() > 0.97
@@ -86,7 +94,8 @@ def test_two_that_part_keep_their_lines_and_equivalent_lines_are_no_surer_than_l
 
 def test_a_look_that_may_be_of_either_is_a_vague_line_of_both() -> None:
     """Ten seconds after the last look both predictions hold both lines: without a line a motor seems burnt out."""
-    place, speed = np.array([[0.0, 0.0], [2e4, 0.0]]), np.array([[900.0, 0.0], [900.0, 0.0]])
+    place = np.array([[0.0, 0.0], [2e4, 0.0]])
+    speed = np.array([[900.0, 0.0], [900.0, 0.0]])
     tracks = begun(place, speed).predicted(60.0)
     lines, _ = looks(place, speed, 1.0, np.random.default_rng(3), 60.0)
     one_scan = lines.take(np.flatnonzero(lines.time_s == lines.time_s.min()))

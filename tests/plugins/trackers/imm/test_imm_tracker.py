@@ -32,7 +32,9 @@ def launches(
     """
     from opir_core.geometry import geodetic_to_ecef, local_axes
 
-    rng, rows, which = np.random.default_rng(seed), [], []
+    rng = np.random.default_rng(seed)
+    rows = []
+    which = []
     for number, (latitude, longitude, start_s) in enumerate(starts):
         site = geodetic_to_ecef(np.radians(latitude), np.radians(longitude), 0.0)
         east, north, up = local_axes(site)
@@ -96,7 +98,8 @@ def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
     parts = by_second(launches([(5.0, 5.0, 2.0), (6.0, 5.0, 4.0)], 20.0)[0], 20)
     in_time = stepped(tracker(late_s=5.0), parts)
     late = [*parts]
-    kept, moved = parts[11].sensor != 1, parts[11].sensor == 1
+    kept = parts[11].sensor != 1
+    moved = parts[11].sensor == 1
     late[11] = parts[11].take(np.flatnonzero(kept))
     late[14] = Detections.concatenate([parts[11].take(np.flatnonzero(moved)), parts[14]])
     out_of_order = stepped(tracker(late_s=5.0), late)
@@ -112,13 +115,15 @@ def reported_at_random(parts: list[Detections], settings: dict[str, Any], seed: 
 
     A third come twice. Those of the last ticks come in time.
     """
-    rng, every = np.random.default_rng(seed), Detections.concatenate(parts)
+    rng = np.random.default_rng(seed)
+    every = Detections.concatenate(parts)
     twice = np.concatenate([np.arange(len(every)), np.flatnonzero(rng.random(len(every)) < 0.3)])
     delay = np.where(rng.random(len(twice)) < 0.1, -1.0, rng.uniform(0.0, 4.0, len(twice)))
     when = every.time_s[twice]
     step_s = settings["cadence_s"]
     arrives = np.where(when < len(parts) - 5.0 - step_s, np.maximum(when + delay, 0.0), when)
-    one, reported = tracker(**settings), Tracks.empty()
+    one = tracker(**settings)
+    reported = Tracks.empty()
     for end_s in np.arange(step_s, len(parts) + 0.5 * step_s, step_s):
         now = rng.permutation(np.flatnonzero((arrives >= end_s - step_s) & (arrives < end_s)))
         reported = one.step(float(end_s), every.take(twice[now]))
@@ -131,7 +136,8 @@ def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once
     """Two launches that some scans see at one instant: then what was measured orders them."""
     parts = by_second(launches([(5.0, 5.0, 2.0), (5.1, 5.0, 4.0)], 30.0)[0], 30)
     settings = {"late_s": 10.0, "cadence_s": step_s}
-    every, in_time = Detections.concatenate(parts), tracker(**settings)
+    every = Detections.concatenate(parts)
+    in_time = tracker(**settings)
     reported = Tracks.empty()
     for end_s in np.arange(step_s, 30.0 + 0.5 * step_s, step_s):
         due = (every.time_s >= end_s - step_s) & (every.time_s < end_s)
@@ -149,13 +155,15 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_distingu
     detections, which = launches([(5.0, 5.0, 2.0), (5.002, 5.001, 6.0), (5.001, 5.002, 10.0)], 60.0)
     one = tracker()
     parts = by_second(detections, 61)
-    reported, labels = Tracks.empty(), []
+    reported = Tracks.empty()
+    labels = []
     for number, part in enumerate(parts, start=1):
         labels.append(one.associate(part))
         reported = one.step(float(number), part)
     assert len(reported) == 3
     late = detections.time_ns > 50_000_000_000
-    label, truth = np.concatenate(labels)[late], which[late]
+    label = np.concatenate(labels)[late]
+    truth = which[late]
     for number in np.unique(label[label >= 0]):
         assert np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
 
@@ -164,7 +172,8 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_distingu
 def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_is_not() -> None:
     detections, _ = launches([(30.0, 10.0, 0.0)], 40.0)
     west = detections.take(np.flatnonzero(detections.sensor == 0))
-    plain, strict = tracker(), tracker(lost_sigma_m=3e3)
+    plain = tracker()
+    strict = tracker(lost_sigma_m=3e3)
     reported, kept = (stepped(one, by_second(west, 40)) for one in (plain, strict))
     assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 3e3
     assert np.array_equal(kept.state, reported.state)
@@ -178,7 +187,8 @@ def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_i
 @pytest.mark.slow
 def test_biased_sensors_stay_honest() -> None:
     """Six times three sensors with a bias of three times their noise each: one track, and the truth within it."""
-    bias_rad, reported_square = 6e-5, []
+    bias_rad = 6e-5
+    reported_square = []
     sensors = tuple(evolve(sensor, line_of_sight_bias_sigma_rad=bias_rad) for sensor in SENSORS)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=100.0, light_time=False)
     for seed in range(6):
@@ -189,7 +199,8 @@ def test_biased_sensors_stay_honest() -> None:
         detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
         reported = stepped(imm_tracker(ImmConfig(), context), by_second(detections, 30))
         assert len(reported) == 1
-        place, covariance = risen((5.0, 5.0, 2.0), 30.0), reported.state_covariance[0, :3, :3]
+        place = risen((5.0, 5.0, 2.0), 30.0)
+        covariance = reported.state_covariance[0, :3, :3]
         error = reported.state[0, :3] - place
         reported_square.append(error @ np.linalg.solve(covariance, error))
     # The mean of six χ² of three degrees of freedom, 99.9 %; taken for unbiased, they give 500 and two tracks each.
@@ -236,17 +247,17 @@ def test_coasting_is_keplers(step_s: float) -> None:
 @pytest.mark.parametrize("size", [COAST, BOOST])
 def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others(size: int) -> None:
     """Gravity is worked out one by one for a few states, and in columns for many."""
-    motion, rng = Motion(size, 0.3, Forces()), np.random.default_rng(2)
+    motion = Motion(size, 0.3, Forces())
+    rng = np.random.default_rng(2)
     state = rng.normal(size=(100, size)) * np.repeat([1e6, 3e3, 20.0, 0.3], 3)[:size]
     state[:, 2] += 6.5e6
     steps = rng.uniform(-3.0, 12.0, 100)
-    moved, paths, matrices = (
-        motion.propagated(state, steps / 2),
-        motion.taylor(state),
-        motion.transition(state[:, :3], steps),
-    )
+    moved = motion.propagated(state, steps / 2)
+    paths = motion.taylor(state)
+    matrices = motion.transition(state[:, :3], steps)
     for number in range(100):
-        one, step = state[[number]], steps[[number]]
+        one = state[[number]]
+        step = steps[[number]]
         assert np.array_equal(motion.propagated(one, step / 2)[0], moved[number])
         assert np.array_equal(motion.taylor(one)[0], paths[number])
         assert np.array_equal(motion.transition(one[:, :3], step)[0], matrices[number])
@@ -266,7 +277,8 @@ def test_the_path_is_the_taylor_series_of_the_motion() -> None:
 
 @pytest.mark.parametrize("size", [COAST, BOOST])
 def test_transition_is_the_slope_of_the_motion(size: int) -> None:
-    motion, step = Motion(size, 1.0, KEPLER), np.array([2.0])
+    motion = Motion(size, 1.0, KEPLER)
+    step = np.array([2.0])
     state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])[:, :size]
     middle = 0.5 * (state + motion.propagated(state, step))[:, :3]
     matrix = motion.transition(middle, step)[0]
@@ -284,7 +296,8 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     side = rng.normal(size=(5, 12, 12)) * np.repeat([1e3, 300.0, 10.0, 1.0], 3)[:, None]
     side[1, 6:] = 0.0
     outlook = PredictedMeasurements(30.0, np.zeros((5, 5, 3)), side)
-    track, time_s = np.arange(40) % 5, 30.0 + rng.uniform(-2.0, 1.0, 40)
+    track = np.arange(40) % 5
+    time_s = 30.0 + rng.uniform(-2.0, 1.0, 40)
     reported = outlook.position_roots(track, time_s)
     expected = reported @ reported.transpose(0, 2, 1)
     scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))

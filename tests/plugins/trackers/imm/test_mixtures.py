@@ -26,7 +26,8 @@ def test_mean_and_covariance_are_those_of_all_states_by_their_probabilities() ->
     chance = np.array([0.3, 0.2])
     mixed = Mixtures.of(np.array([4]), 50.0, np.zeros(2, dtype=np.int64), chance, apart)
     reported = mixed.mixed(estimates(3), np.array([2, 4, 6]), 50.0)
-    states, weight = np.concatenate([np.zeros((1, 6)), apart]), np.array([0.5, 0.3, 0.2])
+    states = np.concatenate([np.zeros((1, 6)), apart])
+    weight = np.array([0.5, 0.3, 0.2])
     mean = weight @ states
     spread = (states - mean).T @ np.diag(weight) @ (states - mean)
     assert reported.boost_mean[1, :6] == pytest.approx(mean)

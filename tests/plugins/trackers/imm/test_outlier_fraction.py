@@ -94,13 +94,15 @@ def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_few
 
 def values_of(outliers, count=24, seed=31):
     """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is reported."""
-    truth, values = flown("SRBM", count, seed, "smooth"), np.full(count, np.nan)
+    truth = flown("SRBM", count, seed, "smooth")
+    values = np.full(count, np.nan)
     seeing = usual("SRBM")._replace(outliers=outliers, astray_rad=9e-5)
     at = truth.start_s + 0.6 * truth.burn_s
     for tick in followed(truth, seeing, seed, at.max() + 1.0):
         due = np.flatnonzero((at > tick.time_s - 1.0) & (at <= tick.time_s))
         row = rows_of(tick.reported, tick.shared)[due]
-        reported, here = tick.reported.take(row[row >= 0]), due[row >= 0]
+        reported = tick.reported.take(row[row >= 0])
+        here = due[row >= 0]
         error = reported.state - truth.take(here).states(tick.time_s)
         values[here] = nees(error, reported.state_covariance)
     return values

@@ -15,7 +15,9 @@ from opir_trackers.pairing import (
     set_sums,
 )
 
-EARTH_M, ORBIT_M, SIGMA_RAD = 6.4e6, 4.2164e7, 2e-5 / np.sqrt(7.0)
+EARTH_M = 6.4e6
+ORBIT_M = 4.2164e7
+SIGMA_RAD = 2e-5 / np.sqrt(7.0)
 
 
 def sensors_m(count: int) -> np.ndarray:
@@ -33,15 +35,19 @@ def targets_m(count: int, spread_m: float, rng: np.random.Generator) -> tuple[np
 def looked_at(place_m: np.ndarray, velocity: np.ndarray, sensors: int, instants: int, rng: np.random.Generator):
     """Return directions, the row of each, and each row's sensor and target; rows are in random order."""
     origin = sensors_m(sensors)
-    parts, rows, order = [], [], rng.permutation(len(place_m) * sensors)
-    sensor_of, target_of = order // len(place_m), order % len(place_m)
+    parts = []
+    rows = []
+    order = rng.permutation(len(place_m) * sensors)
+    sensor_of = order // len(place_m)
+    target_of = order % len(place_m)
     for instant in range(instants):
         off = place_m[target_of] + instant * velocity[target_of] - origin[sensor_of]
         unit = off / np.linalg.norm(off, axis=1)[:, None]
         noise = SIGMA_RAD * rng.normal(size=unit.shape)
         unit += noise - unit * np.sum(noise * unit, axis=1)[:, None]
         unit /= np.linalg.norm(unit, axis=1)[:, None]
-        when, sigma = np.full(len(order), float(instant)), np.full(len(order), SIGMA_RAD)
+        when = np.full(len(order), float(instant))
+        sigma = np.full(len(order), SIGMA_RAD)
         parts.append(Directions(np.arange(len(order)), sensor_of, when, origin[sensor_of], unit, sigma))
         rows.append(np.arange(len(order)))
     return Directions.concatenate(parts), np.concatenate(rows), sensor_of, target_of
@@ -78,7 +84,8 @@ def test_lines_cross_at_the_target_with_the_misfit_of_their_noise() -> None:
     directions, row, sensor, _ = looked_at(place, velocity, 3, 400, rng)
     table, centre = equations(directions, row, len(sensor))
     crossing = fixes(set_sums(table, np.zeros(3, dtype=np.int64))[0])
-    point, misfit = np.stack(crossing.point, axis=-1), crossing.misfit
+    point = np.stack(crossing.point, axis=-1)
+    misfit = crossing.misfit
     truth = place[0] + np.arange(400)[:, None] * velocity[0]
     assert np.median(np.linalg.norm(point + centre - truth, axis=1)) < 500.0
     assert misfit.mean() == pytest.approx(3.0, abs=0.5)
@@ -95,13 +102,15 @@ def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
         sharp = evolve(directions, direction_ecef=exact, sigma_rad=np.full(2, 3e-8))
         table, centre = normal_equations(sharp, rows, 2, np.full(2, 3.5e7))
         assert fixes(table).misfit.tolist() == [[0.0], [0.0]]
-        one, other = table[:1], table[1:]
+        one = table[:1]
+        other = table[1:]
         assert SetModel(centre).may_be_one(one, other) == SetModel(centre).may_be_one(other, one)
 
 
 def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:
     """Two targets in one plane with both sensors have ghosts that fit as well; two out of it have none."""
-    origin, up = sensors_m(2), np.array([np.cos(0.6), 0.0, np.sin(0.6)])
+    origin = sensors_m(2)
+    up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
     across = np.cross(origin[0] - EARTH_M * up, origin[1] - EARTH_M * up)
     across /= np.linalg.norm(across)
     within = np.cross(across, up)

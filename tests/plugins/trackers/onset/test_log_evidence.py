@@ -35,7 +35,8 @@ def statistics_of(lines, reference_m, clutter=-np.inf):
 def normal_log_likelihoods(lines, reference_m, priors):
     """Return log densities of the angles of all lines at once, less those of lines without error."""
     axes = local_axes(PLACE[None])[0]
-    rows, measured = [], []
+    rows = []
+    measured = []
     for time_s, origin, direction in zip(lines.time_s, lines.origin_ecef_m, lines.direction_ecef, strict=True):
         ahead = reference_m - origin
         range_m = np.linalg.norm(ahead)
@@ -45,7 +46,8 @@ def normal_log_likelihoods(lines, reference_m, priors):
         rows.append(np.hstack([power * across @ axes.T for power in powers]) / range_m)
         crossed = origin + direction * (range_m / (direction @ towards))
         measured.append(across @ (crossed - PLACE) / range_m)
-    design, seen = np.vstack(rows), np.concatenate(measured)
+    design = np.vstack(rows)
+    seen = np.concatenate(measured)
     noise = SIGMA_RAD**2 * np.eye(len(seen))
     found = []
     for mean, root in zip(priors.mean, priors.root, strict=True):
@@ -140,7 +142,8 @@ def test_light_that_goes_out_at_once_is_less_probably_a_launch():
 
 def test_false_alarms_scattered_over_a_gate_are_noise():
     rng = np.random.default_rng(6)
-    time_s, clutter = 10.0 * np.arange(6), np.log(100.0)
+    time_s = 10.0 * np.arange(6)
+    clutter = np.log(100.0)
     scattered = PLACE + 15e3 * (rng.standard_normal((6, 1)) * EAST + rng.standard_normal((6, 1)) * NORTH)
     sensor = np.zeros(6, dtype=np.int64)
     assert groups_of(scattered, time_s, sensor, rng, clutter=clutter, pause_s=10.0)[NOISE] > 0.95

@@ -21,7 +21,8 @@ def slices(error: np.ndarray, count: int, noise: float) -> list[tuple[np.ndarray
 
 def misfits_of(rows: np.ndarray, seen: np.ndarray) -> Misfits:
     """Return the information of one target."""
-    matrix, vector = rows.T @ rows, rows.T @ seen
+    matrix = rows.T @ rows
+    vector = rows.T @ seen
     return Misfits(np.zeros(1, dtype=np.int64), matrix[None], vector[None], np.array([seen @ seen]), np.array([2.0]))
 
 
@@ -37,7 +38,8 @@ def test_against_a_batch_solution_of_each_scale() -> None:
     made = slices(error * [1e6, 1e6, 10.0, 1e6, 1e6, 10.0], 6, 5.0)
     made = [(rows * [1e6, 1e6, 10.0, 1e6, 1e6, 10.0], seen) for rows, seen in made]
     filter_ = after(ErrorFilter.of(stated, 0.1, NEVER_S), made)
-    rows, seen = np.concatenate([row for row, _ in made]), np.concatenate([one for _, one in made])
+    rows = np.concatenate([row for row, _ in made])
+    seen = np.concatenate([one for _, one in made])
     log = []
     for scale, scale_rad in enumerate(SCALES_RAD):
         variance = np.repeat(np.square(stated) + scale_rad**2, 3)

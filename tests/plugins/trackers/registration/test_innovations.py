@@ -12,7 +12,8 @@ from opir_core.plugin import Detections, SensorHealth
 
 pytestmark = pytest.mark.slow
 
-SIGMA_RAD, SECONDS = 20e-6, 40
+SIGMA_RAD = 20e-6
+SECONDS = 40
 LAUNCHES = ((10.0, -130.0), (-20.0, -110.0), (25.0, -120.0), (-5.0, -140.0))
 
 
@@ -58,7 +59,9 @@ def spread(detections: Detections, extra_rad: np.ndarray, seed: int = 8) -> Dete
 
 def followed(detections: Detections, sensors: int = 2, clock_sigma_s: float = 0.0) -> tuple[int, SensorHealth]:
     """Return the number of tracks that were reported, and the health of the sensors."""
-    tracker, cut, numbers = plan(sensors, clock_sigma_s).make_tracker(), 0, set()
+    tracker = plan(sensors, clock_sigma_s).make_tracker()
+    cut = 0
+    numbers = set()
     for tick in range(1, SECONDS + 1):
         end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
         numbers |= set(tracker.step(float(tick), detections.take(slice(cut, end))).track.tolist())

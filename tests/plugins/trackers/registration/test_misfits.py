@@ -12,7 +12,8 @@ from opir_core.estimation import tangent_axes
 
 SENSORS = (stub_sensor("A", -40.0), stub_sensor("B", 20.0), stub_sensor("C", 60.0))
 VANTAGES = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(3, 1e9))
-PLACE, SIGMA_RAD = np.array([5.9e6, 1.2e6, 2.4e6]), 2e-5
+PLACE = np.array([5.9e6, 1.2e6, 2.4e6])
+SIGMA_RAD = 2e-5
 ERROR = np.array([3e-5, -5e-5, 0.0, 1e-5, 2e-5, 0.0, -4e-5, 1e-5, 0.0])
 
 
@@ -27,7 +28,8 @@ def pairs(
     seen = PLACE + np.einsum("nij,nj->ni", moved, error.reshape(-1, 3)[sensor]) - VANTAGES.origin_m[sensor]
     local = np.einsum("nij,nj->ni", axes, seen)
     measured = local[:, :2] / local[:, 2:] + noise
-    count, time_s = len(sensor), np.tile(np.arange(10) * 0.1 - 1.0, sensors)
+    count = len(sensor)
+    time_s = np.tile(np.arange(10) * 0.1 - 1.0, sensors)
     whole = np.zeros(count, dtype=np.int64)
     rest = np.zeros(count), np.zeros(count), np.full(count, SIGMA_RAD)
     return GatedPairs(whole, np.arange(count), time_s, VANTAGES.origin_m[sensor], axes, measured, *rest), sensor
@@ -92,7 +94,8 @@ def test_an_outlier_moves_no_mean_and_no_scatter() -> None:
 
 
 def test_scatter_is_that_of_the_noise_whatever_the_velocity() -> None:
-    rng, ratio = np.random.default_rng(3), []
+    rng = np.random.default_rng(3)
+    ratio = []
     for _ in range(200):
         noise = SIGMA_RAD * rng.standard_normal((30, 2))
         made, sensor = pairs(PLACE, ERROR, noise)

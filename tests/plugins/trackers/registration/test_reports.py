@@ -81,7 +81,8 @@ def test_a_sensor_without_compared_looks_is_not_judged() -> None:
 
 @pytest.mark.slow
 def test_summary_manifest_saved_run_explain_and_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, events = tmp_path / "scene.yaml", tmp_path / "run.jsonl"
+    path = tmp_path / "scene.yaml"
+    events = tmp_path / "run.jsonl"
     path.write_text(yaml.safe_dump(SCENE), encoding="utf-8")
     assert main(["explain", str(path)]) == 0
     assert "WEST: 0 ± 60 µrad east, 0 ± 60 µrad north (as stated" in capsys.readouterr().out

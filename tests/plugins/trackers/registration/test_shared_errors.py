@@ -12,7 +12,8 @@ from opir_core.planning.sensor_states import PointingBias
 SENSORS = (stub_sensor("A", -40.0), stub_sensor("B", 20.0))
 EACH = np.arange(2)
 ORIGIN = np.concatenate([sensor.orbit.position_ecef_m(np.zeros(1)) for sensor in SENSORS])
-PLACE, VELOCITY = np.array([5.9e6, -1.2e6, 2.4e6]), np.array([-2000.0, -1000.0, 2500.0])
+PLACE = np.array([5.9e6, -1.2e6, 2.4e6])
+VELOCITY = np.array([-2000.0, -1000.0, 2500.0])
 TURN_RAD_S = 7.292115e-5
 
 
